@@ -21,15 +21,16 @@ export PYTHONDONTWRITEBYTECODE =
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run the tests (11 minutes from nothing on two processors)"
-	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
+	@echo "make test-slow   the tests that take long: hours simulated, endurance (ENDURANCE_MINUTES=30: of several tools at one robot), other programs"
 	@echo "make test-ros2   served robots and rclpy itself, from its wheels, both ways: DISTROS=\"kilted jazzy\" (minutes the first time)"
+	@echo "make acceptance  programs of dVRK and CRTK against a served PSM, over ROS 1 and 2 (PROGRAMS=a folder of their clones); rewrites a table of docs/crtk.md"
 	@echo "make lint        format, lint, types, import order"
 	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
 	@echo "make campaign-short  those parts of it whose cases are short, a minute, always the same seeds"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
 	@echo "make bench-dds   a served robot over ROS 2's DDS and a client that hears every topic (10 minutes)"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
-	@echo "make truth       hold what commands claim against the truth, on recordings spoilt in 15 ways (minutes); rewrites tests/truth/table.md"
+	@echo "make truth       hold what commands claim against the truth, on recordings spoilt in 17 ways (minutes); rewrites tests/truth/table.md"
 	@echo "make docs        the documentation site into build/site: open build/site/index.html"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
@@ -133,4 +134,5 @@ clean:
 
 # PROGRAMS: a folder with clones of dvrk_python, crtk_python_client and crtk_msgs
 acceptance: $(VENV)/.development
-	PYTHONPATH=tests:$$PYTHONPATH $(BIN)/python -m tests.acceptance $(PROGRAMS)
+	CRTK_MSGS=$(abspath $(PROGRAMS))/crtk_msgs .ci/ros2 $(DISTROS)
+	PYTHONPATH=tests:$$PYTHONPATH $(BIN)/python -m tests.acceptance $(PROGRAMS) --page docs/crtk.md

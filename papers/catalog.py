@@ -49,6 +49,8 @@ MODULES = {
     "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
     "beyond-wrist-memory": "papers.beyond.wrist_memory",
+    "beyond-wrist-friction": "papers.beyond.wrist_friction",
+    "beyond-wrist-everything": "papers.beyond.wrist_friction:EVERYTHING",
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
     "beyond-rules": "papers.beyond.rules",

@@ -55,16 +55,20 @@ def legend_below(figure: "Figure", *panels: Any, columns: int | None = None) -> 
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=8)
 
 
-def bars(panel: Any, ticks: Sequence[str], series: Mapping[str, Sequence[Any]], colors: Sequence[str]) -> None:
-    """Draw a bar of the mean and a dot of each robot by tick, of every series by its label; none of empty samples."""
+def dots(panel: Any, ticks: Sequence[str], series: Mapping[str, Sequence[Any]], colors: Sequence[str]) -> None:
+    """Draw the mean and each robot as dots by tick, of every series by its label; none of empty samples.
+
+    The axis spans the values: bars from zero would all look equally high.
+    """
     for k, ((label, values), color) in enumerate(zip(series.items(), colors, strict=True)):
         for i, each in enumerate(values):
             if len(each):
                 place = i + 0.8 / len(series) * (k - 0.5 * (len(series) - 1))
                 told = label if i == 0 else None
-                panel.bar(place, each.mean(), 0.72 / len(series), color=color, label=told)
-                panel.plot(np.full(len(each), place), each, "o", color="white", markeredgecolor="#1c2430", ms=2.5)
+                panel.plot(np.full(len(each), place), each, "o", color="white", markeredgecolor="#1c2430", ms=3)
+                panel.plot(place, each.mean(), "o", color=color, ms=7, label=told)
     panel.set_xticks(range(len(ticks)), ticks, fontsize=8)
+    panel.margins(y=0.15)
 
 
 def legend_above(figure: "Figure", panel: Any, *, columns: int) -> None:

@@ -1,9 +1,10 @@
-"""Run dVRK's own test programs, as they are, against a served PSM, and print what came out as a table.
+"""Run programs of others, as they are, against a served PSM, and print what came out as a table.
 
-    python -m tests.acceptance FOLDER [--ros 1] [--ros kilted] [--ros jazzy] [--only dvrk_psm_test.py]
+    python -m tests.acceptance FOLDER [--over "ROS 1" --over "Kilted, DDS" ...] [--only dvrk_psm_test.py] [--page FILE]
 
-FOLDER holds clones of jhu-dvrk/dvrk_python and collaborative-robotics/crtk_python_client, for ROS 1 also of crtk_msgs.
-ROS 2 is an environment that .ci/ros2 made, with the whole of crtk_msgs built in it; PyKDL is found by PYTHONPATH.
+FOLDER holds clones of jhu-dvrk/dvrk_python, collaborative-robotics/crtk_python_client and crtk_msgs. ROS 2 is an
+environment that .ci/ros2 made with all of crtk_msgs; PyKDL is found by PYTHONPATH. With --page the rows that were run
+take their places in a page's table.
 """
 
 import argparse
@@ -18,30 +19,29 @@ from pathlib import Path
 
 from dds import LOOPBACK, VARIABLES, free_domain
 from ros import COMMAND, ROOT, running_master
-from ros2 import DISTRIBUTIONS
+from ros2 import DISTRIBUTIONS, place_of, sourced
 
-PROGRAMS = ("dvrk_psm_test.py", "dvrk_arm_test.py")
+# by name: clone, arguments, and whether the arm has to be enabled for them
+PROGRAMS = {
+    "dvrk_psm_test.py": ("dvrk_python", ("-a", "PSM1"), False),
+    "dvrk_arm_test.py": ("dvrk_python", ("-a", "PSM1"), False),
+    "crtk_servo_jp_example.py": ("crtk_python_client", ("PSM1",), True),
+    "crtk_move_cp_example.py": ("crtk_python_client", ("PSM1",), True),
+}
+# rows: distribution and how catenary speaks to it
+OVER = {
+    "ROS 1": ("1", "rospy"),
+    **{f"{ros.capitalize()}, {by}": (ros, by.lower()) for ros in DISTRIBUTIONS for by in ("DDS", "rclpy")},
+}
+BEFORE = "<!-- made by `make acceptance` -->"  # the table in a page
 LIMIT = 600.0  # [s] of a program
-# ROS 1's Python of a package of messages, by what Debian's genpy makes
-MAKE_MESSAGES = """
-import pathlib, sys
-from catenary.crtk.ros1.transport import make_rospy_importable
-from catenary.recording.messages import MESSAGES, full_definition
-make_rospy_importable()
-from genpy import generate_initpy, generator
-package, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
-for name in MESSAGES:
-    target = out / "share" / f"{name.replace('/', '/msg/')}.msg"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(full_definition(name).partition("=" * 80)[0])
-within = {one.name: [str(one / "msg")] for one in (out / "share").iterdir()} | {package.name: [str(package / "msg")]}
-for kind, make in (("msg", generator.MsgGenerator()), ("srv", generator.SrvGenerator())):
-    target = out / package.name / kind
-    target.mkdir(parents=True, exist_ok=True)
-    make.generate_messages(package.name, map(str, (package / kind).glob(f"*.{kind}")), str(target), within)
-    generate_initpy.write_modules(str(target))
-(out / package.name / "__init__.py").touch()
-"""
+RATE = "200"  # [Hz] of what is served: a dVRK's is 100 to 200
+
+
+def recipe() -> str:
+    """Return what docs/crtk.md gives to make ROS 1's Python of crtk_msgs, by what Debian's genpy makes."""
+    page = (ROOT / "docs" / "crtk.md").read_text(encoding="utf-8")
+    return next(block for block in page.split("```") if block.startswith("\nimport pathlib, sys"))
 
 
 @contextmanager
@@ -51,7 +51,7 @@ def network(ros: str, programs: Path, folder: Path) -> Iterator[tuple[dict[str, 
     path = [os.environ.get("PYTHONPATH", "")]
     if ros == "1":
         made = folder / "python"
-        command = [sys.executable, "-c", MAKE_MESSAGES, str(programs / "crtk_msgs"), str(made)]
+        command = [sys.executable, "-c", recipe(), str(programs / "crtk_msgs"), str(made)]
         subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": str(ROOT / "src")})
         with running_master(folder) as master:
             system = "/usr/lib/python3/dist-packages"
@@ -61,19 +61,22 @@ def network(ros: str, programs: Path, folder: Path) -> Iterator[tuple[dict[str, 
     left_out = {*VARIABLES, "CYCLONEDDS_URI", "PYTHONPATH"}
     kept = {name: value for name, value in os.environ.items() if name not in left_out}
     named = {"ROS_VERSION": "2", "ROS_DOMAIN_ID": str(free_domain()), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    env = os.environ.get(f"CATENARY_{ros.upper()}", str(ROOT / ".cache" / ros))
-    yield {**kept, **named}, [f"PYTHONPATH={os.pathsep.join([*places, *path])}", f"{env}/bin/python"]
+    yield {**kept, **named}, [f"PYTHONPATH={os.pathsep.join([*places, *path])}", str(place_of(ros) / "bin" / "python")]
 
 
-def outcome(ros: str, program: str, programs: Path) -> str:
+def outcome(ros: str, by: str, program: str, programs: Path) -> str:
     """Serve a PSM, run a program against it and say how it ended."""
+    clone, given, enabled = PROGRAMS[program]
     with tempfile.TemporaryDirectory() as name, network(ros, programs, Path(name)) as (environment, (path, python)):
-        arguments = ["serve", "--robot", "dvrk_psm", "--homed", "--ros", "1" if ros == "1" else "2"]
+        arguments = ["serve", "--robot", "dvrk_psm", "--homed", "--rate", RATE, "--ros", "1" if ros == "1" else "2"]
         ours = {**environment, "PYTHONPATH": str(ROOT / "src")}
         if ros != "1":
             ours["CYCLONEDDS_URI"] = LOOPBACK
+            arguments += ["--transport", by]
+        if by == "rclpy":
+            ours |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}
         with subprocess.Popen(
-            [sys.executable, "-u", "-c", COMMAND, *arguments],
+            [sys.executable, "-u", "-c", COMMAND, *arguments, *(["--start"] if enabled else [])],
             env=ours, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         ) as server:  # fmt: skip
             assert server.stdout is not None
@@ -81,12 +84,13 @@ def outcome(ros: str, program: str, programs: Path) -> str:
             begin = time.monotonic()
             try:
                 found = subprocess.run(
-                    ["env", path, python, programs / "dvrk_python" / "scripts" / program, "-a", "PSM1"],
+                    ["env", path, python, programs / clone / "scripts" / program, *given],
                     env=environment, input="\n" * 100, capture_output=True, text=True, timeout=LIMIT, check=False,
                 )  # fmt: skip
-                ended = f"exit code {found.returncode}, {time.monotonic() - begin:.0f} s"
+                ended = f"{found.returncode}, {time.monotonic() - begin:.0f} s"
                 if found.returncode:
-                    ended += f": {(found.stderr.strip() or found.stdout.strip()).splitlines()[-1]}"
+                    said = (found.stderr.strip() or found.stdout.strip()).splitlines()
+                    ended += f": {'; '.join(line for line in said if 'Error' in line or ' ! ' in line) or said[-1]}"
             except subprocess.TimeoutExpired:
                 ended = f"no end within {LIMIT:.0f} s"
             finally:
@@ -101,21 +105,38 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
+def into_page(page: Path, rows: dict[str, str], head: str) -> None:
+    """Put rows into a page's table, in place of those that it has of the same name."""
+    before, _, rest = page.read_text(encoding="utf-8").partition(f"{BEFORE}\n")
+    lines = rest.splitlines(keepends=True)
+    count = next(k for k, line in enumerate([*lines, ""]) if not line.startswith("|"))
+    table, after = "".join(lines[:count]), "".join(lines[count:])
+    known = (
+        {line.split(" | ")[0].strip("| "): line for line in table.splitlines()[2:]} if table.startswith(head) else {}
+    )
+    found = [line for name in OVER if (line := {**known, **rows}.get(name))]
+    page.write_text(f"{before}{BEFORE}\n" + "\n".join([head, *found]) + f"\n{after}", encoding="utf-8")
+
+
 def main() -> int:
     """Print the table; return how many ended otherwise than well."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--ros", action="append", choices=("1", *DISTRIBUTIONS))
+    parser.add_argument("--over", action="append", choices=OVER)
     parser.add_argument("--only", action="append", choices=PROGRAMS)
+    parser.add_argument("--page", type=Path)
     asked = parser.parse_args()
-    programs = asked.only or PROGRAMS
-    say(f"| | {' | '.join(f'`{one}`' for one in programs)} |\n|---|{'---|' * len(programs)}")
+    programs, rows = asked.only or list(PROGRAMS), {}
+    head = f"| exit code, time | {' | '.join(f'`{one}`' for one in programs)} |\n|---|{'---|' * len(programs)}"
+    say(head)
     faults = 0
-    for ros in asked.ros or ("1", *DISTRIBUTIONS):
-        cells = [outcome(ros, program, asked.folder.resolve()) for program in programs]
-        faults += sum(not cell.startswith("exit code 0") for cell in cells)
-        name = "ROS 1 (Debian's rospy)" if ros == "1" else f"ROS 2 {ros.capitalize()} (Fast DDS), over DDS"
-        say(f"| {name} | {' | '.join(cells)} |")
+    for name in asked.over or OVER:
+        cells = [outcome(*OVER[name], program, asked.folder.resolve()) for program in programs]
+        faults += sum(not cell.startswith("0,") for cell in cells)
+        rows[name] = f"| {name} | {' | '.join(cells)} |"
+        say(rows[name])
+        if asked.page is not None:
+            into_page(asked.page, rows, head)
     return faults
 
 

@@ -1,4 +1,7 @@
-"""Write crtk_msgs as a package of ROS 2, from the definitions that catenary holds: python -m tests.crtk_package FOLDER."""
+"""Write crtk_msgs as a package of ROS 2, of the definitions that catenary holds, or of all in a clone.
+
+python -m tests.crtk_package FOLDER [CLONE]
+"""
 
 import sys
 from pathlib import Path
@@ -21,15 +24,22 @@ XML = """<package format="3"><name>crtk_msgs</name><version>1.3.0</version><desc
 """
 
 
-def write_package(folder: Path) -> None:
-    """Write messages, services and what builds them."""
+def definitions(clone: Path | None) -> dict[str, str]:
+    """Return messages and services, by their places."""
+    if clone is not None:
+        return {f"{one.parent.name}/{one.name}": one.read_text() for one in clone.glob("*/*.[ms][sr][gv]")}
     files: dict[str, str] = {}
     for name in ("OperatingState", "StringStamped"):
         files[f"msg/{name}.msg"] = "".join(f"{one.type} {one.name}\n" for one in fields(f"crtk_msgs/{name}"))
     for name, (request, response) in SERVICES.items():
         if name.startswith("crtk_msgs/"):
             files[f"srv/{name.partition('/')[2]}.srv"] = f"{request}---\n{response}"
-    files |= {"package.xml": XML, "CMakeLists.txt": CMAKE.format(files=" ".join(sorted(files)))}
+    return files
+
+
+def write_package(folder: Path, files: dict[str, str]) -> None:
+    """Write messages, services and what builds them."""
+    files = files | {"package.xml": XML, "CMakeLists.txt": CMAKE.format(files=" ".join(sorted(files)))}
     for place, text in files.items():
         path = folder / place
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -37,4 +47,4 @@ def write_package(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_package(Path(sys.argv[1]))
+    write_package(Path(sys.argv[1]), definitions(Path(sys.argv[2]) if len(sys.argv) > 2 else None))

@@ -94,10 +94,14 @@ rclpy.shutdown()
 """
 
 
+def place_of(distro: str) -> Path:
+    """Return the folder of a distribution's environment."""
+    return Path(os.environ.get(f"CATENARY_{distro.upper()}", ROOT / ".ros2" / distro))
+
+
 def python_of(distro: str) -> Path:
     """Return the interpreter of a distribution's environment; skip where there is none."""
-    place = os.environ.get(f"CATENARY_{distro.upper()}", str(ROOT / ".ros2" / distro))
-    found = Path(place) / "bin" / "python"
+    found = place_of(distro) / "bin" / "python"
     if not found.is_file():
         pytest.skip(f"ROS 2 {distro} is not installed: no {found}; .ci/ros2 {distro} makes it")
     return found

@@ -70,7 +70,7 @@ def calibrations(plant: CablePlant, log: MotionLog) -> dict[str, CalibrationMode
     All but one give the gravity model's zeros. Where control itself takes calibrated joints, its torque comes back as
     an input of the calibration: so one model is asked beyond its valid range too, and one takes positions alone.
     """
-    turned = plant.firmware.stop_value[:N] - plant.rig.registered
+    turned = plant.firmware.stop_value[:N] - plant.encoders.rig.registered
     if log.q_encoder is None:
         raise InputError(f'recording "{log.name}": has no encoders')
     own = replace(log, q_encoder=log.q_encoder + turned)

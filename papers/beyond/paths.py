@@ -212,6 +212,8 @@ def _picture(o: Outcomes, lengths: Sequence[Sequence[float]]) -> Any:
             panel.plot(x, y[0], marker, color=color, ms=6, label=label)
             panel.plot(x, y[1], marker, color=color, ms=6, fillstyle="none")
         panel.set_ylim(bottom=0.0)
+        if j == 0:
+            panel.set_ylabel("RMSE")
         panel.set_title(f"{IN_UNITS[j]}, {seconds_of(o, length)}", fontsize=10)
         if place // 3 == len(lengths) - 1:
             panel.set_xlabel(f"reversals of {JOINTS[j]}")

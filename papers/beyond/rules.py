@@ -47,7 +47,7 @@ INTERVAL_MODELS = {"linear, play": KINDS["linear, play"], "neural": FitOptions(k
 @run(revision=1)
 def fifths_left_out(recording: str, data: Path) -> Result:
     """Return for every fifth left out the RMSE of kinds and means, what rules choose, shares that intervals hold."""
-    kinds = {kind: FitOptions(kind=kind) for kind in SIMPLEST_FIRST}  # type: ignore[arg-type]
+    kinds: dict[str, FitOptions] = {kind: FitOptions(kind=kind) for kind in SIMPLEST_FIRST}
     fifths = fifths_of(recording, kinds | {"linear, play": INTERVAL_MODELS["linear, play"]}, data)
     names = [kind for kind in kinds if (kind, (0,)) in fifths.errors]
     tests = []
@@ -184,7 +184,7 @@ def elsewhere(recording: str, data: Path) -> Result:
     by_regions: dict[str, CrossValidation] = {}
     tests: dict[str, dict[str, Plain]] = {name: {} for name in RECORDINGS if name != recording}
     for kind in SIMPLEST_FIRST:
-        options = FitOptions(kind=kind)  # type: ignore[arg-type]
+        options = FitOptions(kind=kind)
         inputs, rows = rows_of(recording, options, data, 0.0)
         for found, block in ((by_blocks, rows.blocks(FOLDS)), (by_regions, regions(rows.q_nominal))):
             errors = np.empty_like(rows.error)

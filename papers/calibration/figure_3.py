@@ -160,7 +160,7 @@ def report(o: Outcomes) -> Report:
 def _picture(o: Outcomes) -> Any:
     shown: list[tuple[Direction, float]] = [(each, 1 / 3) for each in DRAWN]
     shown += [(PAPERS_CHOICE, 1 / n) for n in (2, 3, 4, 6)]
-    figure, axes = panels(4, 5.6, rows=2, subplot_kw={"projection": "3d"})
+    figure, axes = panels(4, 6.0, rows=2, subplot_kw={"projection": "3d"})
     for number, (panel, (direction, sparsity)) in enumerate(zip(axes, shown, strict=True)):
         found = o.of(path, direction=direction, sparsities=[sparsity])
         title = direction if number < len(DRAWN) else f"{direction}, sparsity {written([sparsity])}"
@@ -168,8 +168,9 @@ def _picture(o: Outcomes) -> Any:
         low, high = CALIBRATION_LOWER * DISPLAYED, CALIBRATION_UPPER * DISPLAYED
         panel.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
         for label, name in zip((panel.set_xlabel, panel.set_ylabel, panel.set_zlabel), IN_UNITS, strict=True):
-            label(name, fontsize=7, labelpad=-6)
-        panel.tick_params(labelsize=6, pad=-3)
+            label(name, fontsize=8, labelpad=-4)
+        panel.locator_params(nbins=3)
+        panel.tick_params(labelsize=8, pad=-2)
         panel.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
         if found:
             line = np.array(found[0]["corners"])

@@ -24,7 +24,7 @@ from papers.calibration.six_hours_training import CLAIMS as OF_TRAINING
 from papers.calibration.six_hours_training import WIDE, considerably_better
 from papers.claims import Missing, mean_and_spread
 from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
-from papers.figures import METHOD_COLORS, panels
+from papers.figures import METHOD_COLORS, log_scale, panels
 from papers.kit import IN_UNITS, filled, grid, joint_tables, rows, table
 
 SHOWN = (OFFSET, "linear", "polynomial", NETWORK, BEST)
@@ -64,8 +64,7 @@ def report(o: Outcomes) -> Report:
     ]
     caption = (
         "RMSE by hour; boxes are training sets, each the mean over robots; an arrow where sets over 800 s are 20 % "
-        "better than those under 500 s and the box is higher than 0.2. Idle hours 1 to 4 are joined by lines. Boxes of "
-        "the polynomial may leave the picture"
+        "better than those under 500 s and the box is higher than 0.2. Lines join medians"
     )
     return Report(filled(tables), [TitledPicture(caption, _picture(o))])
 
@@ -118,7 +117,6 @@ def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 8.0, rows=3, sharex=True, sharey="row")
     for place, panel in enumerate(axes):
         j, condition = place // 3, CONDITIONS[place % 3]
-        top = 0.0
         for k, model in enumerate(SHOWN):
             found = measured(o, condition, model)
             if not found.size:
@@ -126,12 +124,9 @@ def _picture(o: Outcomes) -> Any:
             boxes = found[..., j].mean(axis=0)  # (sets, hours)
             at = np.array(HOURS[condition]) + (k - (len(SHOWN) - 1) / 2.0) * 0.17
             _boxes(panel, boxes, at, model)
-            top = max(top, np.quantile(boxes, 0.75) if model != "polynomial" else 0.0)
-            if condition == "idle":
-                panel.plot(at, np.median(boxes, axis=0), color=METHOD_COLORS[model], linewidth=0.8)
+            panel.plot(at, np.median(boxes, axis=0), color=METHOD_COLORS[model], linewidth=1.0)
             _arrows(panel, considerably_better(o, condition, model), boxes, j, at)
-        if (top > 0.0 and place % 3 == 0) or top > panel.get_ylim()[1] / 1.35:
-            panel.set_ylim(0.0, 1.35 * top)
+        log_scale(panel)  # on a linear scale the boxes of good models are a few pixels high
         panel.set_xticks(range(6))
         panel.tick_params(labelbottom=True)
         if j == 0:

@@ -82,10 +82,8 @@ def report(o: Outcomes) -> Report:
     header = ["model", *(f"hour {hour}, {joint}" for hour in HOURS for joint in IN_UNITS)]
     return Report(
         [table("RMSE of the sections that are drawn", header, rows(row, names))],
-        [
-            TitledPicture("Calibrated positions beside the external encoders'", _picture(result, names, left=False)),
-            TitledPicture("What is left of the error in the same sections", _picture(result, names, left=True)),
-        ],
+        # positions themselves lie on one another
+        [TitledPicture("Remaining errors over time, in sections of three hours", _picture(result, names))],
     )
 
 
@@ -93,20 +91,16 @@ def _array(result: Result, hour: int, name: str) -> Floats:
     return np.array(result[str(hour)][name])
 
 
-def _picture(result: Result, names: Sequence[str], *, left: bool) -> Any:
-    """Draw positions, or true less calibrated positions, of joints by hours."""
-    figure, axes = panels(3, 6.0, rows=3, sharex=True, sharey="row" if left else False)
+def _picture(result: Result, names: Sequence[str]) -> Any:
+    """Draw true less calibrated positions of joints by hours."""
+    figure, axes = panels(3, 6.0, rows=3, sharex=True, sharey="row")
     for place, panel in enumerate(axes):
         j, hour = place // 3, HOURS[place % 3]
         time, truth = _array(result, hour, "time"), _array(result, hour, TRUTH)[:, j]
-        if not left:
-            panel.plot(time, truth, color="black", linewidth=1.6, label=TRUTH)
         for name in names:
-            calibrated = _array(result, hour, name)[:, j]
-            shown = truth - calibrated if left else calibrated
-            panel.plot(time, shown, color=METHOD_COLORS[name], linewidth=0.9, label=name)
-        if left:
-            panel.axhline(0.0, color="black", linewidth=0.6)
+            left = truth - _array(result, hour, name)[:, j]
+            panel.plot(time, left, color=METHOD_COLORS[name], linewidth=0.9, label=name)
+        panel.axhline(0.0, color="black", linewidth=0.6)
         if j == 0:
             panel.set_title(f"hour {hour}", fontsize=10)
         if place % 3 == 0:

@@ -18,7 +18,7 @@ import numpy as np
 from catenary.arrays import Floats
 from papers.claims import Claims, Missing, by_count, graded
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledPicture
-from papers.figures import COLORS, bars, legend_below, panels
+from papers.figures import COLORS, dots, legend_below, panels
 from papers.gravity import published
 from papers.gravity.tracking import CALLED, CONTROLLERS, SENSORS, follow_sinusoids
 from papers.kit import UNITS, cells, filled, grid, rows, sample, table, told, unless_missing
@@ -131,7 +131,7 @@ def other_rows(o: Outcomes, base: str, ways: Sequence[str] = ("joints",)) -> lis
 
 
 def picture(o: Outcomes, bases: Sequence[str], names: Sequence[str]) -> Any:
-    """Draw RMS errors of the three joints by base: bars are means over robots, dots are robots."""
+    """Draw RMS errors of the three joints by base: large dots are means, small ones robots."""
 
     def values(name: str, base: str, joint: int) -> Floats:
         try:
@@ -142,7 +142,7 @@ def picture(o: Outcomes, bases: Sequence[str], names: Sequence[str]) -> Any:
     drawn, three = panels(3, 3.7)
     for joint, axes in enumerate(three):
         found = {CALLED[name]: [values(name, base, joint) for base in bases] for name in names}
-        bars(axes, [base_told(base) for base in bases], found, [COLORS.get(name, "#8fb8a8") for name in names])
+        dots(axes, [base_told(base) for base in bases], found, [COLORS.get(name, "#8fb8a8") for name in names])
         axes.set_title(f"joint {joint + 1}", fontsize=10)
         axes.set_ylabel(f"RMS error [{UNITS[joint]}]")
     legend_below(drawn, three[0], columns=len(names))
@@ -155,7 +155,7 @@ def report(o: Outcomes) -> Report:
     tables = [table(title, ERRORS, error_rows(o, bases, way, CONTROLLERS)) for way, title in WAYS.items()]
     others = f"Better sensors, and other controllers: nominal robot, base at {LAST} deg"
     tables.append(table(others, OTHER, other_rows(o, LAST, tuple(WAYS))))
-    caption = "RMS of desired minus reported position by base angle; bars are means, dots are robots"
+    caption = "RMS of desired minus reported position by base angle; large dots are means, small ones robots"
     return Report(filled(tables), [TitledPicture(caption, picture(o, bases, CONTROLLERS))], _efforts_told(o))
 
 

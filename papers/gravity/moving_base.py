@@ -41,7 +41,7 @@ def report(o: Outcomes) -> Report:
     tables = [
         table(title, figure_9.ERRORS, figure_9.error_rows(o, (ROCKING,), way, NAMES)) for way, title in titles.items()
     ]
-    caption = "RMS of desired minus reported position on the rocking base; bars are means, dots are robots"
+    caption = "RMS of desired minus reported position on the rocking base; large dots are means, small ones robots"
     return Report(filled(tables), [TitledPicture(caption, figure_9.picture(o, (ROCKING,), NAMES))])
 
 
@@ -157,7 +157,7 @@ def adaptive_report(o: Outcomes) -> Report:
             for base in BASES
         ),
     ]
-    caption = "RMS of desired minus reported position; bars are means, dots are robots"
+    caption = "RMS of desired minus reported position; large dots are means, small ones robots"
     return Report(
         filled(tables), [TitledPicture(caption, figure_9.picture(o, BASES, COMPARED))], _with_relative_damping(o)
     )

@@ -122,7 +122,7 @@ def hold_poses(base: FixedBase, count: int, seed: int, robot: int | None, model:
     assert log.time is not None
     assert log.tau is not None
     assert log.q_encoder is not None
-    mechanism = plant.rig.registered - plant.encoders.zero / plant.rig.counts  # what registration adds
+    mechanism = plant.arm.rig.registered - plant.encoders.zero / plant.encoders.rig.counts  # what registration adds
     positions: dict[Positions, Floats] = {"reported": log.q_nominal, "true": log.q_encoder - mechanism}
     if model is not None:
         positions["calibrated"] = model.calibrate(log) - mechanism

@@ -29,12 +29,7 @@ _UNREADABLE = (
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Read every array of a `.npz`, of numbers and texts.
-
-    Raises:
-        FileFormatError: No such file, not an archive, damaged, it holds something else than plain arrays (Python
-            objects, structures), or unpacks to more than `MOST` bytes and `RATIO` times its length.
-    """
+    """Read every array of a `.npz`, of numbers and texts."""
     if not path.is_file():
         raise FileFormatError(no_file(path))
     try:

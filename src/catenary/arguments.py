@@ -58,7 +58,8 @@ def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: 
         if name in hints and not fits(value, hints[name]):
             shown = repr(value)
             cut = f"{shown[:LONGEST]}..." if len(shown) > LONGEST else shown
-            hint = f'; catenary.load_robot("{value}") may make one' if _wants_robot(hints[name], value) else ""
+            wants_robot = getattr(hints[name], "__name__", "") == "RobotModel" and isinstance(value, str)
+            hint = f'; catenary.load_robot("{value}") may make one' if wants_robot else ""
             return f"{name}: expected {expected(hints[name])}, got {type(value).__name__} {cut}{hint}"
     return None
 
@@ -143,7 +144,3 @@ def _members(protocol: type) -> list[str]:
     return [
         name for one in protocol.__mro__ if getattr(one, "_is_protocol", False) for name in vars(one) if name[0] != "_"
     ]
-
-
-def _wants_robot(hint: Any, value: Any) -> bool:
-    return getattr(hint, "__name__", "") == "RobotModel" and isinstance(value, str)

@@ -44,11 +44,7 @@ def file_keys(**keys: str) -> ConfigDict:
 
 
 def load_toml(path: Path, schema: type[Schema]) -> Schema:
-    """Read a TOML file into its schema.
-
-    Raises:
-        ConfigError: File missing or not TOML; key unknown, missing, or of the wrong type.
-    """
+    """Read a TOML file into its schema."""
     try:
         content = toml_table(read_bounded(path, MOST_TOML), str(path))
     except FileFormatError as error:
@@ -62,11 +58,7 @@ def parse_json(data: str | bytes, schema: type[Schema], where: str, *, finite: b
 
 
 def parse_settings(content: Any, schema: type[Schema], where: str, context: Any = None) -> Schema:
-    """Check plain data against its schema; `where` opens every message, `context` is for the schema's own validators.
-
-    Raises:
-        ConfigError: Key unknown, missing, or of the wrong type.
-    """
+    """Check plain data against its schema; `where` opens every message, `context` is for its validators."""
     try:
         # strict, as JSON: "1" or true is no number, while a list may fill a tuple and a text a path or a date
         data = json.dumps(content, default=str)

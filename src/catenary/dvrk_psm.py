@@ -23,8 +23,8 @@ def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
     name = f"/{namespace.strip('/')}/{verb}"
     if _NAME.fullmatch(name) is None:
         raise InputError(f'namespace "{namespace}": expected one whose last word begins with PSM, as /PSM1')
-    stem = f"psm_{'tracker' if column == 'ext_jpos' else column}"
-    return joint_topic(name, column, PSM_JOINTS, rate=rate or usual, stem=stem, bag=f"record_{stem}")
+    bag = f"record_psm_{'tracker' if column == 'ext_jpos' else column}"
+    return joint_topic(name, column, PSM_JOINTS, rate=rate or usual, bag=bag)
 
 
 def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]:

@@ -30,9 +30,6 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
     then fsync, rename, fsync of the folder. A symbolic link at `path` is replaced by the file, and what it points to
     stays as it was; links in the folder's own name are followed. A device, a pipe and the links to them in /dev and
     /proc, such as /dev/stdout, are written to directly. What processes that were killed left in the folder is deleted.
-
-    Raises:
-        FileFormatError: The file cannot be written; what was there before is still there.
     """
     partial = path.parent / _partial_name()
     try:

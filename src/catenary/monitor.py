@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.plant import OperatingState
 from catenary.sensing.vector import tilt_of
+from catenary.units import DISPLAY, in_words
 from catenary.visible import visible
 
 NEAR_LIMIT = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
@@ -153,16 +154,24 @@ def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24,
     has_room = 14 + len(titles) + 3 + BAR + 2 <= columns
     shown.append(_fit(f"{'':<14}{titles}{'   range' if has_room else ''}", columns))
     for j, joint in enumerate(shot.joint_names):
-        unit = "deg" if shot.joint_units[j] == "rad" else "mm"
         cells = "".join(_cell(shot, head, j) for head in heads)
-        shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(shot, j) if has_room else ''}", columns))
+        shown.append(
+            _fit(
+                f"{joint[:9]:<10}{DISPLAY[shot.joint_units[j]][0]:<4}{cells}   {_bar(shot, j) if has_room else ''}",
+                columns,
+            )
+        )
     shown += ["", _fit(_gravity(shot), columns)]
     if shot.tip is not None:
         shown.append(_fit(tip_line(shot), columns))
     warnings = shot.warnings()
     shown += [_fit(shot.recording, columns), ""] if shot.recording is not None else [""]
-    told = [line for text in warnings for line in _folded(f"! {text}", columns)]
-    shown += [_warned(line, colour) for line in told] or ["no warnings"]
+    told = [  # why a robot is in FAULT is not cut off
+        line
+        for text in warnings
+        for line in wrap(visible(f"! {text}".replace("\n", " ")), max(8, columns), subsequent_indent="  ")
+    ]
+    shown += [f"\x1b[31m{line}\x1b[0m" if colour else line for line in told] or ["no warnings"]
     last = _fit("Q quit", columns)
     shown = shown[: max(0, lines - 1)]
     shown += [""] * (lines - 1 - len(shown)) + [last]
@@ -174,14 +183,12 @@ def plain_line(shot: Snapshot) -> str:
 
     Reported joints by name; calibrated and measured ones, where there are any, in the same order and units.
     """
-    values = " ".join(
-        f"{joint}={_human(value, unit):.2f}{'deg' if unit == 'rad' else 'mm'}"
-        for joint, value, unit in zip(shot.joint_names, shot.q, shot.joint_units, strict=True)
-    )
+    named = zip(shot.joint_names, shot.q, shot.joint_units, strict=True)
+    values = " ".join(f"{joint}={in_words(value, unit, 2).replace(' ', '')}" for joint, value, unit in named)
     for name, others in (("calibrated", shot.calibrated), ("measured", shot.encoder)):
         if others is not None and np.isfinite(others).any():
             told = zip(others, shot.joint_units, strict=False)  # a robot's encoders are at its first joints
-            shown = (f"{_human(value, unit):.2f}" if np.isfinite(value) else "-" for value, unit in told)
+            shown = (f"{DISPLAY[unit][1] * value:.2f}" if np.isfinite(value) else "-" for value, unit in told)
             values += f"  {name} {' '.join(shown)}"
     if shot.tip_error is not None:
         values += f"  tip {_tip_errors(shot)}"
@@ -214,16 +221,12 @@ def _cell(shot: Snapshot, head: str, j: int) -> str:
     if head in ("torque", "gravity"):
         return f"{values[j]:.3f}".rjust(width)  # [Nm], [N]
     outside = head == "calibrated" and shot.inside is not None and not shot.inside[j]
-    return f"{_human(values[j], shot.joint_units[j]):.2f}{'?' if outside else ''}".rjust(width)
+    return f"{DISPLAY[shot.joint_units[j]][1] * values[j]:.2f}{'?' if outside else ''}".rjust(width)
 
 
 def _is_known(values: Floats | None, head: str) -> bool:
     """Return whether a column is shown: intervals only of a model that has some."""
     return values is not None and (head != "+/-" or not np.isnan(values).all())
-
-
-def _human(value: float, unit: str) -> float:
-    return float(np.rad2deg(value) if unit == "rad" else 1e3 * value)
 
 
 def _bar(shot: Snapshot, j: int) -> str:
@@ -257,14 +260,5 @@ def _left_right(left: str, right: str, columns: int) -> str:
     return left + " " * max(2, columns - len(left) - len(right)) + right
 
 
-def _folded(text: str, columns: int) -> list[str]:
-    """Return a text as lines: why a robot is in FAULT is not cut off."""
-    return wrap(visible(text.replace("\n", " ")), max(8, columns), subsequent_indent="  ")
-
-
 def _fit(text: str, columns: int) -> str:
     return visible(text.replace("\n", " "))[:columns].rstrip()
-
-
-def _warned(text: str, colour: bool) -> str:
-    return f"\x1b[31m{text}\x1b[0m" if colour else text

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.gravity_topic import ImuTopic
 from catenary.crtk.reader import CrtkReader, model_joints
 from catenary.crtk.topic_names import DIALECTS, DialectName
 from catenary.crtk.transport import Transport
@@ -41,7 +40,7 @@ class Simulated:
     base: MovingBase | None = None  # a level one at rest when None
     payload: float = 0.0  # [kg] at a RAVEN-II's wrist, or at the tip of a robot without cables
     homed: bool = True  # else as it is when switched on
-    grav_dir: Sequence[int] | None = None  # [cm/s2] of a RAVEN-II's own gravity compensation; None: without
+    grav_dir: Sequence[float] | None = None  # [cm/s2] of a RAVEN-II's own gravity compensation; None: without
     start: ArrayLike | None = None  # (n,) [rad|m] where a robot without cables stands at first
     hardware: JointHardware | None = None  # drives of a robot without cables; ideal ones when None
 
@@ -54,7 +53,7 @@ class OverTopics:
     dialect: str | None = None  # raven or crtk; the robot's own when None
     namespace: str | None = None  # in front of the verbs of one that speaks crtk; a PSM's is /PSM1 when None
     simulated: bool = False  # what is behind the topics, which do not say it
-    imu: ImuTopic | None = None  # what gravity is read from; nominal gravity when None
+    gravity: str | None = None  # topic of a gravity node; nominal gravity when None
     only_read: bool = False  # nothing is advertised, and nobody has to take commands
 
 
@@ -122,11 +121,7 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
 
 
 def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
-    """Refuse what a simulated robot of a kind cannot have.
-
-    Raises:
-        UnsupportedModelError: A seed, a payload, gravity compensation, or joint friction that it cannot have.
-    """
+    """Refuse what a simulated robot of a kind cannot have."""
     kind, name = _kind(robot), robot if isinstance(robot, str) else robot.name
     if kind is None and where.seed is not None:
         raise UnsupportedModelError(
@@ -143,16 +138,12 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
 
 
 def spoken_dialect(robot: str, dialect: str | None) -> DialectName:
-    """Return the dialect that a robot is spoken to in; its own when None.
-
-    Raises:
-        InputError: There is none of that name, or it does not speak it.
-    """
+    """Return the dialect that a robot is spoken to in; its own when None."""
     kind = _kind(robot)
     own: tuple[DialectName, ...] = ("crtk",) if kind is None else kind.dialects
-    if dialect is not None and dialect not in DIALECTS:
-        raise InputError(f'dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
     found = next((one for one in own if dialect in (None, one)), None)
+    if found is None and dialect not in DIALECTS:
+        raise InputError(f'dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
     if found is None:
         raise InputError(f'robot "{robot}": speaks {" or ".join(own)}, not {dialect}, which is a RAVEN-II\'s')
     return found
@@ -187,5 +178,5 @@ def _over_topics(robot: str, where: OverTopics) -> CrtkReader:
         namespace=namespace,
         joints=None if is_raven else model_joints(load_robot(robot)),
         simulated=where.simulated,
-        imu=where.imu,
+        gravity=where.gravity,
     )

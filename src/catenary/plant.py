@@ -1,7 +1,9 @@
 """What every room shares about a robot in motion: the verbs it obeys, its CRTK states, the one log type."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
@@ -15,6 +17,7 @@ JOINT_UNITS = ("rad", "m")
 # a step in time is a gap where it is longer than so many median ones, and than twice what this share of the steps keep:
 # messages that come in bursts leave no gaps
 GAP_STEPS, GAP_SHARE = 10.0, 0.95
+KNOWN_AGAIN = 20  # rows of a recording: fewer may be alike by chance, such as those of a robot at rest
 UNUSED = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
@@ -268,10 +271,8 @@ class MotionLog:
             )
         if rows == 0:
             raise InputError(f"{where}: is empty, expected at least one row")
-        for key in JOINT_ARRAYS:
-            self._freeze(where, key, (rows, n))
-        for key in ("time", "ok"):
-            self._freeze(where, key, (rows,))
+        for key in (*JOINT_ARRAYS, "time", "ok"):
+            self._freeze(where, key, (rows, n) if key in JOINT_ARRAYS else (rows,))
         if self.ok.dtype != np.bool_:
             raise InputError(f"{where}: ok: expected true or false on each row, got {self.ok.dtype}")
         for key, values in self.signals.items():
@@ -321,9 +322,6 @@ class MotionLog:
         """Return it with its joints in the order of others, the same ones by `places_of`; a note says what changed.
 
         Joints without names (J1, J2, ...) are taken in order.
-
-        Raises:
-            InputError: It has other joints, further ones or other units; the message names both sides.
         """
         whose = f'recording "{self.name}"'
         if len(self.joint_names) != len(wanted.joint_names):
@@ -350,6 +348,19 @@ class MotionLog:
         if self.time is None:
             return (0,)
         return (0, *(int(i) + 1 for i in np.flatnonzero(np.diff(self.time) < 0.0)))
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """A hash of each recording in it, of all that was reported, measured and exerted: the same in any file."""
+        arrays = [np.nan_to_num(each) for each in (self.q_nominal, self.q_encoder, self.tau) if each is not None]
+        ends = sorted({*self.starts, *self.gaps(), len(self)})
+        rows = [slice(*pair) for pair in pairwise(ends) if pair[1] - pair[0] >= KNOWN_AGAIN]
+        return tuple(sha256(b"".join(each[part].tobytes() for each in arrays)).hexdigest()[:16] for part in rows)
+
+    def is_among(self, sources: Iterable[Mapping[str, Any]]) -> bool:
+        """Return whether it, or a recording in it, is one of those that a card lists under `data`."""
+        known = {each for one in sources for each in (one["sha256"], *one.get("runs", ()))} - {None}
+        return bool({self.sha256, *self.runs} & known)
 
     def gaps(self, least: float = 0.0) -> tuple[int, ...]:
         """Return the rows behind a gap in time: a step of more than GAP_STEPS median ones, and than `least` [s]."""

@@ -9,7 +9,7 @@ SECOND = 1_000_000_000  # [ns]
 class TopicColumn:
     """One quantity of a topic, a number per label."""
 
-    name: str  # in telemetry and extracted files
+    name: str  # in telemetry
     path: str  # in the message
     labels: tuple[str, ...]  # of its numbers; a single empty one where the name says it all
     units: tuple[str, ...]  # SI, one per label; "" where it has none or nobody states it
@@ -21,11 +21,6 @@ class TopicColumn:
     def width(self) -> int:
         """Count of its numbers."""
         return len(self.labels)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each number, as the columns of extracted files are called."""
-        return tuple(f"{self.name}:{label}" if label else self.name for label in self.labels)
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -41,15 +36,12 @@ class Topic:
     type: str
     rate: float  # [Hz] at which it is recorded
     columns: tuple[TopicColumn, ...]
-    stem: str  # of the file it is extracted to
     bag: str  # of the bag that RAVEN's group records it in
     header: str = "header"  # field that holds the stamp
     joint_names: tuple[str, ...] = ()  # sent along in a JointState
 
 
-def joint_topic(
-    name: str, column: str, joints: tuple[str, ...], *, rate: float, stem: str, bag: str, unit: str = ""
-) -> Topic:
+def joint_topic(name: str, column: str, joints: tuple[str, ...], *, rate: float, bag: str, unit: str = "") -> Topic:
     """Return a topic of a JointState, whose messages may lack velocity and effort.
 
     `unit` is that of all positions; without one those of an insertion are in m, others in rad.
@@ -65,4 +57,4 @@ def joint_topic(
         of_joints("_velocity", "velocity", f"{angular}/s", f"{linear}/s"),
         of_joints("_effort", "effort", "Nm", "N"),
     )
-    return Topic(name, "sensor_msgs/JointState", rate, columns, stem, bag, joint_names=joints)
+    return Topic(name, "sensor_msgs/JointState", rate, columns, bag, joint_names=joints)

@@ -106,13 +106,13 @@ def measure(browsers: int | None, seconds: float) -> dict[str, float]:
                 page.put(state)
                 puts.append(time.perf_counter() - begin)
 
-        before, received.value = 0.0 if page is None else cpu_seconds(page.pid), 0
+        before, received.value = 0.0 if page is None else cpu_seconds(page._process.pid), 0
         begin = time.perf_counter()
         ran = run_loop(
             arm.plant, controller, motion, limits=arm.limits(), observers=[observe], duration=seconds, real_time=True
         )
         took, read = time.perf_counter() - begin, received.value
-        share = np.nan if page is None else (cpu_seconds(page.pid) - before) / took
+        share = np.nan if page is None else (cpu_seconds(page._process.pid) - before) / took
     return {
         "overruns": ran.overruns,
         "ticks": ran.ticks,

@@ -7,7 +7,7 @@ from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
-from catenary.calibration.friction_level import at_level, find_level
+from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import LEVEL, refresh_model
 from catenary.plant import MotionLog
@@ -63,4 +63,3 @@ def test_a_model_without_friction_states_has_no_level(model) -> None:
     inputs = choose_inputs([log], FitOptions(kind="linear"))
     plain = fit(calibration_data([log], inputs.features), inputs, FitOptions(kind="linear"))
     assert find_level(plain, [log], 8) is None
-    assert at_level(plain, np.ones(2)) is plain

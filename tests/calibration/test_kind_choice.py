@@ -14,7 +14,7 @@ from catenary.calibration import calibration
 from catenary.calibration.evaluate import CrossValidation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
-from catenary.calibration.kind_choice import CLOSE, SIMPLEST_FIRST, choose, tried
+from catenary.calibration.kind_choice import CLOSE, SIMPLEST_FIRST, choose
 from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -23,7 +23,7 @@ from command_line import catenary
 from recordings import short_training
 
 short_networks = pytest.fixture(short_training, scope="module", autouse=True)
-KINDS = ("offset", "linear", "polynomial", "neural")
+KINDS = SIMPLEST_FIRST
 
 
 def validation(errors: Any, *, recording: Any = None) -> CrossValidation:
@@ -49,8 +49,8 @@ NOISE = np.random.default_rng(0).normal(scale=0.2, size=(4, 200))
         ((1.0, 1.02, 1.01, 1.0), 1.0, "offset"),  # nothing helps
         ((1.0, 0.5, 0.498, 0.497), 1.0, "linear"),  # within 3 % of the best, and within a standard error
         ((1.0, 0.5, 0.495, 0.49), 0.0, "neural"),  # but not within one: it is better on every block
-        ((1.0, 0.5, 0.45, 0.446), 1.0, "polynomial"),
-        ((1.0, 0.52, 0.5, 0.6), 1.0, "polynomial"),
+        ((1.0, 0.5, 0.45, 0.446), 1.0, "hysteretic"),
+        ((1.0, 0.52, 0.5, 0.6), 1.0, "hysteretic"),
     ],
 )
 def test_the_simplest_that_will_do_is_chosen(factors: Any, noise: float, chosen: str) -> None:
@@ -63,7 +63,7 @@ def test_the_simplest_that_will_do_is_chosen(factors: Any, noise: float, chosen:
 def test_how_hard_blocks_are_for_every_kind_does_not_hide_which_is_better() -> None:
     # over the five folds a standard error of the errors themselves would be a third of them
     (choice,) = choose(tried_kinds(HARD, 0.51 * HARD, 0.5 * HARD, 0.6 * HARD))
-    assert choice.chosen == "polynomial"
+    assert choice.chosen == "hysteretic"
 
 
 @given(st.lists(st.tuples(st.floats(0.01, 10.0), st.floats(0.0, 2.0)), min_size=4, max_size=4))
@@ -81,13 +81,6 @@ def test_kinds_that_were_tried_on_different_rows_are_not_compared() -> None:
     other = validation(HARD, recording=np.repeat([0, 1], 100))
     with pytest.raises(InputError, match="different rows"):
         choose({"offset": validation(HARD), "linear": other})
-
-
-@pytest.mark.parametrize(("features", "rows", "is_tried"), [(6, 55, False), (6, 56, True), (60, 10**6, False)])
-def test_a_polynomial_is_tried_where_rows_determine_it_and_its_fit_is_short(
-    features: int, rows: int, is_tried: bool
-) -> None:
-    assert ("polynomial" in tried(FitOptions(), features, rows)) == is_tried
 
 
 @pytest.fixture(scope="module")

@@ -12,16 +12,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_refresh import (
-    LAYER,
-    NOTHING,
-    SCALE,
-    ZERO,
-    Adjustment,
-    adjusted,
-    layer_inputs,
-    refresh_model,
-)
+from catenary.calibration.model_refresh import NOTHING, SCALE, SLOPES, ZERO, adjusted, refresh_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
@@ -87,7 +78,7 @@ def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
     refreshed = refresh_model(old, rows_of(old, new_day))
     first, second = refreshed.changes
     # a network's own small errors may pay to be mended too
-    assert second.change == ZERO or (kind == "network" and second.change == LAYER)
+    assert second.change == ZERO or (kind == "network" and second.change == SLOPES)
     assert abs(first.moved) < 2.0 * np.rad2deg(NOISE)
     assert_allclose(second.moved, 20.0, atol=1.0)  # the models' own errors, means of 1800 rows of noise
     rest = a_day(2, 9000, zero=0.02)
@@ -98,7 +89,7 @@ def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
 def test_a_slope_is_found(models: dict[str, CalibrationModel], kind: str) -> None:
     old = models[kind]
     refreshed = refresh_model(old, rows_of(old, a_day(3, 1800, slope=0.1)))
-    assert refreshed.changes[1].change in (SCALE, LAYER)
+    assert refreshed.changes[1].change in (SCALE, SLOPES)
     rest = a_day(4, 9000, slope=0.1)
     assert rmse(refreshed.model, rest)[1] < 0.3 * rmse(old, rest)[1]
 
@@ -124,13 +115,9 @@ def test_what_is_left_is_the_same_to_the_bit(models: dict[str, CalibrationModel]
 def test_an_adjusted_predictor_gives_the_sum_that_defines_it(models: dict[str, CalibrationModel], kind: str) -> None:
     group, rng = models[kind].groups[0], np.random.default_rng(5)
     X = rng.uniform(-1.0, 1.0, (50, len(group.columns)))
-    layer = layer_inputs(group.predictor, X)
-    slopes, weights = rng.normal(size=(2, X.shape[1])), rng.normal(size=(2, layer.shape[1]))
-    changes = [Adjustment(1.0, 0.3, slopes[0], weights[0]), Adjustment(0.7, -0.2, slopes[1], weights[1])]
-    before, after = group.predictor.predict(X), adjusted(group.predictor, changes).predict(X)
-    for k, change in enumerate(changes):
-        expected = change.scale * before[:, k] + change.bias + X @ change.linear + layer @ change.layer
-        assert_allclose(after[:, k], expected, atol=1e-10)  # sums of some hundred terms of order one
+    scale, bias, slopes = np.array([1.0, 0.7]), np.array([0.3, -0.2]), rng.normal(size=(X.shape[1], 2))
+    before, after = group.predictor.predict(X), adjusted(group.predictor, scale, bias, slopes).predict(X)
+    assert_allclose(after, scale * before + bias + X @ slopes, atol=1e-10)  # sums of some hundred terms of order one
 
 
 def test_rows_outside_widen_the_range_where_the_model_holds(models: dict[str, CalibrationModel]) -> None:

@@ -41,7 +41,7 @@ def test_fit_writes_a_model_and_its_card_and_tells_its_error_on_unseen_data(tmp_
     card = json.loads((tmp_path / "out.card.json").read_text())
     assert (card["kind"], card["rows"]) == ("linear", 300)
     outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", "--held-out", "0.2")
-    assert "RMSE on blocks of time that the fit did not see" in outcome.out
+    assert "RMSE on data that the fit did not see" in outcome.out
     assert "RMSE and largest error on the held-out part" in outcome.out
 
 
@@ -160,7 +160,7 @@ def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_no_pictures")
 def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
-    assert catenary("evaluate", model, run, "--report", page).out.endswith(f"page: {page}\n")
+    assert catenary("evaluate", model, run, "--report", page).out.endswith(f"page:  {page}\n")
     assert "no test: the model was fitted to run" in page.read_text()
     catenary("fit", run, "--model", "offset", "--out", tmp_path / "m.npz", "--report", page)
     assert "the data that it was fitted to" in page.read_text()

@@ -69,21 +69,10 @@ def test_table_shows_the_difference_to_a_level_base() -> None:
     assert float(shoulder[3]) == pytest.approx(float(shoulder[1]) - float(shoulder[2]), abs=2e-4)
 
 
-def test_gravity_takes_a_file(tmp_path: Path) -> None:
-    path = tmp_path / "arm.toml"
-    path.write_text(simulated_arm.DH_TABLE)
-    content = catenary("gravity", path, "--q", "0,0.1", "--gravity", "0,-9.81,0", "--json").json
-    assert_allclose(content["tau"], [0.2 * 9.81, 0.0], rtol=1e-12)  # 1 kg, 0.2 m along x
-
-
 def test_gravity_refuses_a_robot_without_inertia_by_its_links(tmp_path: Path) -> None:
     path = tmp_path / "bare.urdf"
     path.write_text(simulated_arm.URDF_WITHOUT_INERTIA)
     assert '"upper", "fore"' in refusal("gravity", path, "--q", "0,0.1")
-
-
-def test_gravity_notes_a_joint_beyond_its_limits() -> None:
-    assert "insertion" in catenary("gravity", "raven2", "--q", "0,1.57,32", "--json").err
 
 
 def test_track_tells_error_and_pd_share_and_writes_a_page(tmp_path: Path) -> None:
@@ -118,12 +107,6 @@ def test_any_other_robot_is_held_as_rigid_bodies(tmp_path: Path) -> None:
     assert "The arm where it was put, and, paler, at the end" in page.read_text()
     assert "0, 90" in page.read_text()  # the base's tilt
     assert max(joint["drift"] for joint in catenary(*line, "--json").json["joints"]) < 1e-3
-
-
-@pytest.mark.slow
-def test_nineteen_joints_are_moved() -> None:
-    moved = catenary("track", "dual_arm_19", "--motion", "random", "--seconds", "2", "--json").json
-    assert len(moved["joints"]) == 19
 
 
 @pytest.mark.parametrize(
@@ -190,7 +173,7 @@ def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
     free, stuck = (catenary(*HELD, *level, *more).json for more in ((), ("--friction", "50", "--kp", "100,50")))
     assert max(joint["drift"] for joint in free["joints"]) > 1.0
     assert max(joint["drift"] for joint in stuck["joints"]) < 1e-6
-    assert stuck["kp"] == "100,50"
+    assert stuck["kp"] == [100.0, 50.0]
     assert "gravity_ticks" not in stuck
 
 
@@ -201,8 +184,7 @@ def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
         (("--rock", "x,8"), "an amplitude, a frequency"),
         (("--heave", "2,-1"), "frequency of 0 Hz or more"),
         (("--heave", "nan,1"), "finite"),
-        (("--rock", "x,8,0.1", "--rock-deg", "0,5"), "--rock-deg: does not go with --rock"),
-        (("--mounting-on", "boat"), "expected one of table, cart, vehicle, ship"),
+        (("--mounting-on", "boat"), "expected table, cart, vehicle or ship"),
         (("--rule", "max_pull=3"), "no rule max_pull"),
         (("--rule", "max_push"), "expected NAME=VALUE"),
         (("--kp", "1,2,3"), "kp"),
@@ -245,7 +227,9 @@ def test_every_command_that_takes_a_payload_computes_with_it(tmp_path: Path) -> 
     assert catenary("export", "ur10e", "--c", heavy, *LOAD).code == 0
     assert catenary("export", "ur10e", "--c", light).code == 0
     assert heavy.read_text() != light.read_text()
-    assert "--payload is for --c" in refusal("export", "run.parquet", "--mcap", tmp_path / "x.mcap", *LOAD)
+    assert "--payload, --friction and --viscous are for --c" in refusal(
+        "export", "run.parquet", "--mcap", tmp_path / "x.mcap", *LOAD
+    )
     assert catenary("plot", "ur10e", "--out", tmp_path / "arm.png", *LOAD).code == 0
 
 

@@ -59,7 +59,7 @@ def test_goto_tells_joints_in_the_units_they_were_asked_in_and_the_tip() -> None
 
 def test_goto_a_place_says_how_far_from_it_the_tool_ended() -> None:
     out = catenary("goto", "--position-mm", "19,-7.4,-67", "--fast").out
-    left = float(re.search(r"from where it was sent: ([0-9.]+) mm", out).group(1))
+    left = float(re.search(r"distance from the goal: ([0-9.]+) mm", out).group(1))
     assert 0.0 < left < 2.0  # the control error of a robot at rest, at its tool
 
 

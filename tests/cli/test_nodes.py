@@ -17,7 +17,9 @@ def encoders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Simula
     """A board that sends the same counts at 100 Hz."""
     board = SimulatedEncoders(tmp_path / "board")
     time = BoardTime(board, lambda: board.line([6366, 17825, 76000]))
-    time.rule(monkeypatch, "catenary.nodes.encoder_node", "catenary.devices.encoder_board")
+    time.rule(monkeypatch, "catenary.devices.encoder_board")
+    alone = LoopbackNetwork(clock=time)
+    monkeypatch.setattr(network, "make_transport", lambda ros, name: Loopback(name, alone))
     yield board
     board.close()
 
@@ -39,7 +41,7 @@ def test_encoders_print_json_lines(encoders: SimulatedEncoders):
     assert final["line"]["malformed"] == 0
     # every row but one that came after the last look
     assert 0 <= final["line"]["rows"] - final["published"]["/joint_enc"] <= 1
-    assert final["published"]["/joint_enc"] == 130  # 1.3 s at 100 Hz
+    assert final["published"]["/joint_enc"] == 131  # 1.3 s at 100 Hz, and the first
     assert final["published"]["/ext_jpos"] == 0
 
 

@@ -16,7 +16,7 @@ class Shared:
     """Options of several commands."""
 
     tilt: tuple[float, float] | None = option("R,P", "A pair of numbers.")
-    ros: int | None = option("1|2", "Few choices.", choices=(1, 2))
+    ros: int | None = option("1|2", "Few choices.")
     topic: str = option(None, "Nothing without --ros.", "/imu", goes_with="ros")
     fast: bool = option(None, "Nothing beside --ros.", False, not_with="ros")
 

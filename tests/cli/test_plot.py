@@ -39,14 +39,14 @@ def test_a_joint_beyond_its_limits_and_gravity_upwards_are_noted(tmp_path: Path)
     assert "points up" in err
 
 
-def test_what_cannot_be_drawn_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MPLBACKEND", "agg")
-    assert "no window can be opened here; give --out" in refusal("plot", "raven2")
-    assert "--json: goes with --out" in refusal("plot", "raven2", "--json")
+def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
+    assert "--out" in refusal("plot", "raven2")
     assert 'ending ".npz": expected .png or .svg or .pdf' in refusal("plot", "raven2", "--out", tmp_path / "a.npz")
     assert "hide: x: expected some of" in refusal("plot", "raven2", "--hide", "x", "--out", tmp_path / "a.png")
     assert "slides without limits" in refusal("plot", "dvrk_psm_motors", "--workspace", "--out", tmp_path / "a.png")
-    assert "does not go with" in refusal("plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1")
+    assert "does not go with" in refusal(
+        "plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1", "--out", "a.png"
+    )
     page = tmp_path / "other.png"
     page.write_text("mine")
     assert "is something else than a picture" in refusal("plot", "raven2", "--out", page)
@@ -69,4 +69,3 @@ def test_a_models_errors_on_a_recording_are_a_figure_of_a_column_with_fonts_in_i
     assert "--joint x: expected one of" in refusal("plot", model, run, "--joint", "x", "--out", out)
     assert "do not go with LOG" in refusal("plot", model, run, "--payload", "1", "--out", out)
     assert "--joint: goes with LOG" in refusal("plot", "raven2", "--joint", "x", "--out", out)
-    assert "give --out FILE" in refusal("plot", model, run)

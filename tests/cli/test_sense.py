@@ -40,7 +40,7 @@ def test_a_base_that_hangs_must_be_told_of():
     outcome = catenary(*hanging)
     assert outcome.code == 1
     assert "upside_down" in outcome.out
-    assert "nothing that can be believed" in outcome.out
+    assert "no valid sample was measured" in outcome.out
     assert catenary(*hanging, "--hanging").code == 0
 
 

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from catenary.cli.terminal import print_fact, print_json, print_notes, progress_bar
+from catenary.cli.terminal import print_json, print_notes, print_result, progress_bar
 
 
 def test_what_json_does_not_know_is_null(capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,14 +22,14 @@ def test_long_facts_fill_the_lines_of_a_terminal(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("COLUMNS", "40")
     shown = Terminal()
     monkeypatch.setattr(sys, "stdout", shown)
-    print_fact("sources", 10 * "seven77 ", width=8)
+    print_result(False, {}, [("sources", 10 * "seven77 "), ("verdicts", "")])
     lines = shown.getvalue().split("\n")
     assert max(map(len, lines)) <= 40
     assert lines[1].startswith(" " * 12 + "seven77")
 
 
 def test_a_pipe_gets_facts_on_one_line_and_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    print_fact("sources", 30 * "word ", width=8)
+    print_result(False, {}, [("sources", 30 * "word ")])
     assert capsys.readouterr().out.count("\n") == 1
     print_notes(["one", "two"])
     with progress_bar("fitting") as progress:

@@ -33,7 +33,6 @@ def _no_page(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["raven2", "--host", "0.0.0.0"], "ssh -L 8080:127.0.0.1:8080"),
         (["ravn2"], 'did you mean "raven2"?'),
         (["raven2", "--model", "none.npz"], "none.npz"),
         (["panda", "--robot-seed", "1"], "a seed draws the cables"),

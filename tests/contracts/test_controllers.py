@@ -35,7 +35,6 @@ CONTROLLERS = {
     "pd, absolute damping": lambda: JointPD(KP, KD, damping="absolute"),
     "pd and static gravity": lambda: GravityPD(ARM, KP, KD, gravity=LEVEL),
     "pd and dynamic gravity": lambda: GravityPD(ARM, KP, KD),
-    "pd and gravity at the reference": lambda: GravityPD(ARM, KP, KD, at="desired"),
     "pd with estimated gravity": lambda: with_estimated_gravity(False),
     "pd with gravity from recursive least squares": lambda: with_estimated_gravity(True),
     "passive hold": lambda: GravityHold(ARM),

@@ -78,7 +78,7 @@ def test_any_direction_of_gravity_is_looked_at_when_none_is_given() -> None:
     K, gains = np.diag(SPRINGS), np.diag(KP)
     least = np.linalg.eigvalsh(np.block([[K, -K], [-K, K + gains]])).min()
     assert least > 9.81 * (0.5 + 1.25 + 0.5)  # bound of the norm of dg/dq
-    assert within.holds
+    assert within.slope < 1.0
 
 
 def test_the_ravens_own_springs_and_gains_hold() -> None:

@@ -35,9 +35,8 @@ def state(gravity: Floats = TILTED, rates: Floats = AT_REST) -> JointState:
         ({"gravity": LEVEL}, RATES, lambda: gravity_torque(ARM, Q, LEVEL)),
         ({}, AT_REST, lambda: gravity_torque(ARM, Q, TILTED)),
         ({}, RATES, lambda: inverse_dynamics(ARM, Q, np.zeros(3), np.zeros(3), TILTED, BaseMotion(*RATES))),
-        ({"at": "desired"}, AT_REST, lambda: gravity_torque(ARM, Q_REF, TILTED)),
     ],
-    ids=["static: whatever is sensed", "dynamic", "dynamic on a turning base", "at the reference"],
+    ids=["static: whatever is sensed", "dynamic", "dynamic on a turning base"],
 )
 def test_torque_is_the_pds_and_gravitys(options, rates, expected) -> None:
     controller = GravityPD(ARM, KP, KD, **options)
@@ -76,7 +75,6 @@ def test_arm_without_inertia_is_refused_by_its_links() -> None:
         ({"kd": -KD}, "kd: expected zero or more"),
         ({"gravity": [0.0, 1.0]}, "gravity: expected shape"),
         ({"gravity": [0.0, np.nan, 1.0]}, "gravity"),
-        ({"at": "nowhere"}, "expected one of measured, desired"),
         ({"damping": "none"}, "expected one of relative, absolute"),
     ],
 )

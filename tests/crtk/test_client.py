@@ -7,20 +7,18 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.clock import SECOND, ManualClock
-from catenary.crtk.gravity_topic import ImuTopic, published_gravity
+from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.reader import RobotJoints
 from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.raven2.topics import JOINTS
-from catenary.sensing.bases import rules_for
-from catenary.sensing.mounting import Mounting
 from catenary.simulation.cable_plant import UNITS, CablePlant
 from catenary.workflows.robot.motion import pause
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import CrtkRobot, RobotOnLoopback
 from oracles.ideal_plant import IdealPlant
+from oracles.ticking_clock import SetClock
 
 START = [0.5, 1.2, 0.4, 0.0, 0.1, 0.2, -0.2]
 
@@ -40,7 +38,7 @@ def wait(client: CrtkClient, ticks: int) -> None:
 
 
 def test_missing_robot_is_reported_by_its_topics() -> None:
-    clock = ManualClock()
+    clock = SetClock()
     with pytest.raises(TransportError, match="after 5 s") as caught:
         CrtkClient(Loopback("client", LoopbackNetwork(clock=clock)))
     for topic in ("/arm2/measured_js", "/arm1/setpoint_js", "/arm1/servo_jp", "/ravenstate"):
@@ -232,47 +230,20 @@ def test_robot_without_encoders_has_no_such_columns() -> None:
     assert "ext_jpos" not in names
 
 
-def with_imu(on: str = "table", **mounting: Any) -> tuple[CrtkClient, Any]:
-    """A client with an accelerometer, and a function that has it publish a reading."""
-    setup, client = connected(ideal(), imu=ImuTopic(mounting=Mounting(**mounting), rules=rules_for(on)))
-    imu = Loopback("imu", setup.network).publisher("/imu/data_raw", "sensor_msgs/Imu")
-    vector = message_class("geometry_msgs/Vector3")
-
-    def read(*force: float, **fields: Any) -> None:
-        imu.publish(message_class("sensor_msgs/Imu")(linear_acceleration=vector(*force), **fields))
-
-    return client, read
-
-
-def test_gravity_is_nominal_without_an_accelerometer_and_where_it_measures_none() -> None:
-    client, read = with_imu()
-    read(0.0, 0.0, 9.8, linear_acceleration_covariance=np.array([-1.0] + 8 * [0.0]))
+def test_gravity_is_nominal_where_nobody_publishes_it_or_what_cannot_be_gravity() -> None:
+    setup, client = connected(ideal(), gravity="/gravity")
+    vectors = Loopback("node", setup.network).publisher("/gravity", "geometry_msgs/Vector3Stamped")
+    for nonsense in ((0.0, 0.0, -0.1), (np.nan, 0.0, -9.8)):
+        vectors.publish(
+            message_class("geometry_msgs/Vector3Stamped")(vector=message_class("geometry_msgs/Vector3")(*nonsense))
+        )
     for state in (connected(ideal())[1].measured_js(), client.measured_js()):
         assert_array_equal(state.gravity, [0.0, 0.0, -9.81])
         assert state.gravity_age == np.inf
 
 
-def test_gravity_is_what_an_accelerometer_reads_turned_round() -> None:
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # imu's z along the base's -y
-    client, read = with_imu(rotation=about_x)
-    read(0.0, 9.8, 0.0)
-    assert_allclose(client.measured_js().gravity, [0.0, 0.0, -9.8], atol=1e-12)
-    read(0.0, 0.1, 0.0)  # gravity stripped
-    client.wait()
-    state = client.measured_js()
-    assert_allclose(state.gravity, [0.0, 0.0, -9.8], atol=1e-12)
-    assert_allclose(state.gravity_age, 0.001)
-
-
-@pytest.mark.parametrize(("on", "believed"), [("table", False), ("ship", True)])
-def test_a_reading_on_a_deck_that_heaves_is_believed_where_a_ship_carries_the_base(on: str, believed: bool) -> None:
-    client, read = with_imu(on)
-    read(0.0, 0.0, 11.8)  # 2 m/s2 upwards
-    assert_allclose(client.measured_js().gravity, [0.0, 0.0, -11.8 if believed else -9.81], atol=1e-12)
-
-
 def test_gravity_that_a_node_publishes_points_down_and_ages_while_it_does_not_measure() -> None:
-    setup, client = connected(ideal(), imu=published_gravity("/gravity"))
+    setup, client = connected(ideal(), gravity="/gravity")
     node = Loopback("node", setup.network)
     vectors = node.publisher("/gravity", "geometry_msgs/Vector3Stamped")
     states = node.publisher("/gravity/status", "crtk_msgs/StringStamped", latch=True)

@@ -2,16 +2,9 @@ import time
 
 import pytest
 
-from catenary.crtk.clock import SECOND, Clock, ManualClock, Rate
+from catenary.crtk.clock import SECOND, Clock, Rate
 from catenary.errors import InputError
-
-
-def test_manual_time_passes_only_in_sleep() -> None:
-    clock = ManualClock(5 * SECOND)
-    assert clock.now() == 5 * SECOND
-    clock.sleep(0.25)
-    clock.sleep(-1.0)
-    assert clock.now() - 5 * SECOND == clock.elapsed() == SECOND // 4
+from oracles.ticking_clock import SetClock
 
 
 def test_wall_time_grows() -> None:
@@ -31,7 +24,7 @@ def test_wall_time_grows() -> None:
     ],
 )
 def test_a_loop_keeps_its_rate(delays: list[float], ends: float, late: int) -> None:
-    clock = ManualClock()
+    clock = SetClock()
     rate = Rate(clock, 100.0)
     for delay in delays:
         clock.sleep(delay)
@@ -69,4 +62,4 @@ def test_time_goes_on_while_the_computer_is_suspended() -> None:
 @pytest.mark.parametrize("hertz", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_rate_that_is_none_is_refused(hertz: float) -> None:
     with pytest.raises(InputError, match="Hz"):
-        Rate(ManualClock(), hertz)
+        Rate(SetClock(), hertz)

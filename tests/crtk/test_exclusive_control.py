@@ -8,9 +8,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
+from catenary.crtk.exclusive_control import Commander
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.reader import CrtkReader
+from catenary.crtk.transport import UNNAMED, Connections
 from catenary.errors import NotReadyError, RobotHeldError
 from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
@@ -291,3 +293,23 @@ def test_commands_that_wait_count_from_when_they_came(monkeypatch: pytest.Monkey
         robot.clock.sleep(0.005)
         robot.server.tick()
     assert robot.state() == "PAUSED"
+
+
+class LateNames(Loopback):
+    """A network that has learnt by now what the node of a program is called, as DDS does."""
+
+    def connections(self, topic: str) -> Connections:
+        return Connections(("/lab",), ())
+
+    def publishing(self) -> dict[str, frozenset[str]]:
+        return {"/move_jp": frozenset({"/lab 01f"})}
+
+
+def test_a_program_whose_nodes_name_comes_late_is_the_same_one_and_has_not_gone() -> None:
+    commander = Commander(LateNames("robot"))
+    commander.commands("/move_jp", f"{UNNAMED}01f 01f", 0)
+    for now in range(0, 5 * SECOND, SECOND // 10):
+        assert commander.left(now, is_moving=True) is None
+    commander.require_free("/lab 01f", SECOND, is_moving=True)
+    with pytest.raises(RobotHeldError):
+        commander.require_free("/other 02e", SECOND, is_moving=True)

@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
 
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.crtk.gravity_topic import ACCEL, IMU, VECTOR, GravityTopic
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.errors import InputError
 from catenary.sensing.vector import Kind, Mailbox
+from oracles.ticking_clock import SetClock
 
 XYZ = message_class("geometry_msgs/Vector3")
 MINUS_ONE = np.array([-1.0, *[0.0] * 8])
@@ -20,7 +21,7 @@ def imu(stamp=7 * SECOND, force=(0.1, 0.2, 9.8), rates=(0.01, 0.02, 0.03), **mor
 
 def heard(type_name, *messages, **options):
     """What a mailbox holds of messages sent at 50 s."""
-    network = LoopbackNetwork(clock=ManualClock(50 * SECOND))
+    network = LoopbackNetwork(clock=SetClock(50 * SECOND))
     sender, receiver, mailbox = Loopback("sensor", network), Loopback("node", network), Mailbox()
     topic = GravityTopic(receiver, "/sensor", type_name, mailbox, **options)
     publisher = sender.publisher("/sensor", type_name)

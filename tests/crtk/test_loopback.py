@@ -2,10 +2,11 @@ from typing import Any
 
 import pytest
 
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.errors import InputError, TransportError
+from oracles.ticking_clock import SetClock
 
 TEXT = "std_msgs/String"
 
@@ -20,7 +21,7 @@ def pair(**options: Any) -> tuple[Loopback, Loopback]:
 
 
 def test_messages_are_stamped_by_the_networks_clock() -> None:
-    robot, client = pair(clock=ManualClock(7 * SECOND))
+    robot, client = pair(clock=SetClock(7 * SECOND))
     heard = client.subscribe("/mood", TEXT)
     robot.sleep(0.5)
     robot.publisher("/mood", TEXT).publish(text("calm"))

@@ -59,9 +59,6 @@ def test_what_fits_no_joint_is_refused(names: tuple[str, ...], values: list[floa
         (message_values.pose_of, "std_msgs/String", {}, "got String"),
         (message_values.operating_state, "crtk_msgs/OperatingState", {"state": "asleep"},
          '"asleep": expected DISABLED, ENABLED, PAUSED, FAULT'),
-        (message_values.specific_force, "sensor_msgs/Imu", {"linear_acceleration_covariance": -np.ones(9)},
-         "measures no acceleration"),
-        (message_values.specific_force, "std_msgs/String", {}, "got String"),
     ],
 )  # fmt: skip
 def test_a_message_that_does_not_say_it_is_refused(read, kind, fields, complaint) -> None:
@@ -121,18 +118,6 @@ def test_operating_states_survive_the_way_there_and_back(state: Any) -> None:
         message_values.operating_state(one.decode(one.encode(message_values.operating_state_message(sent, 3), 1)))
         == sent
     )
-
-
-@pytest.mark.parametrize(
-    ("kind", "fields"),
-    [
-        ("sensor_msgs/Imu", {"linear_acceleration": XYZ}),
-        ("geometry_msgs/AccelStamped", {"accel": message_class("geometry_msgs/Accel")(linear=XYZ)}),
-        ("geometry_msgs/Vector3Stamped", {"vector": XYZ}),
-    ],
-)
-def test_accelerations_of_all_types_are_read_alike(kind: str, fields: dict[str, Any]) -> None:
-    assert_array_equal(message_values.specific_force(message_class(kind)(**fields)), XYZ)
 
 
 def test_seconds_of_a_stamp_are_exact_to_a_quarter_of_a_microsecond() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class, stamp_of
 from catenary.crtk.message_values import pose_message, pose_of
@@ -12,7 +12,7 @@ from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
 from catenary.nodes.serve import Serving, make_server
 from catenary.spatial import Pose, rotation_from_rpy
 from oracles.cable_arms import homed_plant
-from oracles.ticking_clock import BEGIN
+from oracles.ticking_clock import BEGIN, SetClock
 from served_robot import JointState, ServedRobot, shoulder
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
@@ -152,7 +152,7 @@ def test_a_motion_command_to_an_arm_that_the_robot_has_not_moves_none(robot):
 
 def test_fault_of_one_arm_stops_the_other():
     plants = {"gold": homed_plant("left"), "green": homed_plant("right")}
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    network = LoopbackNetwork(clock=SetClock(BEGIN))
     server = make_server(Serving(), Loopback("robot", network), plants=plants)
     heard = Loopback("client", network).subscribe("/arm2/operating_state", "crtk_msgs/operating_state")
     plants["gold"]._set_state("FAULT", "a motor's command was too large")
@@ -246,11 +246,11 @@ def test_the_robots_own_gravity_compensation_is_switched_while_it_runs(robot):
     made_so = homed_plant("left", grav_dir=(0, 0, 980))
     made_so.wait()
     assert_allclose(weighed, made_so.control.gravity_torque, rtol=2e-2)  # a few ticks apart
-    robot.server.person_says("grav-dir off")
+    robot.say("grav_dir", vector(), arm=None)
     robot.tick(5)
     assert robot.plant.grav_dir is None
     assert not robot.plant.control.gravity_torque.any()
-    robot.server.person_says("grav-dir 0,0,490")
+    robot.say("grav_dir", vector(0.0, 0.0, 490.0), arm=None)
     robot.tick(5)
     assert_allclose(robot.plant.control.gravity_torque, 0.5 * weighed, rtol=2e-2)
 
@@ -261,26 +261,3 @@ def test_a_gravity_that_is_none_is_refused(robot, values):
     robot.tick(3)
     assert robot.plant.grav_dir is None
     assert "/grav_dir: refused" in robot.server.reports.kinds
-
-
-def test_an_arms_servo_jp_carries_its_motors_torques_where_the_robot_was_changed_so():
-    """The UW's torque controller: 15 numbers in mNm; `tau` of raven_state is what was commanded at the capstans."""
-    plants = {"gold": homed_plant("left"), "green": homed_plant("right")}
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
-    server = make_server(Serving(torque_arm="green"), Loopback("robot", network), plants=plants)
-    client = Loopback("client", network)
-    heard = client.subscribe("/ravenstate", "raven_2/raven_state")
-    sends = client.publisher("/arm2/servo_jp", "sensor_msgs/JointState", latch=True)
-    asked = np.array([20.0, -15.0, 10.0, 3.0, -3.0, 2.0, -2.0])
-    sends.publish(JointState(position=[*asked, *np.zeros(8)]))
-    for _ in range(3):
-        network.clock.sleep(0.001)
-        server.tick()
-    tau = heard.take()[-1].message.tau
-    assert_allclose(tau[[8, 9, 10, 12, 13, 14, 15]], 1e-3 * asked, rtol=1e-5)
-    for _ in range(200):
-        network.clock.sleep(0.001)
-        server.tick()
-    held = plants["green"].setpoint_js().q  # they lapse a tenth of a second after the last message
-    server.tick()
-    assert_array_equal(plants["green"].setpoint_js().q, held)

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.clock import ManualClock
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import joint_state_message
@@ -15,6 +14,7 @@ from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.ideal_plant import IdealPlant
+from oracles.ticking_clock import SetClock
 
 NAMES = tuple(f"gold_{name}" for name in ("shoulder", "elbow", "ins", "roll", "wrist", "jaw1", "jaw2"))
 Q = [0.5, 1.2, 0.4, 0.0, 0.1, 0.2, -0.2]
@@ -22,7 +22,7 @@ Q = [0.5, 1.2, 0.4, 0.0, 0.1, 0.2, -0.2]
 
 def played(runlevel: int = 3, sublevel: int = 0) -> tuple[LoopbackNetwork, CrtkReader]:
     """A reader of what the recordings of RAVEN's group hold: joints, and a throttled state."""
-    network = LoopbackNetwork(clock=ManualClock())
+    network = LoopbackNetwork(clock=SetClock())
     bag, state = Loopback("rosbag", network), message_class("raven_2/raven_state")
     joints = bag.publisher("/arm2/measured_js", "sensor_msgs/JointState", latch=True)
     states = bag.publisher("/ravenstate_100hz", "raven_2/raven_state", latch=True)
@@ -57,7 +57,7 @@ def test_a_run_level_stands_for_the_state_that_nobody_publishes(level, sublevel,
 
 def test_what_is_missing_is_named():
     with pytest.raises(TransportError, match=r"/arm2/measured_js: nobody publishes it; /ravenstate: nobody"):
-        CrtkReader(Loopback("reader", LoopbackNetwork(clock=ManualClock())), connect_timeout=0.1)
+        CrtkReader(Loopback("reader", LoopbackNetwork(clock=SetClock())), connect_timeout=0.1)
 
 
 @pytest.mark.parametrize("kind", [CrtkReader, CrtkClient])

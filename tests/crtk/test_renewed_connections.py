@@ -3,13 +3,13 @@
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork, LoopbackPublisher
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import command_message
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
-from oracles.ticking_clock import BEGIN
+from oracles.ticking_clock import BEGIN, SetClock
 from served_robot import JointState, ServedRobot, shoulder
 
 COMMAND = "crtk_msgs/StringStamped"
@@ -122,7 +122,7 @@ def test_an_increment_is_not_made_twice(robot):
 
 def before_the_robot(*verbs: str) -> tuple[LoopbackNetwork, list[LoopbackPublisher]]:
     """A network with a client that was there before the robot, and its latched publishers."""
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    network = LoopbackNetwork(clock=SetClock(BEGIN))
     old = Loopback("client", network)
     kinds = {"state_command": COMMAND, "servo_jr": "sensor_msgs/JointState"}
     return network, [old.publisher(f"/arm1/{verb}", kinds[verb], latch=True) for verb in verbs]

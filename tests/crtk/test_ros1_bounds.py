@@ -1,6 +1,8 @@
 """What peers of a ROS 1 node, and callers of it, may send: it goes on, in little memory."""
 
 import json
+import socket
+import struct
 
 import pytest
 
@@ -8,16 +10,18 @@ from ros import OPEN, Master, Program
 
 pytestmark = pytest.mark.slow
 
-LISTENER = f"""{OPEN}
-import json
+PEAK = f"""{OPEN}
 from pathlib import Path
+def peak():  # [B] of this program; what getrusage tells includes the one that started it
+    status = Path("/proc/self/status").read_text()
+    return 1024 * int(status.split("VmHWM:")[1].split()[0])
+"""
+LISTENER = f"""{PEAK}
+import json
 from catenary.crtk.clock import Rate
 heard = transport.subscribe("/x", "sensor_msgs/JointState", largest=2048)
 print(transport.node.uri)
 sys.stdin.readline()
-def peak():  # [B] of this program; what getrusage tells includes the one that started it
-    status = Path("/proc/self/status").read_text()
-    return 1024 * int(status.split("VmHWM:")[1].split()[0])
 before = peak()
 found = []
 end = time.monotonic() + PATIENCE
@@ -88,6 +92,29 @@ def test_a_peer_that_announces_gigabytes_costs_no_memory_and_no_other_message(ro
     assert stamps == [1, 2]
     assert oversized == 2
     assert memory < 50e6
+
+
+GREETED = f"""{PEAK}
+from rospy.impl.tcpros_base import get_tcpros_server_address
+publisher = transport.publisher("/x", "std_msgs/Empty")
+before = peak()
+print(get_tcpros_server_address()[1])
+sys.stdin.readline()
+print(peak() - before)
+"""
+
+
+def test_a_new_peer_that_announces_gigabytes_of_greeting_costs_no_memory(ros_master: Master) -> None:
+    with Program(ros_master, GREETED, "greeted") as greeted:
+        with socket.create_connection(("127.0.0.1", int(greeted.line())), 30.0) as peer:
+            try:
+                peer.sendall(struct.pack("<I", 2**31))
+                for _ in range(2000):  # 200 MB, if anybody reads it
+                    peer.sendall(bytes(100_000))
+            except OSError:  # it was closed
+                pass
+        greeted.say("")
+        assert int(greeted.line()) < 50e6
 
 
 def test_calls_of_any_content_do_not_end_a_node(ros_master: Master) -> None:

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import command_message
@@ -23,7 +23,7 @@ from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
 def living_client(state: str, command: str, *, dialect: DialectName = "raven", stamp: int = 0) -> ServedRobot:
     """A robot that starts on a network where a client has latched a command of its own."""
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    network = LoopbackNetwork(clock=SetClock(BEGIN))
     client = Loopback("client", network)
     publisher = client.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
     publisher.publish(command_message(command, stamp))
@@ -166,7 +166,7 @@ def test_a_person_at_the_server_presses_the_button_and_commands():
 
 
 def test_a_published_rate_is_a_part_of_the_robots():
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    network = LoopbackNetwork(clock=SetClock(BEGIN))
     server = make_server(Serving(), Loopback("robot", network), rate_hz=200.0)
     heard = Loopback("client", network).subscribe("/arm1/setpoint_js", "sensor_msgs/JointState")
     for _ in range(100):
@@ -187,6 +187,15 @@ def test_a_topic_that_carries_another_type_is_refused():
         make_server(Serving(), Loopback("robot", network))
 
 
+def test_who_asks_for_a_state_hears_the_robot_in_the_same_tick():
+    robot = ServedRobot()
+    robot.tick(200)
+    heard = [robot.hear(verb) for verb in ("measured_js", "setpoint_js", "setpoint_cp")]
+    robot.command("pause")
+    robot.tick()
+    assert [len(one) for one in heard] == [1, 1, 1]
+
+
 def test_clients_are_known_by_name():
     robot = ServedRobot()
     robot.joints("servo_jr", np.zeros(7))
@@ -205,13 +214,13 @@ def test_nothing_but_states_for_who_may_come_is_made_while_nobody_listens():
     more = {one.topic.name: one.publisher._sent - sent[one.topic.name] for one in publishers}
     assert more.pop("/ravenstate") == 200
     states = [count for name, count in more.items() if name.endswith("operating_state")]
-    assert all(count <= 3 for count in states)  # ten a second, for who may come
+    assert all(count <= 10 for count in states)  # some forty a second, for who may come
     assert sum(more.values()) == sum(states)
     assert len(heard.take()) == 200
     heard.close()
-    heard = robot.hear("measured_js")  # whoever comes later is found within a tenth of a second
+    heard = robot.hear("measured_js")  # whoever comes later is found within a tick for each topic
     robot.tick(200)
-    assert 90 <= len(heard.take()) <= 200
+    assert 160 <= len(heard.take()) <= 200
 
 
 @pytest.mark.parametrize("by", [-3600, 3600])
@@ -330,7 +339,7 @@ def test_they_move_as_the_joints_do_and_not_as_the_robot_believes(robot):
     c, q = positions(counts), positions(read)
     moved = q[-1] - q[0]
     assert (np.abs(moved) > [0.2, 0.1, 5e-4]).all()  # they do move
-    resolution = 1.0 / robot.plant.rig.counts
+    resolution = 1.0 / robot.plant.encoders.rig.counts
     assert (np.abs(moved - true) < 3.0 * resolution + 1e-3 * np.abs(true)).all()
     assert (np.abs(believed - true) > np.abs(moved - true)).all()
     assert (c == np.rint(c)).all()

@@ -1,4 +1,4 @@
-"""The silver button by its service, and by the topic of its name where there are no services."""
+"""The silver button, by its topic."""
 
 import pytest
 
@@ -15,11 +15,10 @@ from served_robot import homing_plant
 class Raven(TickingClock):
     """A served RAVEN-II that ticks while somebody sleeps, and a client of it."""
 
-    def __init__(self, *, has_services: bool) -> None:
+    def __init__(self) -> None:
         super().__init__(0.001, 1_700_000_000 * 10**9)
         network = LoopbackNetwork(clock=self)
         carrier, self.client = Loopback("robot", network), Loopback("client", network)
-        carrier.has_services = self.client.has_services = has_services
         parked = ParkedArm(JOINTS, UNITS, homed_plant("left").firmware.home_value)
         self.plant = homing_plant()
         self.server = make_server(Serving(), carrier, plants={"gold": self.plant, "green": parked})
@@ -28,9 +27,8 @@ class Raven(TickingClock):
         self.server.tick()
 
 
-@pytest.mark.parametrize("has_services", [True, False])
-def test_it_starts_the_robot_and_says_what_it_did(has_services: bool) -> None:
-    robot = Raven(has_services=has_services)
+def test_it_starts_the_robot_and_says_what_it_did() -> None:
+    robot = Raven()
     robot.sleep(0.2)  # it looks ten times a second at who is there
     assert press_button(robot.client) == (True, "gold: starts")
     robot.sleep(0.05)
@@ -42,6 +40,5 @@ def test_it_starts_the_robot_and_says_what_it_did(has_services: bool) -> None:
 
 def test_where_nobody_has_one_it_says_so() -> None:
     lonely = Loopback("client", LoopbackNetwork(clock=SetClock()))
-    lonely.has_services = False
     with pytest.raises(TransportError, match="nobody listens"):
         press_button(lonely)

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.raven_inverse_kinematics import raven_path, raven_solutions
+from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -31,29 +31,10 @@ def clear_of_the_remote_centre(model: RobotModel) -> Floats:
     return upper
 
 
-def within_limits(model: RobotModel, q: Floats) -> bool:
-    inside = (q >= model.lower - 1e-9) & (q <= model.upper + 1e-9)
-    return bool(np.delete(inside, 3 if model.n == 6 else []).all())  # the roll may be turned once around
-
-
 def test_a_thousand_configurations_are_recovered_from_their_poses(arm, rng):
     for q in rng.uniform(arm.lower, clear_of_the_remote_centre(arm), size=(1000, arm.n)):
         found = inverse_kinematics(arm, forward_kinematics(arm, q), q + 0.1 * rng.uniform(-1, 1, arm.n))
         assert_allclose(found, q, atol=1e-9)
-
-
-def test_every_solution_reproduces_the_pose_and_exactly_one_lies_within_the_limits(arm, rng):
-    for q in rng.uniform(arm.lower, clear_of_the_remote_centre(arm), size=(500, arm.n)):
-        pose = forward_kinematics(arm, q)
-        solutions = raven_solutions(arm, pose)
-        assert sum(within_limits(arm, s) for s in solutions) == 1
-        assert 2 <= len(solutions) <= (8 if arm.n == 6 else 4)
-        assert len(solutions) % 2 == 0
-        for s in solutions:
-            again = forward_kinematics(arm, s)
-            assert_allclose(again.position, pose.position, atol=1e-12)
-            if arm.n == 6:
-                assert_allclose(again.rotation, pose.rotation, atol=1e-12)
 
 
 def test_limits_themselves_are_reached(arm, rng: np.random.Generator) -> None:
@@ -128,7 +109,7 @@ def test_a_pose_beyond_a_limit_names_the_limit(arm) -> None:
 def test_a_shaft_along_the_shoulders_axis_is_out_of_reach(name: str) -> None:
     model = load_robot(name)
     # the shoulder turns about the base's y
-    with pytest.raises(UnreachablePoseError, match="too near the shoulder's axis; expected at 23 deg"):
+    with pytest.raises(UnreachablePoseError, match="too near the shoulder's axis"):
         inverse_kinematics(model, Pose(np.eye(3), np.array([0.0, 0.1, 0.0])))
 
 
@@ -155,8 +136,8 @@ def test_what_is_no_pose_or_no_raven_is_refused() -> None:
     with pytest.raises(InputError, match="rotation matrix"):
         inverse_kinematics(model, Pose(np.diag([1.0, 1.0, -1.0]), np.array([0.1, 0.0, 0.0])))
     with pytest.raises(InputError, match=r"pose position\[0\] is nan"):
-        raven_solutions(model, Pose(np.eye(3), np.array([np.nan, 0.0, 0.0])))
+        inverse_kinematics(model, Pose(np.eye(3), np.array([np.nan, 0.0, 0.0])))
     with pytest.raises(InputError, match=r"rotations\[1\]: expected a rotation matrix"):
         raven_path(model, [np.eye(3), 2.0 * np.eye(3)], np.full((2, 3), 0.1))
     with pytest.raises(UnsupportedModelError, match='robot "planar_3r": no closed form'):
-        raven_solutions(load_robot("planar_3r"), Pose(np.eye(3), np.zeros(3)))
+        raven_path(load_robot("planar_3r"), np.eye(3)[None], np.zeros((1, 3)))

@@ -7,11 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catenary.calibration.model_file import save_model
-from catenary.plant import MotionLog
 from meeting import Meeting
 from patience import until
-from recordings import fitted
 from ros import PATIENT_COMMAND, Master, Program
 
 # over DDS: tests/crtk/dds/test_served_faults.py
@@ -36,17 +33,6 @@ while True:
         publishers[topic].publish(m)
     print("played")
 """
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Adds a hundredth to each joint, wherever it is."""
-    q = np.random.default_rng(0).uniform([0.0, 1.0, 0.2], [1.2, 2.2, 0.5], (400, 3))
-    names, units = ("shoulder", "elbow", "insertion"), ("rad", "rad", "m")
-    log = MotionLog("run", names, units, q, np.ones(400, dtype=bool), q + 0.01, time=np.arange(400) / 30.0)
-    path = tmp_path_factory.mktemp("model") / "arm.npz"
-    save_model(fitted(log, kind="linear", inputs=tuple(f"q:{name}" for name in names)), {}, path)
-    return path
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,7 @@ OFFSET = np.array([0.02, -0.03, 0.001])  # [rad, rad, m] that the deployed model
 HOME = np.array([np.pi / 6, np.pi / 2, 0.4])
 
 
-# what does not depend on the transport: over one of them. A served robot is homed over DDS in crtk/dds/test_fast_dds_client.py
+# what does not depend on the transport: over one of them. A served robot is homed over DDS in crtk/dds/test_real_ros2.py
 ONCE = pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])
 
 

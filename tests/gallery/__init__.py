@@ -42,6 +42,7 @@ class Sample:
     refused: str = ""  # in the error, of what is not read
     truth: Mapping[str, np.ndarray] = field(default_factory=lambda: {"q_nominal": Q, "time": T})  # of the log, in SI
     within: float = 1e-6
+    pose: Mapping[str, object] = field(default_factory=dict)  # of a tracker, as a mapping says it, in place of joints
 
 
 def samples() -> list[Sample]:
@@ -55,7 +56,8 @@ def table() -> str:
     """Return the table of the page."""
     rows = []
     for one in samples():
-        asked = f"refused: {one.refused}" if one.refused else ", ".join(f"`{about}`" for about in one.asks) or "nothing"
+        asks = ["q_encoder"] if one.pose else one.asks
+        asked = f"refused: {one.refused}" if one.refused else ", ".join(f"`{about}`" for about in asks) or "nothing"
         rows.append(f"| {one.source} | `{one.file}` | {one.read} | {asked} |")
     return "\n".join(["| written by | file | read | asked |", "|---|---|---|---|", *rows]) + "\n"
 

@@ -123,10 +123,6 @@ SAMPLES = [
         says=("4 names for 10 columns", *TOLD), truth=MOVED,
     ),
     Sample(
-        "R `write.table`", "frame.txt", "its counter of rows has no name",
-        lines('"t" "q1" "q2" "q3"\n', lambda i: f'"{i + 1}" {cells(ALL[i, :4], " ")}'), says=("counts the rows",),
-    ),
-    Sample(
         "pandas, of an array", "pandas.csv", "0, 1, 2, ... above the columns are no row",
         lines(f",{','.join(map(str, range(10)))}\n", lambda i: f"{i},{cells(ALL[i])}"),
         asks={"time_unit": "s"}, truth={"q_nominal": Q},

@@ -139,14 +139,6 @@ def test_near_a_singular_pose_parameters_stay_bounded() -> None:
     assert np.abs(estimator.s_hat).max() < 20.0
 
 
-def test_reset_begins_anew() -> None:
-    estimator = GravityEstimator(load_robot("planar_3r"), KP, KD, s0=[1.0, 2.0, 3.0])
-    estimator.reset()
-    assert_array_equal(estimator.s_hat, 0.0)
-    estimator.reset([1.0, 0.5, 0.1])
-    assert_array_equal(estimator.s_hat, [1.0, 0.5, 0.1])
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [

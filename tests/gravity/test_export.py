@@ -250,11 +250,8 @@ def test_sympy_prints_a_two_link_arm_as_one_writes_it():
     first, second = str(gravity).split("\n")
     assert second == "0.25*gravity_x*sin(q1 + q2) - 0.25*gravity_z*cos(q1 + q2)"
     assert first == f"1.5*gravity_x*sin(q1) + {second.replace(' -', ' - 1.5*gravity_z*cos(q1) -')}"
-    assert r"1.5 g_{x} \sin{\left(q_{1} \right)}" in gravity.latex()
     M = export_function(load_robot("two_link"), "mass_matrix", "sympy")
     assert str(M).split("\n")[0] == "[0.5*cos(q2) + 1.41667, 0.25*cos(q2) + 0.0833333]"
-    moving = export_function(load_robot("two_link"), "inverse_dynamics", "sympy")
-    assert r"\ddot{q}_{2}" in moving.latex()
 
 
 @pytest.mark.parametrize("target", PACKAGES)

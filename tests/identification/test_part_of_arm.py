@@ -20,14 +20,15 @@ HELD = {"ur10e": ("shoulder_pan_joint", "wrist_1_joint"), "dvrk_mtm_motors": ("q
 def test_an_arm_with_held_joints_moves_as_the_whole_does(name):
     arm, rng = load_robot(name), np.random.default_rng(0)
     q, qd, _ = sinusoids(rng, arm, np.linspace(0.0, 1.0, 50))
-    at = {joint: rng.uniform(-0.3, 0.3) for joint in HELD[name]}
+    limits = {joint: np.clip([-0.3, 0.3], arm.lower[k], arm.upper[k]) for k, joint in enumerate(arm.joint_names)}
+    at = {joint: rng.uniform(*limits[joint]) for joint in HELD[name]}
     for joint, place in at.items():
         q[:, arm.joint_names.index(joint)], qd[:, arm.joint_names.index(joint)] = place, 0.0
     log = MotionLog("run", arm.joint_names, arm.joint_units, q, np.ones(len(q), dtype=bool))
     joints = [joint for joint in arm.joint_names if joint not in at]
-    part, notes = part_of_arm(arm, joints, [log])
+    part, held = part_of_arm(arm, joints, [log])
     assert part.joint_names == tuple(joints)
-    assert all(joint in notes[0] for joint in at)
+    assert held == pytest.approx(at, abs=1e-12)
     kept = [arm.joint_names.index(joint) for joint in joints]
     few = of_joints(log, part)
     assert_allclose(few.q_nominal, q[:, kept])

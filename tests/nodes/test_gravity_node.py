@@ -9,7 +9,8 @@ from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_delta
-from catenary.nodes.gravity_node import GravityNode, LevelBaseArm, publish_gravity
+from catenary.nodes.gravity_node import GravityNode, LevelBaseArm
+from catenary.nodes.publishing import publish
 from catenary.robots.catalog import load_robot
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
@@ -103,7 +104,7 @@ def test_vectors_are_in_the_base_frame_with_rising_stamps():
 def test_a_driver_that_takes_gravity_away_is_named_with_those_known_to_do_it():
     world = World()
     world.run(2.0, np.zeros(3))
-    final = publish_gravity(world.node, duration=0.05)
+    final = publish(world.node, rate_hz=100.0, duration=0.05)
     assert any("gravity_stripped" in text and "dmpGetLinearAccel" in text for text in final.warnings)
 
 
@@ -133,14 +134,14 @@ def test_stop_publishes_nothing_but_says_so():
 def test_the_rate_is_kept_the_status_shown_each_second_and_a_duration_of_nothing_refused():
     world = World()
     shown = []
-    final = publish_gravity(world.node, rate_hz=50.0, duration=2.5, show=shown.append)
+    final = publish(world.node, rate_hz=50.0, duration=2.5, show=shown.append)
     assert final.published == 1 + 125
     assert [round(status.seconds) for status in shown] == [1, 2]
     assert final.subscribers == 1
     assert final.as_data()["faults"] == ["nothing_received"]
     assert final.seconds == pytest.approx(now_of(world.node_transport) - START / SECOND)
     with pytest.raises(InputError, match="duration"):
-        publish_gravity(world.node, duration=0.0)
+        publish(world.node, rate_hz=100.0, duration=0.0)
 
 
 @pytest.mark.parametrize("by", [-3600, 3600])
@@ -154,7 +155,7 @@ def test_a_clock_that_is_set_costs_no_gravity_and_stamps_follow_it(by):
     stamps = [one.message.header.stamp for one in world.vectors.take()]
     assert stamps[-1] == world.sensor.now()
     assert_allclose(np.diff(stamps), 0.01 * SECOND)
-    final = publish_gravity(world.node, duration=0.5)  # durations are none of the clock's
+    final = publish(world.node, rate_hz=100.0, duration=0.5)  # durations are none of the clock's
     assert final.seconds == pytest.approx(0.5, abs=0.011)
 
 
@@ -179,7 +180,7 @@ def test_what_a_level_base_firmware_leaves_over_is_told_of_joints_by_name():
     world = World(arm=LevelBaseArm(arm, "/joint_states"))
     world.run(2.0, -TILTED)
     assert not world.deltas.take()
-    assert any("no joints on /joint_states" in w for w in publish_gravity(world.node, duration=0.02).warnings)
+    assert any("no joints on /joint_states" in w for w in publish(world.node, rate_hz=100.0, duration=0.02).warnings)
     world.joints.publish(joint_state_message(names, world.sensor.now(), [*q[::-1], 0.0]))
     world.run(0.03, -TILTED)
     message = world.deltas.take()[-1].message
@@ -189,4 +190,4 @@ def test_what_a_level_base_firmware_leaves_over_is_told_of_joints_by_name():
     assert_allclose(message.effort, gravity_delta(arm, q, gravity), atol=1e-9)
     world.joints.publish(joint_state_message(names[1:], world.sensor.now(), [*q[1::-1], 0.0]))
     world.run(0.03, -TILTED)
-    assert "tells nothing of insertion" in publish_gravity(world.node, duration=0.02).warnings[-1]
+    assert "tells nothing of insertion" in publish(world.node, rate_hz=100.0, duration=0.02).warnings[-1]

@@ -9,7 +9,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from catenary.raven2.topics import RAVENSTATE, raven_topics
+from catenary.raven2.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, raven_topics
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import ros2_name, typestore
@@ -100,4 +100,51 @@ def write_bag(journal: Path, path: Path) -> Path:
         for topic, stamp, data in (stated, *source.messages()):
             to = connections[topic]
             bag.write(to, stamp, data if ros == 1 else typestore(2).ros1_to_cdr(data, to.msgtype))
+    return path
+
+
+# raven_state's fields as a row of the published CSV has them, behind its stamp
+PUBLISHED = [
+    "jpos",
+    "runlevel",
+    "sublevel",
+    "last_seq",
+    "type",
+    "pos",
+    "ori",
+    "ori_d",
+    "pos_d",
+    "encVals",
+    "dac_val",
+    "tau",
+    "mpos",
+    "mvel",
+    "jvel",
+    "mpos_d",
+    "jpos_d",
+    "grasp_d",
+    "encoffsets",
+    "jac_vel",
+    "jac_f",
+]
+
+
+def write_csv(journal: Path, path: Path, *, farthest: float = 0.05) -> Path:
+    """Write a recording as RAVEN's group publishes it, 252 columns: a state, and the samples nearest to it in time."""
+    read = {topic.name: [] for topic in (RAVENSTATE, EXT_JPOS, GOLD_MEASURED_JS)}
+    for name, _, data in JournalReader(journal).messages(tuple(read)):
+        kind = RAVENSTATE.type if name == RAVENSTATE.name else EXT_JPOS.type
+        message = typestore(1).deserialize_ros1(data, ros2_name(kind))
+        stamp = (message.hdr if name == RAVENSTATE.name else message.header).stamp
+        read[name].append((stamp.sec * 10**9 + stamp.nanosec, message))
+    origin, rows = read[RAVENSTATE.name][0][0], []
+    for stamp, state in read[RAVENSTATE.name]:
+        row: list[object] = []
+        for topic, zero in ((EXT_JPOS, origin), (GOLD_MEASURED_JS, 0)):
+            at, message = min(read[topic.name], key=lambda one: abs(one[0] - stamp))
+            near = abs(at - stamp) <= farthest * 1e9
+            row += [(at - zero) / 1e9, *message.position] if near else ["nan"] * (1 + len(topic.joint_names))
+        row += [stamp / 1e9, *(value for name in PUBLISHED for value in np.atleast_1d(getattr(state, name)))]
+        rows.append(",".join(map(str, row)))
+    path.write_text("\n".join(rows) + "\n")
     return path

@@ -1,19 +1,31 @@
 """Time that passes only in sleeps, in which something happens at a fixed period; and that somebody may set."""
 
-from catenary.crtk.clock import SECOND, ManualClock
+import threading
+
+from catenary.crtk.clock import SECOND, Clock
 
 BEGIN = 1_700_000_000 * SECOND  # a time of day
 
 
-class SetClock(ManualClock):
-    """A clock of the day that somebody sets by `ahead` [ns]."""
+class SetClock(Clock):
+    """Time that passes only when somebody sleeps, a second of simulation in no second; a clock of the day that somebody
+    sets by `ahead` [ns].
+    """
 
     def __init__(self, start: int = BEGIN) -> None:
-        super().__init__(start)
+        self._now = self._start = self._ahead = start
         self.ahead = 0
+        self._lock = threading.Lock()
 
     def now(self) -> int:
-        return super().now() + self.ahead
+        return self._now + self.ahead
+
+    def elapsed(self) -> int:
+        return self._now - self._start
+
+    def sleep(self, seconds: float) -> None:
+        with self._lock:
+            self._now += max(0, round(seconds * SECOND))
 
 
 class TickingClock(SetClock):

@@ -11,7 +11,6 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording import bag_writer
 from catenary.recording.bag_reader import open_recording, open_recordings
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.bag_writer import write_group_bags
@@ -95,14 +94,6 @@ def test_one_bag_per_topic_as_the_group_records(journal: Path, sent: list[Messag
     assert [(about.robot, about.seed) for about in stated] == [(ABOUT.robot, ABOUT.seed)]
     with pytest.raises(InputError, match="never overwritten"):
         write_group_bags(JournalReader(journal), tmp_path)
-
-
-def test_a_long_recording_goes_into_several_bags(journal, sent, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(bag_writer, "MAX_MESSAGES", 500)
-    written = write_group_bags(JournalReader(journal), tmp_path)
-    names = [path.name for path in written if path.stem.startswith("record_ext_jenc")]
-    assert names == [f"record_ext_jenc{number}.bag" for number in ("", "_1", "_2")]
-    assert sorted(m for path in written for m in open_recording(path).messages()) == sorted(sent)
 
 
 def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(journal, tmp_path, caplog) -> None:
@@ -196,7 +187,7 @@ def test_another_version_of_a_type_is_refused_with_the_difference(tmp_path: Path
     with Writer1(tmp_path / "a.bag") as writer:
         writer.add_connection("/ravenstate", "raven_2/msg/raven_state", typestore=store)
         writer.write(writer.connections[0], 1, b"\0" * 148)
-    with pytest.raises(FileFormatError, match=md5_sum("raven_2/raven_state")) as caught:
+    with pytest.raises(FileFormatError, match="differs from the type that catenary knows") as caught:
         open_recording(tmp_path / "a.bag")
     assert "float32[16] jpos" in str(caught.value)
     assert "has besides [float64[16] jpos]" in str(caught.value)

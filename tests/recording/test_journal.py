@@ -43,7 +43,7 @@ def test_what_is_written_is_read_whole_or_one_topic_of_it_and_all_are_counted(tm
     assert not reader.ends_early
     assert reader.problems == []
     assert list(reader.messages(("/b",))) == [message for message in sent if message[0] == "/b"]
-    assert sum(reader.received.values()) == len(sent)
+    assert sum(reader.counts.values()) == len(sent)
 
 
 def test_long_recordings_are_split_and_each_file_reads_by_itself(tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ def test_missing_files_are_noticed_and_what_was_in_the_middle_is_counted(tmp_pat
     lost = len(_read(second))
     second.unlink()
     reader = _read_through(tmp_path / "r")
-    assert sum(reader.received.values()) == len(sent) - lost
+    assert sum(reader.counts.values()) == len(sent) - lost
     assert reader.lost == lost
     assert any("missing" in problem for problem in reader.problems)
     assert not reader.ends_early
@@ -225,7 +225,7 @@ def test_threads_append_without_loss(tmp_path: Path) -> None:
         for thread in threads:
             thread.join()
     reader = _read_through(tmp_path / "r")
-    assert reader.received == {"/a": 1000, "/b": 1000}
+    assert reader.counts == {"/a": 1000, "/b": 1000}
     assert reader.problems == []
 
 

@@ -1,7 +1,5 @@
 """A recording that was cut off goes on: nothing twice, nothing missing but what was told."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +17,7 @@ from catenary.recording.journal_reader import JournalReader
 from catenary.trajectories.reference import GoneOn
 from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off
 from oracles.ticking_clock import SetClock
+from oracles.waves import Waves
 
 TOPICS = [JournalTopic("/a", "std_msgs/Bool"), JournalTopic("/b", "std_msgs/Float64")]
 SECOND = 10**9
@@ -131,7 +130,7 @@ def test_what_is_of_another_kind_does_not_go_on(tmp_path: Path) -> None:
 
 
 def test_a_motion_goes_on_from_rest_and_is_itself_from_the_instant_on() -> None:
-    motion = _Wave()
+    motion = Waves(20.0)
     went = GoneOn(motion, 7.3)
     assert np.abs(went(0.0).qd).max() == 0.0
     times = np.linspace(0.0, went.duration, 400)
@@ -145,60 +144,6 @@ def test_a_motion_goes_on_from_rest_and_is_itself_from_the_instant_on() -> None:
     np.testing.assert_allclose(went.sample(later)[0], motion.sample(later - went.lead + 7.3)[0], atol=1e-12)
     assert went.duration == pytest.approx(motion.duration - 7.3 + went.lead)
     np.testing.assert_array_equal(GoneOn(motion, 0.0).sample(times[:50])[0], motion.sample(times[:50])[0])
-
-
-class _Wave:
-    """Three joints along sines."""
-
-    duration = 20.0
-
-    def __call__(self, t: float):
-        q, qd, qdd = self.sample([t])
-        return q[0], qd[0], qdd[0]
-
-    def sample(self, times):
-        t, w = np.asarray(times)[:, np.newaxis], np.array([1.0, 2.0, 3.0])
-        return np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)
-
-
-RECORDER = """
-import sys, time
-from pathlib import Path
-import numpy as np
-from catenary.recording.journal import JournalTopic, JournalWriter
-from catenary.recording.journal_reader import JournalReader
-folder, last = Path(sys.argv[1]), int(sys.argv[2])
-topics = [JournalTopic("/a", "std_msgs/Bool"), JournalTopic("/b", "std_msgs/Float64")]
-found = JournalReader(folder).left_off(in_passes=True) if any(folder.glob("*.mcap")) else None
-for file in found.dropped if found else ():
-    file.unlink()
-if found is None:
-    for file in folder.glob("*.mcap"):
-        file.unlink()
-begin = 0 if found is None else round(found.begins * 100)
-with JournalWriter(folder, topics, after=found, flush_interval=0.01) as writer:
-    for k in range(begin, last):
-        if k % 50 == 0 and k > begin:
-            writer.begin_pass(k / 100)
-        writer.append("/b", 10**9 + k * 10**7, np.float64(k).tobytes())
-        print(k, flush=True)
-        time.sleep(0.002)
-"""
-
-
-def test_a_recorder_that_is_killed_three_times_ends_with_all(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", RECORDER, str(tmp_path), "400"]
-    for stop in (120, 200, 330):
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
-            for line in process.stdout:
-                if int(line) >= stop:
-                    break
-            process.kill()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    whole, reader = numbers(tmp_path)
-    assert whole == list(range(400))
-    assert (reader.lost, reader.damage) == (0, [])
 
 
 def test_a_recorder_of_topics_notes_where_it_went_on(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from catenary.recording.bag_writer import write_group_bags
-from catenary.recording.extract import extract
 from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.recording.journal_reader import JournalReader
 from oracles.raven_recording import record_minutes
@@ -15,10 +14,9 @@ MINUTES = 17
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["journal", "bag"])
-def test_seventeen_minutes_are_extracted_and_synchronised_whole(tmp_path: Path, kind: str) -> None:
+def test_seventeen_minutes_are_synchronised_whole(tmp_path: Path, kind: str) -> None:
     journal = record_minutes(tmp_path / "r", MINUTES)
     paths = [journal] if kind == "journal" else [*write_group_bags(JournalReader(journal), tmp_path)]
-    extract(paths, tmp_path / "x")
-    result = read_raven([tmp_path / "x"])
+    result = read_raven(paths)
     assert len(result.log) > 29 * 60 * MINUTES
     assert result.log.ok[:-1].all()

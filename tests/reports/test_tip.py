@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -34,8 +32,8 @@ def test_a_slide_that_is_off_moves_the_tip_by_as_much(shift: float) -> None:
     raven = load_robot("raven2")
     tip = tip_errors(raven, *found(np.array([0.0, 0.0, shift]), raven.joint_names, UNITS))
     # the slide moves the tip along a straight line
-    assert_allclose([tip.raw.rmse, tip.raw.median, tip.raw.largest], abs(shift), atol=1e-12)
-    assert_allclose(tip.model.largest, 0.0, atol=1e-9)  # the fixed offset takes a constant error away
+    assert_allclose(tip.distances(tip.reported), abs(shift), atol=1e-12)
+    assert_allclose(tip.distances(tip.corrected), 0.0, atol=1e-9)  # the fixed offset takes a constant error away
 
 
 def test_joints_are_matched_by_name_or_by_the_first_units_and_others_must_not_move_the_tip() -> None:
@@ -60,5 +58,5 @@ def test_the_arm_is_drawn_with_both_errors_in_its_caption() -> None:
     drawn = arm_picture(tip, "offset", np.array([20, 40]))
     assert "2.000 mm raw" in drawn.caption
     assert drawn.alt
-    still = replace(tip, true=tip.true[:1], reported=tip.reported[:1], corrected=tip.corrected[:1])
+    still = tip._replace(true=tip.true[:1], reported=tip.reported[:1], corrected=tip.corrected[:1])
     assert arm_picture(still, "offset", np.zeros(0)).png

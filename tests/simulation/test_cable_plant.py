@@ -291,9 +291,9 @@ def test_a_command_is_the_plants_own_copy():
 def test_rig_columns_agree_with_the_true_joints():
     plant = homed_plant()
     sample = plant.telemetry()
-    assert_array_equal(sample["joint_enc"], np.round(sample["q_true"] * plant.rig.counts))
+    assert_array_equal(sample["joint_enc"], np.round(sample["q_true"] * plant.encoders.rig.counts))
     # the rig calls the stops 0, 130 deg and 0.572467 m
-    offset = plant.rig.registered - plant.cable.stop_position
+    offset = plant.encoders.rig.registered - plant.cable.stop_position
     assert_allclose(sample["ext_jpos"] - sample["q_true"], offset, atol=1e-3)
 
 

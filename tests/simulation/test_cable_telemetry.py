@@ -39,7 +39,7 @@ def test_an_arms_channels_are_its_own_and_the_parked_arms_are_zero(run) -> None:
 
 def test_the_last_row_of_true_joints_is_within_a_count_of_the_external_encoders(run) -> None:
     plant, log, telemetry = run
-    assert (np.abs(telemetry["joint_enc"] - log.q * plant.rig.counts) <= 0.5).all()
+    assert (np.abs(telemetry["joint_enc"] - log.q * plant.encoders.rig.counts) <= 0.5).all()
 
 
 def test_the_pose_is_that_of_the_reported_joints(run) -> None:

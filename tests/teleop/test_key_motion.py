@@ -4,8 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
-from catenary.teleop.dead_man import RAMP, TIMEOUT
-from catenary.teleop.key_motion import JOINT_SPEED, TeleopMotion
+from catenary.teleop.key_motion import JOINT_SPEED, RAMP, TIMEOUT, TeleopMotion
 
 PERIOD = 0.001
 RAVEN = load_robot("raven2")

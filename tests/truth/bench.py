@@ -172,12 +172,7 @@ def evaluated(known: Known, spoiling: Spoiling, folder: Path) -> Outcome:
 
 def cut(log: MotionLog, first: int, last: int, name: str) -> MotionLog:
     """Return some rows of a log."""
-    arrays = {
-        k: v[first:last]
-        for k in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau")
-        if (v := getattr(log, k)) is not None
-    }
-    return replace(log, name=name, signals={}, signal_units={}, sha256=None, **arrays)
+    return replace(log.part(first, last), name=name, signals={}, signal_units={}, sha256=None)
 
 
 def windows(log: MotionLog, seconds: float) -> Iterator[tuple[int, int]]:

@@ -158,3 +158,18 @@ def test_rows_that_were_cut_out_by_their_errors_are_told_by_how_sharply_the_othe
     found = [each for each in findings_of(replace(log, ok=~lost(away, rng))) if each.name == "missing"]
     assert bool(found) is named
     assert all("errors of the others end sharply" in each.says for each in found)
+
+
+@pytest.mark.parametrize("way", ["worst", "chance", "worst of way-points"])
+def test_single_rows_that_somebody_took_out_are_told_by_stamps_and_motion(way: str) -> None:
+    rng, t = np.random.default_rng(4), STEP * np.arange(4000)
+    q = np.column_stack([0.5 * np.sin(2.0 * np.pi * f * t) for f in (0.2, 0.31, 0.43)])
+    q = rng.uniform(-1.0, 1.0, q.shape) if "points" in way else q
+    error = 0.1 * q[:, [1, 2, 0]] + 1e-3 * rng.normal(size=q.shape)
+    size = np.linalg.norm(error, axis=1)
+    worst = size > np.quantile(size, 0.8)
+    kept = rng.uniform(size=len(t)) > 0.1 if way == "chance" else ~worst | (np.cumsum(worst) % 2 == 0)
+    log = MotionLog(
+        "w", ("a", "b", "c"), ("rad",) * 3, q[kept], np.ones(kept.sum(), dtype=bool), (q + error)[kept], time=t[kept]
+    )
+    assert any(each.name == "missing" for each in findings_of(log)) is (way == "worst")

@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.view.curves import SPAN, Curves, JointColumns, RecordedCurves
+from catenary.view.curves import SPAN, Curves, JointColumns
 from view.arms import RAVEN, Q, state
 
 
@@ -11,7 +11,7 @@ def curve(curves: Curves, joint: int, plot: int, label: str) -> np.ndarray:
 
 
 def filled() -> Curves:
-    curves = Curves(RAVEN.joint_names, RAVEN.joint_units)
+    curves = Curves(RAVEN)
     for k in range(50):
         curves.add(
             state(0.1 * k, true=Q - np.array([0.0, np.deg2rad(2.0), 0.003]), calibrated=Q, interval=np.full(3, 0.001),
@@ -23,7 +23,7 @@ def filled() -> Curves:
 def test_errors_are_in_degrees_and_millimetres_reported_less_true() -> None:
     assert_allclose(curve(filled(), 1, 0, "reported"), 2.0)
     assert_allclose(curve(filled(), 2, 0, "reported"), 3.0)
-    assert_allclose(curve(filled(), 2, 0, "+ interval"), 1.0)
+    assert_allclose(curve(filled(), 2, 0, "interval \u00b1"), 1.0)
     assert filled().plots(1)[0].title == "elbow: error [deg]"
     assert filled().plots(2)[1].title == "insertion: torque [N]"
 
@@ -35,7 +35,7 @@ def test_parts_of_the_torque_sum_to_it() -> None:
 
 
 def test_curves_of_which_nothing_is_known_are_left_out_and_gaps_are_level() -> None:
-    curves = Curves(RAVEN.joint_names, RAVEN.joint_units)
+    curves = Curves(RAVEN)
     for k, known in enumerate([False, True, False, True]):
         curves.add(state(float(k), **({"setpoint": Q - k} if known else {})))
     (tracking,) = curves.plots(2)[0].known()
@@ -44,7 +44,7 @@ def test_curves_of_which_nothing_is_known_are_left_out_and_gaps_are_level() -> N
 
 
 def test_curves_span_half_a_minute_and_begin_anew_when_time_goes_back() -> None:
-    curves = Curves(RAVEN.joint_names, RAVEN.joint_units)
+    curves = Curves(RAVEN)
     for k in range(3000):
         curves.add(state(0.04 * k))
     time = curves.plots(0)[0].time
@@ -57,7 +57,7 @@ def test_curves_span_half_a_minute_and_begin_anew_when_time_goes_back() -> None:
 def test_recording_is_drawn_about_the_present() -> None:
     time = np.arange(0.0, 100.0, 0.1)
     rows = np.tile(time[:, None], (1, 3))
-    curves = RecordedCurves(RAVEN.joint_names, RAVEN.joint_units, JointColumns(time, *[rows] * 8))
+    curves = Curves(RAVEN, JointColumns(time, *[rows] * 8))
     curves.add(state(40.0))
     torque = curves.plots(0)[1]
     assert_allclose(torque.time[[0, -1]], [-15.0, 15.0], atol=0.11)

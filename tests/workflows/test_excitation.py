@@ -11,13 +11,7 @@ from catenary.errors import InputError
 from catenary.identification.motion_limits import room_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
-from catenary.workflows.excitation import (
-    MotionSurroundings,
-    comparison_table,
-    design_excitation,
-    write_excitation,
-    write_trajectory,
-)
+from catenary.workflows.excitation import MotionSurroundings, design_excitation, write_excitation, write_trajectory
 from catenary.workflows.robot.followed_file import read_followed_file
 from colliding_arm import PANDA, write_arm
 
@@ -50,15 +44,6 @@ def test_a_design_says_what_it_keeps_and_what_is_assumed(motion):
     assert "collisions: none at any instant" in kept
 
 
-def test_it_tells_what_it_shows_beside_other_motions(motion):
-    table = comparison_table(motion.comparison)
-    assert [row[0] for row in table.rows] == ["designed", "random", "single joints"]
-    assert len(table.header) == len(table.rows[0])
-    told = motion.summary()["expected"]
-    assert len(told["parameters"]) == len(told["designed"]["standard_errors"]) == motion.design.n_base
-    assert told["random"]["condition"] > 1.0
-
-
 def test_without_shapes_it_says_loudly_that_collisions_are_unchecked():
     found = design(MotionSurroundings(None, unchecked="no shapes"))
     assert found.notes[0] == "warning: COLLISIONS ARE UNCHECKED: no shapes"
@@ -80,7 +65,6 @@ def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
 
 def test_poses_are_free_and_their_ways_said_to_be_unchecked():
     found = design(static=15)
-    assert found.comparison is None
     assert "the ways from pose to pose are not checked" in found.notes[-1]
     assert "collisions: none in any pose" in found.kept()[-1]
 

@@ -1,10 +1,12 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from catenary.arrays import Floats
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import DataError, InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification_file import save_identification
@@ -17,9 +19,10 @@ from catenary.recording.logs import Reading, write_parquet
 from catenary.recording.mend import Mend
 from catenary.reports.identification import excitation_facts, parameter_table, residual_table
 from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
 from catenary.workflows.identify import identify_files, payload_of_files
 from lab_bags import JOINT_STATE, joint_state, write_bag
-from moving_arm import recorded, write_npz
+from moving_arm import recorded, sinusoids, write_npz
 from oracles.geared_arm import ur10_log, write_ur10
 
 
@@ -167,6 +170,30 @@ def test_three_joints_of_an_arm_are_identified_from_every_container(
     assert found.model.joint_names == JOINTS
     part = of_joints(log, found.model)
     assert (found.compare(prepare(part, found.model, QUICK)).relative_rms < 0.06).all()
+
+
+def test_three_joints_of_a_longer_arm_weigh_a_load_where_the_others_are_held(tmp_path: Path) -> None:
+    arm, rows = load_robot("ur10e"), slice(None)
+    place, held = np.array([0.0, 0.0, 0.1]), [0, 4, 5]
+    parameters = tmp_path / "arm.npz"
+
+    def run(model: RobotModel, name: str, at: float = 0.3) -> Path:
+        time = np.arange(3000) / 100.0
+        q, qd, qdd = sinusoids(np.random.default_rng(0), arm, time)
+        q[rows, held], qd[rows, held], qdd[rows, held] = at, 0.0, 0.0
+        log = MotionLog(name, arm.joint_names, arm.joint_units, q, np.ones(len(q), bool), time=time, qd=qd)
+        tau = inverse_dynamics(model, q, qd, qdd, [0.0, 0.0, -9.81]) + np.random.default_rng(1).normal(0, 0.3, q.shape)
+        write_npz(replace(log, tau=tau), tmp_path / f"{name}.npz", joint_names=np.array(arm.joint_names))
+        return tmp_path / f"{name}.npz"
+
+    moving = [name for k, name in enumerate(arm.joint_names) if k not in held]
+    result = identify_files([run(arm, "free")], "ur10e", QUICK, joints=moving)
+    save_identification(result.identification, result.card, parameters)
+    loaded = run(arm.with_payload("tool0", 3.0, place), "loaded")
+    found = payload_of_files([loaded], parameters, at=("tool0", place)).payload
+    assert found.mass == pytest.approx(3.0, rel=0.03)
+    with pytest.raises(InputError, match=r"joint shoulder_pan_joint .* was held at 0.3 when others were identified"):
+        payload_of_files([run(arm, "elsewhere", at=0.5)], parameters)
 
 
 def test_a_container_without_a_mapping_is_refused_with_a_proposal(tmp_path: Path) -> None:

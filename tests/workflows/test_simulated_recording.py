@@ -48,8 +48,8 @@ def test_encoders_tell_true_positions_between_samples(monkeypatch: pytest.Monkey
     plant = homed_plant(seed=1)
     log = record_simulated(plant, motion(), "run", np.random.default_rng(0))
     at = np.round(1000.0 * log.time).astype(int)
-    true = plant.encoders.positions(plant.rig.counts * runs[-1].q[at])
-    count = 1.0 / np.abs(plant.rig.counts)
+    true = plant.encoders.positions(plant.encoders.rig.counts * runs[-1].q[at])
+    count = 1.0 / np.abs(plant.encoders.rig.counts)
     # 5 ms from the nearest sample at the acceleration of a turn, (0.07 rad/s, 7 mm/s) / 0.25 s, and half a count
     bend = 0.5 * 0.005**2 * np.array([0.3, 0.3, 0.03])
     assert log.q_encoder is not None

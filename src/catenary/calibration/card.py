@@ -107,7 +107,8 @@ def model_card(
         "errors": {
             "unit": {name: DISPLAY[unit][0] for name, unit in zip(model.joint_names, model.joint_units, strict=True)},
             "cross_validation": {
-                "how": "contiguous blocks of time, each predicted by a model that did not see it",
+                "how": ("recordings" if data.by_recording else "contiguous blocks of time")
+                + ", each predicted by a model that did not see it",
                 "joints": [asdict(joint) for joint in spread],
             }
             if spread

@@ -16,6 +16,7 @@ from catenary.units import DISPLAY
 
 # [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
 FIRST_DATE, LAST_DATE = 1e9, 1e10
+MOST_OF_ROWS = 0.8  # that one of several recordings may hold: without it there must be others to learn from
 RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at one rate
 
 
@@ -32,6 +33,7 @@ class TrainingSource:
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
     beyond: Mapping[str, int] = field(default_factory=dict)  # by joint, rows dropped for its error
+    runs: tuple[str, ...] = ()  # hashes of the recordings in it, as of `MotionLog.runs`
 
 
 @dataclass(frozen=True)
@@ -91,12 +93,22 @@ class CalibrationData:
         return self.rows(~late), self.rows(late)
 
     def blocks(self, count: int) -> NDArray[np.int64]:
-        """Return the number of the contiguous block that each row lies in, (N,); `count` blocks per recording."""
+        """Return the number, below `count`, of the block that each row lies in, (N,), of which one is left out at once.
+
+        Blocks are recordings, where no single one holds nearly all rows; else contiguous parts of each recording.
+        """
+        if self.by_recording:
+            return np.unique(self.recording, return_inverse=True)[1] % count
         block = np.zeros(len(self), dtype=np.int64)
         for number in range(len(self.sources)):
             rows = np.flatnonzero(self.recording == number)
             block[rows] = np.arange(len(rows)) * count // max(1, len(rows))
         return block
+
+    @property
+    def by_recording(self) -> bool:
+        """Whether blocks are whole recordings."""
+        return bool(np.bincount(self.recording).max() <= MOST_OF_ROWS * len(self))
 
 
 def date_of(seconds: float) -> str | None:
@@ -143,6 +155,7 @@ def calibration_data(
             TrainingSource(
                 name=log.name,
                 sha256=log.sha256,
+                runs=log.runs,
                 rows=len(q),
                 without_truth=int((~ok).sum()),
                 without_history=int((ok & ~complete).sum()),

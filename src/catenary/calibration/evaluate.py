@@ -127,7 +127,7 @@ def rms(values: Floats) -> float:
 
 @dataclass(frozen=True)
 class Spread:
-    """Errors over blocks of time, each predicted by a model that did not see it; deg or mm.
+    """Errors over blocks of time or recordings, each predicted by a model that did not see it; deg or mm.
 
     What they let expect of another stretch as long as the data (conformal.py) is None where it is not known.
     """
@@ -148,7 +148,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Errors on every row of N by models that did not see its block of time, and their spread over the blocks."""
+    """Errors on every row of N by models that did not see its block, and their spread over the blocks."""
 
     spread: tuple[Spread, ...]
     after_offset: Floats  # (N, n) [rad|m]
@@ -164,18 +164,15 @@ def cross_validate(
     folds: int,
     progress: Progress = silent,
 ) -> CrossValidation:
-    """Return errors on contiguous blocks of time, each left out of the fit in turn; rows are never shuffled.
+    """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled.
 
     Args:
-        data: Rows of one or more recordings; each recording is cut into `folds` blocks.
         folds: At least 2.
     """
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
     block = data.blocks(folds)
     present = [k for k in range(folds) if (block == k).any()]
-    if len(present) < 2:
-        raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")
     results = []
     after_offset, after_model = np.empty_like(data.error), np.empty_like(data.error)
     inside = np.empty(data.error.shape, dtype=bool)

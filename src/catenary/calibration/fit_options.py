@@ -1,7 +1,7 @@
 """What can be chosen in a fit, of the model and of the run; and how a fit reports its progress."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date as day
 from typing import Literal, get_args
@@ -33,8 +33,8 @@ class FitOptions:
     recorded, the torques. Kind "auto" is chosen for every joint from the others (kind_choice.py). `play` adds play
     states of the positions, as shares of each joint's range of motion; None means none, except for the neural
     preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
-    then play states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions on features
-    with memory. A fixed offset is one of the error, whatever the target. `coupled` names joints that
+    then play states and friction states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions
+    on features with memory. A fixed offset is one of the error, whatever the target. `coupled` names joints that
     friction couples, for the kinds that take friction states; None finds them in recordings (friction_fit.py), and
     `friction` is what was found.
     """
@@ -67,7 +67,7 @@ class FitOptions:
             raise InputError(f"ridge: expected a number of zero or more, got {self.ridge}")
         if self.ridge is not None and self.kind not in TAKE_RIDGE:
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(TAKE_RIDGE[1:])} take one")
-        if self.coupled and not self.takes_friction:
+        if self.coupled and not self.takes_friction():
             raise InputError(f"coupled joints of model {self.kind}: only hysteretic and best take any")
         if self.kind == "auto" and self.target != "error":
             raise InputError(f'target "{self.target}": models of it are not chosen; give a kind in place of auto')
@@ -85,10 +85,10 @@ class FitOptions:
         torque = any(name.startswith("tau:") for name in signals)
         return PLAY_SHARES if self.kind == "hysteretic" or (self.network == "best" and not torque) else ()
 
-    @property
-    def takes_friction(self) -> bool:
-        """Whether the model may take friction states of coupled joints."""
-        return self.kind in TAKE_FRICTION and self.network != "paper" and self.target == "error"
+    def takes_friction(self, signals: Iterable[str] = ()) -> bool:
+        """Return whether the model may take friction states of coupled joints beside the given signals."""
+        told = self.kind == "neural" and self.coupled is None and any(name.startswith("tau:") for name in signals)
+        return self.kind in TAKE_FRICTION and self.network != "paper" and self.target == "error" and not told
 
     @property
     def takes_zeros(self) -> bool:

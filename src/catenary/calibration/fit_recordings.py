@@ -1,10 +1,9 @@
 """A whole fit: which rows it sees, the model, its error on data that it did not see, and its card."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import reduce
-from typing import NamedTuple
+from functools import partial, reduce
 
 import numpy as np
 
@@ -18,20 +17,17 @@ from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_
 from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
-from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
+from catenary.calibration.kind_choice import SIMPLEST_FIRST, JointChoice, choose, composed, joined
 from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.recording_zeros import recording_zeros
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import mends_of
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
-from catenary.units import DISPLAY
 from catenary.verdict.check import Passed, robot_of, verdict
 
 MOST_ROWS = 50_000  # that a fit learns from: time and memory grow with the states of all rows alone
-SMALLEST_TOLD = 0.01  # [deg, mm] zeros of recordings
 
 
 @dataclass(frozen=True)
@@ -68,63 +64,42 @@ def fit_logs(
     _rows_of_kind(logs, options, run)  # what cannot be fitted to is refused before anything takes long
     limits = error_limits(run.max_error, logs[0])
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
-    options = with_friction(logs, options, run)
-    kinds: dict[str, FitOptions] = {options.kind: options}
-    if options.kind == "auto":
-        inputs, data = _rows_of_kind(logs, options, run)
-        kinds = tried(options, len(inputs.features.names), len(data))
-    of_kinds = {name: _rows_of_kind(logs, of_kind, run) for name, of_kind in kinds.items()}
+    options = _with_friction(logs, options, run)
+    names = SIMPLEST_FIRST if options.kind == "auto" else (options.kind,)
+    kinds: dict[str, FitOptions] = {kind: options.of_kind(kind, options.preset) for kind in names}
+    of_kinds = {kind: _rows_of_kind(logs, of_kind, run) for kind, of_kind in kinds.items()}
     shared = reduce(np.intersect1d, (data.places for _, data in of_kinds.values()))  # all kinds are asked about these
-    attempts = {
-        name: _attempt(
-            chosen, data.rows(np.isin(data.places, shared)), kinds[name], run, part_of(progress, i, len(kinds))
-        )
-        for i, (name, (chosen, data)) in enumerate(of_kinds.items())
+    rows = {kind: data.rows(np.isin(data.places, shared)) for kind, (_, data) in of_kinds.items()}
+    parts = [part_of(progress, k, len(kinds) + 1) for k in range(len(kinds) + 1)]
+
+    def fitted(kind: str, data: CalibrationData, tell: Progress) -> CalibrationModel:
+        return fit(data, of_kinds[kind][0], kinds[kind], progress=tell)
+
+    validations = {
+        kind: cross_validate(rows[kind], partial(fitted, kind), folds=run.folds, progress=tell)
+        for kind, tell in zip(kinds if run.folds else (), parts, strict=False)
     }
-    if options.kind == "auto":
-        validations = {name: validation for name, (validation, _) in attempts.items() if validation}
-        choices = choose(validations)
-        needed = dict.fromkeys(choice.chosen for choice in choices)
-        model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
-        validation: CrossValidation | None = joined(validations, choices)
-    else:
-        choices, attempt = (), attempts[options.kind]
-        model, validation = attempt.fitted(progress), attempt.validation
+    choices = choose(validations) if options.kind == "auto" else ()
+    needed = dict.fromkeys(choice.chosen for choice in choices) if choices else kinds
+    models = {kind: fitted(kind, rows[kind], parts[-1]) for kind in needed}
+    model = composed(models, choices) if choices else models[options.kind]
+    validation = joined(validations, choices) if choices else validations.get(options.kind)
     return _concluded(logs, options, run, model, validation, choices, found, shared)
 
 
-def with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
+def _with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
     """Return options with the friction of coupled joints, where the model may take it and joints are coupled."""
-    if not options.takes_friction or options.friction is not None:
+    signals = choose_inputs(logs, options, held_out=run.held_out or 0.0).features.signals
+    if not options.takes_friction(signals) or options.friction is not None:
         return options
     limits = error_limits(run.max_error, logs[0])
     found = find_friction(logs, options, held_out=run.held_out or 0.0, max_error=limits)
     return replace(options, friction=found)
 
 
-class _Attempt(NamedTuple):
-    """A kind of model, validated on blocks of what is not held out; it can be fitted to all of that."""
-
-    validation: CrossValidation | None
-    fitted: Callable[[Progress], CalibrationModel]
-
-
 def _rows_of_kind(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> tuple[Inputs, CalibrationData]:
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
     return inputs, _rows(logs, inputs.features, run)[0]
-
-
-def _attempt(inputs: Inputs, data: CalibrationData, options: FitOptions, run: FitRun, progress: Progress) -> _Attempt:
-    if not run.folds:
-        return _Attempt(None, lambda tell: fit(data, inputs, options, progress=tell))
-    share = run.folds / (run.folds + 1.0)
-    validation = cross_validate(
-        data,
-        lambda rows, tell: fit(rows, inputs, options, progress=tell),
-        folds=run.folds,
-        progress=lambda done: progress(share * done),
-    )
-    return _Attempt(validation, lambda tell: fit(data, inputs, options, progress=lambda done: tell(0.8 + 0.2 * done)))
 
 
 def _rows(
@@ -156,12 +131,12 @@ def _concluded(
     everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
+    if intervals is not None:
+        intervals = replace(intervals, bearing=model.bearing(data.X, data.q_nominal))
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
         notes = (*notes, *friction_notes(logs, options.friction))
-    if options.takes_zeros:
-        notes = (*notes, *zero_notes(logs, model, data))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
     left_out = errors_with_left_out(
@@ -204,20 +179,6 @@ def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]
     for log, logarithms in zip(logs, found.levels if len(logs) > 1 else (), strict=False):
         levels = ", ".join(f"{name} {level:.2f}" for name, level in zip(names, np.exp(logarithms), strict=True))
         notes.append(f"{log.name}: friction, over the recordings' mean: {levels}")
-    return notes
-
-
-def zero_notes(logs: Sequence[MotionLog], model: CalibrationModel, data: CalibrationData) -> list[str]:
-    """Return in a sentence for each joint how far the zeros of recordings lie apart, where a fit took them out."""
-    notes = []
-    for group in (each for each in model.groups if len(each.columns)):
-        zeros = recording_zeros(data.X[:, group.columns], data.error[:, group.joints], data.recording)
-        for joint, of_joint in zip(group.joints, zeros.T, strict=True):
-            unit, scale = DISPLAY[model.joint_units[joint]]
-            of_logs = sorted(zip((scale * of_joint).tolist(), (log.name for log in logs), strict=True))
-            told = ", ".join(f"{name} {zero:+.2f}" for zero, name in of_logs)
-            if np.abs(scale * of_joint).max() >= SMALLEST_TOLD:
-                notes.append(f"{model.joint_names[joint]}: zero over the recordings' mean: {told} {unit}")
     return notes
 
 

@@ -55,9 +55,9 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
     default = ("q",) if log.tau is None else ("q", "tau")
     per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
-    friction = options.friction.states if options.friction is not None and options.takes_friction else None
-    if options.friction is not None and friction is not None:
-        found = options.friction
+    found = options.friction if options.takes_friction(name for names in per_joint for name in names) else None
+    friction = None if found is None else found.states
+    if found is not None:
         per_joint = tuple(
             found.signals if joint in found.joints else taken
             for joint, taken in zip(log.joint_names, per_joint, strict=True)

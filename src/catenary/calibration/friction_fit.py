@@ -21,6 +21,7 @@ from catenary.calibration.dataset import in_one_order
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
 from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.friction_level import best_level, levels_tried
 from catenary.calibration.friction_states import FoundFriction, FrictionStates
 from catenary.calibration.valid_range import standardisation
 from catenary.errors import InputError
@@ -34,8 +35,6 @@ LONGEST = 0.015  # of each joint's range: a longer step is split; 2 deg of a wri
 FIRST_STEP = 0.35  # of the search, in logarithms and couplings
 SEARCH = 80  # steps
 HELD = 1e-4  # weight on squared couplings
-LEVEL_SPREAD = 0.4  # of a day's friction, in its logarithm, about the mean
-CORRELATED, LEVEL_SEARCH, ROUNDS = 40, 30, 2  # rows that count as one; steps of the search for a level; rounds
 BLOCKS = 5
 LEAST_GAIN = 0.03  # in the logarithm of the error, from play states of each joint
 MANY, WINDOWS, WARMING = 12_000, 10, 0.2  # rows that are searched whole; else this many parts, and rows before each
@@ -62,16 +61,12 @@ class _Rows:
         names = self.signals.names
         return np.array([i for i, n in enumerate(names) if not (n.startswith("play(") and n[5:].split(",")[0] in own)])
 
-    def lags(
-        self, joints: Sequence[int], friction: CoupledFriction, levels: Floats | None = None, only: int | None = None
-    ) -> Floats:
-        """Return friction states of joints at the rows, (N, S n), each recording's at its level (R, m); of one only."""
+    def lags(self, joints: Sequence[int], friction: CoupledFriction, only: int | None = None) -> Floats:
+        """Return friction states of joints at the rows, (N, S n), of all recordings or of one."""
         parts = []
         for path, rows, number in self.paths:
             if only in (None, number):
-                own = 1.0 if levels is None else np.exp(levels[number])
-                own_friction = friction._replace(thresholds=friction.thresholds * own)
-                lag = own_friction.lag(path[:, list(joints)])
+                lag = friction.lag(path[:, list(joints)])
                 parts.append(lag.reshape(len(lag), lag.shape[1] * lag.shape[2])[rows])  # of some there are no rows
         return np.concatenate(parts)
 
@@ -239,54 +234,21 @@ def _levels(rows: _Rows, joints: Sequence[int], friction: CoupledFriction) -> Fl
 
     They tell how days differ. A model is fitted at their mean, as another day's is not known: fitted to rows at each
     recording's own level, it predicted the fourth of four recordings of a real wrist no better.
-
-    Each is where (rows / CORRELATED) mean (r / sigma)^2 + (level / LEVEL_SPREAD)^2 is least, r without a zero of each
-    recording: days differ mostly by how large their friction is.
     """
-    recordings = int(rows.recording.max()) + 1
-    levels = np.zeros((recordings, len(friction.directions)))
+    recordings, tried = int(rows.recording.max()) + 1, levels_tried(len(friction.directions))
     fixed, Y = rows.fixed[:, rows.columns(joints)], rows.error[:, list(joints)]
-    own = np.eye(recordings)[rows.recording]
-    for _ in range(ROUNDS):
-        X = np.hstack([fixed, rows.lags(joints, friction, levels), own])
-        mean, scale = standardisation(X)
-        Z, middle = (X - mean) / scale, Y.mean(axis=0)
-        W = np.linalg.solve(Z.T @ Z + MEMORY_RIDGE * np.eye(Z.shape[1]), Z.T @ (Y - middle)) / scale[:, None]
-        sigma = np.sqrt(np.square(Y - middle - (X - mean) @ W).mean(axis=0))
-        at = fixed.shape[1]
-        for r in np.unique(rows.recording):
-            here = rows.recording == r
-            weights, count = W[at:-recordings], here.sum() / CORRELATED
-            shared = (rows, joints, friction, r, Y[here] - fixed[here] @ W[:at], weights, sigma, count)
-            simplex = levels[r] + np.vstack([np.zeros(levels.shape[1]), FIRST_STEP * np.eye(levels.shape[1])])
-            found = minimize(
-                _level_loss,
-                levels[r],
-                args=shared,
-                method="Nelder-Mead",
-                options={"maxiter": LEVEL_SEARCH, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-3},
-            )
-            levels[r] = found.x
+    X = np.hstack([fixed, rows.lags(joints, friction), np.eye(recordings)[rows.recording]])  # a zero of each
+    mean, scale = standardisation(X)
+    Z = (X - mean) / scale
+    W = np.linalg.solve(Z.T @ Z + MEMORY_RIDGE * np.eye(Z.shape[1]), Z.T @ (Y - Y.mean(axis=0))) / scale[:, None]
+    of_fixed, of_lags = W[: fixed.shape[1]], W[fixed.shape[1] : -recordings]
+    levels = np.zeros((recordings, tried.shape[1]))
+    for r in np.unique(rows.recording):
+        here = rows.recording == r
+        at_levels = (friction._replace(thresholds=friction.thresholds * factors) for factors in np.exp(tried))
+        left = [Y[here] - fixed[here] @ of_fixed - rows.lags(joints, each, only=r) @ of_lags for each in at_levels]
+        levels[r] = tried[best_level(np.array(left), tried)]
     return levels
-
-
-def _level_loss(
-    level: Floats,
-    rows: _Rows,
-    joints: Sequence[int],
-    friction: CoupledFriction,
-    recording: int,
-    left: Floats,
-    weights: Floats,
-    sigma: Floats,
-    count: float,
-) -> float:
-    """Return what `_levels` minimises, for the rows of one recording: `left` (N, n) of the error for friction."""
-    levels = np.zeros((recording + 1, len(level)))
-    levels[recording] = level
-    lags = rows.lags(joints, friction, levels, only=recording)
-    spread = (left - lags @ weights).std(axis=0) / sigma  # about the recording's zero
-    return float(count * np.square(spread).mean() + np.square(level / LEVEL_SPREAD).sum())
 
 
 def _errors(rows: _Rows, joints: Sequence[int], friction: CoupledFriction | None) -> Floats:

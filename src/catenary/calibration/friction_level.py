@@ -14,11 +14,13 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.friction_fit import CORRELATED, LEVEL_SPREAD
+from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.model import CalibrationModel
 from catenary.plant import MotionLog
 
-FACTORS = np.exp([0.0, -0.25, 0.25, -0.5, -0.75])  # that are tried; the first changes nothing
+LEVELS = (0.0, -0.25, 0.25, -0.5, -0.75)  # logarithms of factors that are tried; the first changes nothing
+LEVEL_SPREAD = 0.4  # of a day's friction, in its logarithm, about the mean
+CORRELATED = 40  # neighbouring rows that count as one
 SURE = 2.0  # standard errors by which another level must be better
 WORSE = 0.1  # of what coupled joints gain, that another may lose
 
@@ -33,13 +35,24 @@ class DayLevel(NamedTuple):
     joints: tuple[int, ...]  # that take friction states
 
 
-def at_level(model: CalibrationModel, factors: Floats) -> CalibrationModel:
-    """Return a model whose friction thresholds are multiplied by factors (m,)."""
-    friction = model.features.friction
-    if friction is None:
-        return model
-    thresholds = tuple(map(tuple, (np.array(friction.thresholds) * factors).tolist()))
-    return replace(model, features=replace(model.features, friction=replace(friction, thresholds=thresholds)))
+def levels_tried(elements: int) -> Floats:
+    """Return logarithms of factors on the thresholds of friction elements, (C, m): each its own of two, else one."""
+    return np.array([*product(LEVELS, repeat=elements)] if elements == 2 else [[each] * elements for each in LEVELS])
+
+
+def best_level(left: Floats, tried: Floats) -> int:
+    """Return which levels (C, m) leave least of errors (C, N, j) about their mean, nearest to 0 if alike."""
+    spread = 0.5 * left.shape[1] / CORRELATED * np.log(np.maximum(left.var(axis=1), 1e-30)).sum(axis=1)
+    return int(np.argmin(spread + 0.5 * np.square(tried / LEVEL_SPREAD).sum(axis=1)))
+
+
+def _rows_at(
+    model: CalibrationModel, logs: Sequence[MotionLog], friction: FrictionStates, level: Floats, limits: Floats | None
+) -> CalibrationData:
+    """Return rows of recordings for a model whose friction thresholds are multiplied by exp(level), level (m,)."""
+    thresholds = tuple(map(tuple, (np.array(friction.thresholds) * np.exp(level)).tolist()))
+    features = replace(model.features, friction=replace(friction, thresholds=thresholds))
+    return calibration_data(logs, features, max_error=limits)
 
 
 def find_level(
@@ -57,8 +70,7 @@ def find_level(
     friction = model.features.friction
     if friction is None:
         return None
-    m = len(friction.directions)
-    tried = np.array([*product(FACTORS, repeat=m)] if m == 2 else [np.full(m, factor) for factor in FACTORS])
+    tried = levels_tried(len(friction.directions))
     names = [position.removeprefix("q:") for position in friction.positions]
     lags = {name for name, _ in friction.columns}
     columns = [i for i, name in enumerate(model.features.names) if name in lags]
@@ -67,12 +79,12 @@ def find_level(
     if not coupled:
         return None
     parts = []
-    for factors in tried:
-        data = _rows_at(model, logs, factors, max_error)
+    for level in tried:
+        data = _rows_at(model, logs, friction, level, max_error)
         parts.append((data.error - model.correction(data.X, data.q_nominal))[:, taking])
     left = np.array(parts)
     block = np.arange(left.shape[1]) * blocks // left.shape[1]
-    best = [_best(left[:, block != k][..., coupled], tried) for k in range(blocks)]
+    best = [best_level(left[:, block != k][..., coupled], tried) for k in range(blocks)]
     rmse = np.array(
         [
             [_rms_about(left[c, block == k], left[c, block != k].mean(axis=0)) for c in (0, best[k])]
@@ -81,30 +93,18 @@ def find_level(
     )
     gain = np.log(rmse[:, 0] / rmse[:, 1])  # (K, joints)
     of_coupled = gain[:, coupled].mean(axis=1)
-    chosen = _best(left[..., coupled], tried)
+    chosen = best_level(left[..., coupled], tried)
     sure = of_coupled.mean() > SURE * of_coupled.std(ddof=1) / np.sqrt(blocks)
     if chosen == 0 or not sure or (gain.mean(axis=0) < -WORSE * of_coupled.mean()).any():
         return None
-    data, new = _rows_at(model, logs, tried[0], max_error), at_level(model, tried[chosen])
-    X = np.empty_like(data.X)
+    data, new = (_rows_at(model, logs, friction, tried[c], max_error) for c in (0, chosen))
+    before = data.error - model.correction(data.X, data.q_nominal)
     for c in set(best):
         rows = np.isin(block, np.flatnonzero(np.array(best) == c))
-        X[rows] = _rows_at(model, logs, tried[c], max_error).X[rows]
-    before = data.error - model.correction(data.X, data.q_nominal)
-    factors = dict(zip(names, tried[chosen].tolist(), strict=False))
-    return DayLevel(new, replace(data, X=X, features=new.features), before, factors, tuple(taking))
-
-
-def _rows_at(
-    model: CalibrationModel, logs: Sequence[MotionLog], factors: Floats, max_error: Floats | None
-) -> CalibrationData:
-    return calibration_data(logs, at_level(model, factors).features, max_error=max_error)
-
-
-def _best(left: Floats, tried: Floats) -> int:
-    """Return which factors (C, m) leave least of errors (C, N, j) about their mean, nearest to 1 if alike."""
-    spread = 0.5 * left.shape[1] / CORRELATED * np.log(np.maximum(left.var(axis=1), 1e-30)).sum(axis=1)
-    return int(np.argmin(spread + 0.5 * np.square(np.log(tried) / LEVEL_SPREAD).sum(axis=1)))
+        data.X[rows] = _rows_at(model, logs, friction, tried[c], max_error).X[rows]
+    factors = dict(zip(names, np.exp(tried[chosen]).tolist(), strict=False))
+    features = new.features
+    return DayLevel(replace(model, features=features), replace(data, features=features), before, factors, tuple(taking))
 
 
 def _rms_about(errors: Floats, zero: Floats) -> Floats:

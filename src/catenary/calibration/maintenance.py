@@ -135,9 +135,8 @@ def refresh_with(
         max_error: Per joint, deg and mm; rows with larger errors are left out.
         sha256: Of the model's file; None for one in memory.
     """
-    seen = {source["sha256"] for source in card["data"]} - {None}
     for log in logs:
-        if log.sha256 in seen:
+        if log.is_among(card["data"]):
             raise InputError(
                 f'recording "{log.name}": the model was fitted to it or refreshed with it; expected one of a new day'
             )

@@ -26,22 +26,14 @@ NAMES = tuple(each.name for each in fields(CalibrationModel))
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
-    """Write a model to `path` and a readable copy of its card beside it, as `write_with_card` does.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write a model to `path` and a readable copy of its card beside it, as `write_with_card` does."""
     arrays: dict[str, NDArray[Any]] = {}
     structure = {"format": FORMAT} | stored({name: getattr(model, name) for name in NAMES}, arrays)
     write_with_card(path, {"structure": np.array(json.dumps(structure)), **arrays}, card)
 
 
 def load_model(path: Path) -> tuple[CalibrationModel, Card]:
-    """Read a model and its card.
-
-    Raises:
-        FileFormatError: No such file, not a model, of another version, damaged, or changed since it was written.
-    """
+    """Read a model and its card."""
     remedy = "`catenary fit` makes a model again, `catenary calibrate` those of its project"
     try:
         arrays = read_arrays(path)
@@ -63,7 +55,9 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
                 raise ValueError(f"{key} holds NaN or infinity")
         found = json_table(str(arrays["structure"]), "structure")
         if (version := found.pop("format", None)) != FORMAT:
-            raise FileFormatError(f"{path}: model format {shortened(version)}, expected {FORMAT!r}")
+            raise FileFormatError(
+                f"{path}: model format {shortened(version)}, expected {FORMAT!r}: another version wrote it; {remedy}"
+            )
         model = parse_settings(found, CalibrationModel, "structure", arrays)
         check_names("joint", model.joint_names)
         check_different("joint", model.joint_names)

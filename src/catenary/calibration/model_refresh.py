@@ -2,21 +2,20 @@
 
 Friction of coupled joints comes first: where a day shows another level of it (friction_level.py), the model is taken
 there. Then, for each joint there are candidates, in the order of how much they change: nothing; a new zero; zero and
-scale, slopes of the correction and of the position; the linear layer onto the outputs, by ridge regression of what is
-left towards the old weights, ever less held. Each is judged on contiguous blocks of the new rows that it was not fitted
-to, and the first whose mean RMSE lies within one standard error of the best one's is taken (Breiman et al.,
-Classification and Regression Trees, 1984, 3.4.3). The standard error is that of the paired differences: blocks are hard
-or easy for all.
+scale, slopes of the correction and of the position; slopes of all inputs, by ridge regression, ever less held. Each is
+judged on contiguous blocks of the new rows that it was not fitted to, and the first whose mean RMSE lies within one
+standard error of the best one's is taken (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). The
+standard error is that of the paired differences: blocks are hard or easy for all.
 
 Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. So what
 may be changed follows from what the minutes show of a joint: how much of the motion that the model was trained on, and
 how often it swept most of that from one side to the other. Without sweeps a zero cannot be told from the side of the
-slack on which the joint lies; without the range no slope is seen. A candidate that changes corrections over all of the
-trained motion much more than on the new rows follows no drift that these show either: it is left out.
+slack on which the joint lies; without the range no slope is seen.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,30 +29,24 @@ from catenary.calibration.fit_rows import largest_shown
 from catenary.calibration.friction_level import DayLevel
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, JointGroup
-from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Network, Quadratic
+from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Quadratic
 from catenary.calibration.spike_filter import ANY
 from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
-NOTHING, ZERO, SCALE, LAYER, LEVEL = "nothing", "zero", "zero and scale", "last layer", "friction level"
+NOTHING, ZERO, SCALE, SLOPES, LEVEL = "nothing", "zero", "zero and scale", "slopes of all inputs", "friction level"
 BLOCKS = 8  # of time, on which candidates are judged
 FEWEST_ROWS = 40  # five a block
 RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
 SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
-# weight on the squared change of the last layer, over the mean square of its inputs: the most held first
-LAYER_RIDGES = (1.0, 0.1, 0.01, 1e-3, 1e-4)
+SLOPES_RIDGES = (1.0, 0.1, 0.01, 1e-3)  # the most held first
+HOW = (NOTHING, ZERO, SCALE, *(SLOPES,) * len(SLOPES_RIDGES))
 SWEPT = 0.5  # of the trained range, from one side to the other, that makes a sweep
 # of a joint, for each kind of change: least share of the trained range, least number of sweeps
-SHOWN = {NOTHING: (0.0, 0), ZERO: (0.0, 2), SCALE: (0.6, 4), LAYER: (0.8, 8)}
-COUPLED_ZERO = (
-    0.0,
-    8,
-)  # of joints that friction couples: a neighbour, too, decides on which side of the slack they lie
+SHOWN = {NOTHING: (0.0, 0), ZERO: (0.0, 2), SCALE: (0.6, 4), SLOPES: (0.8, 8)}
+COUPLED_ZERO = (0.0, 8)  # of joints that friction couples: a neighbour, too, decides on which side they lie
 BEYOND_SLACK = 3.0  # RMS errors of the old model about their mean, beyond which a zero is no side of the slack
-FAR = 2.0  # times the change on the new rows that a candidate may bring over all of the trained motion
-SAMPLES = 256  # of the trained motion
-HOW = (NOTHING, ZERO, SCALE, *(LAYER,) * len(LAYER_RIDGES))
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,7 @@ class JointChange:
 
     name: str
     unit: str  # "deg" or "mm"
-    change: str  # NOTHING, ZERO, SCALE or LAYER, or LEVEL and one of these
+    change: str  # NOTHING, ZERO, SCALE or SLOPES, or LEVEL and one of these
     moved: float  # mean change of the correction over the new rows
     rmse_before: float  # of the old model on the new rows
     rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
@@ -149,76 +142,38 @@ def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:
     if new is None:
         return None
     inside = np.maximum(old.inside, new.inside)
-    return Intervals(old.level, inside, np.maximum(inside, np.maximum(old.outside, new.outside)))
+    return replace(old, inside=inside, outside=np.maximum(inside, np.maximum(old.outside, new.outside)))
 
 
-@dataclass(frozen=True)
-class Adjustment:
-    """A change of one output: y' = scale y + bias + X @ linear + L @ layer, L of `layer_inputs`."""
-
-    scale: float
-    bias: float
-    linear: Floats  # (F,)
-    layer: Floats  # (h,)
-
-
-def layer_inputs(predictor: AnyPredictor, X: Floats) -> Floats:
-    """Return the inputs (N, h) of the linear layer onto a predictor's outputs, for features X (N, F).
-
-    A linear model's are the features, a polynomial's its monomials, a network's the values of its last hidden units.
-    A constant has none.
-    """
-    if isinstance(predictor, Linear):
-        return X
-    if isinstance(predictor, Quadratic):
-        Z = (X - predictor.mean) / predictor.scale
-        rows, columns = np.triu_indices(Z.shape[1])
-        return np.hstack([Z, Z[:, rows] * Z[:, columns]])
-    if isinstance(predictor, Network):
-        from scipy.special import expit
-
-        activate = np.tanh if predictor.activation == "tanh" else expit
-        values = (X - predictor.mean) / predictor.scale
-        for weights, bias in zip(predictor.weights[:-1], predictor.biases[:-1], strict=True):
-            values = activate(values @ weights + bias)
-        return values
-    return np.zeros((len(X), 0))
-
-
-def adjusted(predictor: AnyPredictor, changes: Sequence[Adjustment]) -> AnyPredictor:
-    """Return a predictor with its m outputs changed, each by its own adjustment.
+def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Floats) -> AnyPredictor:
+    """Return a predictor whose outputs are scale y + bias + X @ linear: scale and bias (m,), linear (F, m).
 
     The kind stays, but for two: a constant that gets a slope becomes linear, and a network a linear part beside it.
     """
-    scale, bias = np.array([c.scale for c in changes]), np.array([c.bias for c in changes])
-    linear, layer = (np.column_stack(each) for each in zip(*((c.linear, c.layer) for c in changes), strict=True))
     if isinstance(predictor, Constant):
         value = scale * predictor.value + bias
         return Linear(linear, value) if linear.any() else Constant(value)
     if isinstance(predictor, Linear):
-        return Linear(scale * predictor.weights + linear + layer, scale * predictor.bias + bias)
+        return Linear(scale * predictor.weights + linear, scale * predictor.bias + bias)
     if isinstance(predictor, Quadratic):
-        F = len(predictor.mean)
         return replace(
             predictor,
-            linear=scale * predictor.linear + predictor.scale[:, None] * linear + layer[:F],
-            quadratic=scale * predictor.quadratic + layer[F:],
+            linear=scale * predictor.linear + predictor.scale[:, None] * linear,
+            quadratic=scale * predictor.quadratic,
             bias=scale * predictor.bias + bias + predictor.mean @ linear,
         )
-    if isinstance(predictor, Network):
-        skip = predictor.skip
-        if skip is not None:
-            skip = Linear(scale * skip.weights + linear, scale * skip.bias)
-        elif linear.any():
-            skip = Linear(linear, np.zeros(len(changes)))
-        return replace(
-            predictor,
-            weights=(*predictor.weights[:-1], scale * predictor.weights[-1] + layer / predictor.out_scale),
-            biases=(*predictor.biases[:-1], scale * predictor.biases[-1]),
-            out_mean=scale * predictor.out_mean + bias,
-            skip=skip,
-        )
-    raise TypeError(f"no last layer of {type(predictor).__name__}")
+    skip = predictor.skip
+    if skip is not None:
+        skip = Linear(scale * skip.weights + linear, scale * skip.bias)
+    elif linear.any():
+        skip = Linear(linear, np.zeros(len(scale)))
+    return replace(
+        predictor,
+        weights=(*predictor.weights[:-1], scale * predictor.weights[-1]),
+        biases=(*predictor.biases[:-1], scale * predictor.biases[-1]),
+        out_mean=scale * predictor.out_mean + bias,
+        skip=skip,
+    )
 
 
 @dataclass(frozen=True)
@@ -252,36 +207,36 @@ def _refresh_group(
     rows = np.flatnonzero(inside)
     if len(rows) < FEWEST_ROWS:
         return _only_offset(group, of_offset, block, notes)
-    seen = [_motion_shown(group, model, data, joint) for joint in joints]
     friction = model.features.friction
-    coupled = [friction is not None and f"q:{model.joint_names[joint]}" in friction.positions for joint in joints]
-    designs = _designs(model, group, X, q, correction)
-    parts = block[rows]
-    residual = (error - correction)[rows]
-    left = _left_on_blocks(designs, residual, rows, parts)
-    elsewhere = trained_motion(group, X[rows])
-    how, chosen_left, adjustments = [], of_offset.copy(), []
+    residual, parts = (error - correction)[rows], block[rows]
+    how, left = [], of_offset.copy()
+    scale, bias, linear = np.ones(len(joints)), np.zeros(len(joints)), np.zeros((len(group.columns), len(joints)))
     for k, joint in enumerate(joints):
-        candidates = [
-            _adjustment(model, group, designs, number, residual, rows, k, joint) for number in range(len(HOW))
-        ]
-        near = [
-            number
-            for number, candidate in enumerate(candidates)
-            if number < HOW.index(SCALE) or _stays_near(group.predictor, candidate, k, X[rows], elsewhere)
-        ]
-        kept = [number for number in near if _is_shown(HOW[number], seen[k], residual[:, k], coupled[k])]
-        chosen = kept[first_within_one_error(left[kept, :, k], parts)]
-        wanted = near[first_within_one_error(left[near, :, k], parts)]
-        if HOW[wanted] != HOW[chosen]:
-            notes = (*notes, _too_local(model.joint_names[joint], seen[k], HOW[wanted], coupled[k]))
+        place = _place_of_position(model, group, joint)
+        designs = _designs(model, X[rows], correction[rows, k], q[rows, k], place)
+        of_candidates = _left_on_blocks(designs, residual[:, k], parts)
+        seen = _motion_shown(group, model, data, joint)
+        coupled = friction is not None and f"q:{model.joint_names[joint]}" in friction.positions
+        kept = [c for c, each in enumerate(HOW) if _is_shown(each, seen, residual[:, k], coupled)]
+        chosen = kept[first_within_one_error(of_candidates[kept], parts)]
+        wanted = first_within_one_error(of_candidates, parts)
+        if wanted != chosen:
+            notes = (*notes, _too_local(model.joint_names[joint], seen, HOW[wanted], coupled))
         how.append(HOW[chosen])
-        chosen_left[rows, k] = left[chosen, :, k]
-        adjustments.append(candidates[chosen])
-    predictor = adjusted(group.predictor, adjustments)
+        left[rows, k] = of_candidates[chosen]
+        if chosen:
+            slopes, bias[k] = _regression(*designs[chosen - 1], residual[:, k])
+            if HOW[chosen] == SLOPES:
+                linear[:, k] = slopes
+            elif HOW[chosen] == SCALE and len(slopes):
+                scale[k] += slopes[0]
+                if place is not None:
+                    # a model of positions gives q + correction: what its slope would take of q is given back
+                    linear[place, k] = slopes[1] - (slopes[0] if model.target == "position" else 0.0)
+    predictor = adjusted(group.predictor, scale, bias, linear)
     moved = (predictor.predict(X[rows]) - group.predictor.predict(X[rows])).mean(axis=0)
-    chosen_left[outside & ~inside] -= moved
-    return _Group(replace(group, predictor=predictor), tuple(how), chosen_left, moved, notes)
+    left[outside & ~inside] -= moved
+    return _Group(replace(group, predictor=predictor), tuple(how), left, moved, notes)
 
 
 def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationData, joint: int) -> tuple[float, int]:
@@ -327,13 +282,12 @@ def _too_local(name: str, seen: tuple[float, int], wanted: str, coupled: bool) -
 def _only_offset(group: JointGroup, of_offset: Floats, block: NDArray[np.int64], notes: tuple[str, ...]) -> _Group:
     """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
     how, moved, left = [], np.zeros(of_offset.shape[1]), of_offset.copy()
-    zeroed = _zeroed(of_offset, block)
-    for k in range(of_offset.shape[1]):
-        candidates = np.stack([of_offset[:, k], zeroed[:, k]])
+    for k, error in enumerate(of_offset.T):
+        candidates = _left_on_blocks([_no_columns(block)], error, block)
         chosen = first_within_one_error(candidates, block)
         how.append(HOW[chosen])
         left[:, k] = candidates[chosen]
-        moved[k] = of_offset[:, k].mean() if chosen else 0.0
+        moved[k] = error.mean() if chosen else 0.0
     return _Group(group, tuple(how), left, moved, notes)
 
 
@@ -352,47 +306,12 @@ def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
     return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION))
 
 
-def trained_motion(group: JointGroup, X: Floats) -> Floats:
-    """Return features (SAMPLES, F) spread over the motion that a group was trained on.
-
-    Watched features come from the boxes of the valid range, without their margins: uniform along the principal axes,
-    and no farther than the box about the features themselves. Play states, which are not watched, are those of rows of
-    the new motion X (N, F).
-    """
-    rng = np.random.default_rng(0)
-    known, spread = group.valid_range, X[rng.integers(len(X), size=SAMPLES)].copy()
-    if not len(group.watched):
-        return spread
-    share = 0.5 * known.seen  # of a box's width with margins: half of one without
-    inner = rng.uniform(-share, share, (SAMPLES, len(known.lower)))
-    projection = 0.5 * (known.axis_lower + known.axis_upper) + inner * (known.axis_upper - known.axis_lower)
-    features = known.mean + projection @ np.linalg.pinv(known.axes)
-    middle, reach = 0.5 * (known.lower + known.upper), share * (known.upper - known.lower)
-    place = [group.columns.tolist().index(column) for column in group.watched]
-    spread[:, place] = np.clip(features, middle - reach, middle + reach)
-    return spread
-
-
-def _stays_near(predictor: AnyPredictor, change: Adjustment, output: int, X: Floats, elsewhere: Floats) -> bool:
-    """Return whether a change of one output is hardly larger over the trained motion than on rows X (N, F)."""
-    one = predictor.of([output])
-    moved = adjusted(one, [change])
-    here, there = (np.sqrt(np.mean(np.square(moved.predict(each) - one.predict(each)))) for each in (X, elsewhere))
-    return bool(there <= FAR * here + RESOLUTION)
-
-
 def _predictor_is_nearer(of_model: Floats, of_offset: Floats, block: NDArray[np.int64], outside: Flags) -> bool:
-    a, b = (np.square(_zeroed(error, block)[outside]).mean(axis=0) for error in (of_model, of_offset))
-    return bool((a <= b).all())
-
-
-def _zeroed(error: Floats, block: NDArray[np.int64]) -> Floats:
-    """Return errors after a new zero that each block did not see."""
-    left = error.copy()
-    for k in np.unique(block):
-        rest = block != k
-        left[~rest] -= error[rest].mean(axis=0) if rest.any() else 0.0
-    return left
+    a, b = (
+        [np.square(_left_on_blocks([_no_columns(block)], each, block)[1][outside]).mean() for each in errors.T]
+        for errors in (of_model, of_offset)
+    )
+    return all(np.less_equal(a, b))
 
 
 def _widened(old: ValidRange, watched: Floats) -> ValidRange:
@@ -408,23 +327,19 @@ def _widened(old: ValidRange, watched: Floats) -> ValidRange:
     )
 
 
-@dataclass(frozen=True)
-class _Designs:
-    """Columns from which candidates are regressed, for N rows."""
+def _designs(
+    model: CalibrationModel, X: Floats, correction: Floats, q: Floats, place: int | None
+) -> list[tuple[Floats, float]]:
+    """Return the columns that each candidate but the first is regressed on, and how much it is held."""
+    slopes = np.column_stack([correction, q])
+    if place is None:
+        # a slope of the correction is one of the position too, where positions are what the model gives
+        slopes = slopes[:, : 0 if model.target == "position" else 1]
+    return [_no_columns(q), (slopes, SCALE_RIDGE), *((X, ridge) for ridge in SLOPES_RIDGES)]
 
-    of_scale: tuple[Floats, ...]  # for each joint of the group (N, 1 or 2): its correction and its position
-    of_layer: Floats  # (N, h) inputs of the last layer; none where the predictor is a constant
 
-
-def _designs(model: CalibrationModel, group: JointGroup, X: Floats, q: Floats, correction: Floats) -> _Designs:
-    of_scale = []
-    for k, joint in enumerate(group.joints):
-        columns = np.column_stack([correction[:, k], q[:, k]])
-        if _place_of_position(model, group, joint) is None:
-            # a slope of the correction is one of the position too, where positions are what the model gives
-            columns = columns[:, : 0 if model.target == "position" else 1]
-        of_scale.append(columns)
-    return _Designs(tuple(of_scale), layer_inputs(group.predictor, X))
+def _no_columns(rows: NDArray[Any]) -> tuple[Floats, float]:
+    return np.zeros((len(rows), 0)), 0.0
 
 
 def _place_of_position(model: CalibrationModel, group: JointGroup, joint: int) -> int | None:
@@ -434,70 +349,21 @@ def _place_of_position(model: CalibrationModel, group: JointGroup, joint: int) -
     return names.index(name) if name in names else None
 
 
-def _left_on_blocks(designs: _Designs, residual: Floats, rows: NDArray[np.int64], block: NDArray[np.int64]) -> Floats:
-    """Return what every candidate leaves of the residual (N, m) on blocks that it did not see, (C, N, m)."""
-    left = np.repeat(residual[None], len(HOW), axis=0)
-    for number in np.unique(block):
-        seen, new = np.flatnonzero(block != number), np.flatnonzero(block == number)
-        if not len(seen):
-            continue
-        left[1, new] -= residual[seen].mean(axis=0)
-        for k, columns in enumerate(designs.of_scale):
-            ((weights, bias),) = _ridge(columns[rows], residual[:, [k]], seen, (SCALE_RIDGE,), scaled=True)
-            left[2, new, k] -= columns[rows[new]] @ weights[:, 0] + bias[0]
-        fits = _ridge(designs.of_layer[rows], residual, seen, LAYER_RIDGES)
-        for c, (weights, bias) in enumerate(fits, start=3):
-            left[c, new] -= designs.of_layer[rows[new]] @ weights + bias
+def _left_on_blocks(designs: Sequence[tuple[Floats, float]], residual: Floats, block: NDArray[np.int64]) -> Floats:
+    """Return residuals (N,) as they are, and what regressions on designs leave on blocks that they did not see."""
+    left = np.repeat(residual[None], 1 + len(designs), axis=0)
+    for k in np.unique(block):
+        new = block == k
+        for c, (columns, ridge) in enumerate(() if new.all() else designs, start=1):
+            slopes, zero = _regression(columns[~new], ridge, residual[~new])
+            left[c, new] -= columns[new] @ slopes + zero
     return left
 
 
-def _adjustment(
-    model: CalibrationModel,
-    group: JointGroup,
-    designs: _Designs,
-    chosen: int,
-    residual: Floats,
-    rows: NDArray[np.int64],
-    k: int,
-    joint: int,
-) -> Adjustment:
-    """Return the chosen candidate of one joint, fitted to all rows, as a change of the predictor's outputs."""
-    nothing = Adjustment(1.0, 0.0, np.zeros(len(group.columns)), np.zeros(designs.of_layer.shape[1]))
-    every, own = np.arange(len(rows)), residual[:, [k]]
-    if chosen == 0:
-        return nothing
-    if chosen == 1:
-        return replace(nothing, bias=float(own.mean()))
-    if HOW[chosen] == SCALE:
-        ((slopes, bias),) = _ridge(designs.of_scale[k][rows], own, every, (SCALE_RIDGE,), scaled=True)
-        if not len(slopes):
-            return replace(nothing, bias=float(bias[0]))
-        scale, linear = 1.0 + float(slopes[0, 0]), np.zeros(len(group.columns))
-        place = _place_of_position(model, group, joint)
-        if place is not None:
-            # a model of positions gives q + correction: what its slope would take of q is given back
-            linear[place] = slopes[1, 0] - (slopes[0, 0] if model.target == "position" else 0.0)
-        return Adjustment(scale, float(bias[0]), linear, nothing.layer)
-    ((weights, bias),) = _ridge(designs.of_layer[rows], own, every, (LAYER_RIDGES[chosen - 3],))
-    return replace(nothing, bias=float(bias[0]), layer=weights[:, 0])
-
-
-def _ridge(
-    columns: Floats, Y: Floats, rows: NDArray[np.int64], ridges: Sequence[float], *, scaled: bool = False
-) -> list[tuple[Floats, Floats]]:
-    """Return weights (h, m) and bias (m,) for every ridge, of the rows of columns (N, h) and of Y (N, m)."""
-    if not columns.shape[1]:
-        return [(np.zeros((0, Y.shape[1])), Y[rows].mean(axis=0))] * len(ridges)
-    Z, target = columns[rows], Y[rows]
-    mean, scale = standardisation(Z)
-    scale = scale if scaled else np.ones_like(scale)
-    Z = (Z - mean) / scale
-    middle = target.mean(axis=0)
-    values, vectors = np.linalg.eigh(Z.T @ Z)
-    along = vectors.T @ (Z.T @ (target - middle))
-    held = max(float(values.mean()), 1e-300)
-    found = []
-    for ridge in ridges:
-        weights = vectors @ (along / (np.maximum(values, 0.0) + ridge * held)[:, None]) / scale[:, None]
-        found.append((weights, middle - mean @ weights))
-    return found
+def _regression(columns: Floats, ridge: float, residual: Floats) -> tuple[Floats, float]:
+    """Return slopes of columns (N, c), held by `ridge`, and a zero, by which residuals (N,) are predicted."""
+    mean, scale = standardisation(columns)
+    Z = (columns - mean) / scale
+    held = ridge * len(Z) * np.eye(Z.shape[1])
+    slopes = np.linalg.solve(Z.T @ Z + held, Z.T @ (residual - residual.mean())) / scale
+    return slopes, float(residual.mean() - mean @ slopes)

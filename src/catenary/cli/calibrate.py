@@ -15,7 +15,6 @@ from catenary.cli.projects import (
     BEGUN_FOLDER,
     FOLDER,
     HOURS,
-    SEED,
     ExcitationOptions,
     RobotAccess,
     open_project,
@@ -24,7 +23,8 @@ from catenary.cli.projects import (
     step_progress,
 )
 from catenary.cli.recording_options import ACCEPT, RecordingOptions
-from catenary.cli.terminal import announce, print_json, print_notes, progress_bar
+from catenary.cli.robot_choice import SIMULATED_SEED
+from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
 
 if TYPE_CHECKING:
@@ -33,21 +33,16 @@ if TYPE_CHECKING:
 
 def extract(
     project: Path = BEGUN_FOLDER,
-    bag: str | None = option(None, "Also write bags: ros1 or mcap.", choices=("ros1", "mcap")),
-    csv: bool = option(None, "Also write the published 252-column CSV.", False),
-    columns: Names | None = option(
-        "NAME,...", "Further columns of raven_state for the logs to carry, or all. [default: none]"
-    ),
+    bag: str | None = option("ros1|mcap", "Also write bags."),
+    columns: Names | None = option("NAME,...", "Further columns of raven_state to keep, or all. [default: none]"),
     as_json: bool = AS_JSON,
 ) -> None:
     """Extract and synchronise the project's recordings.
 
-    Writes a motion log NAME.parquet for each, and a report. Of a recording that was interrupted it takes
-    what is whole, and says what is lost.
+    Writes a motion log NAME.parquet for each, and a report. Of an interrupted recording it keeps the
+    intact part and reports the loss.
     """
-    from catenary.recording.import_formats.raven_recordings import write_raven_csv
     from catenary.reports.page import Table, TableColumn
-    from catenary.workflows.project.kinds import arm_of
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
     from catenary.workflows.project.state import ExtractionFile, read_state
 
@@ -81,17 +76,11 @@ def extract(
             if bag is not None:
                 written = write_bags(opened, name, "ros1" if bag == "ros1" else "mcap")
                 found[name]["bags"] = [str(path) for path in written]
-            if csv:
-                table = opened.folder / f"{name}.csv"
-                write_raven_csv(opened.folder / "extracted" / name, table, arm=arm_of(opened.settings))
-                found[name]["csv"] = str(table)
-    if as_json:
-        print_json(found)
-    else:
-        for name, report in found.items():
-            print(Table(columns_of_topics, report["topics"], f"{name}: {report['rows']} rows").text())
-            print_notes(report["problems"])
-            print(f"log: {report['log']}\n")
+    parts: list[Any] = []
+    for name, report in found.items():
+        parts.append(Table(columns_of_topics, report["topics"], f"{name}: {report['rows']} rows"))
+        parts.append(f"log: {report['log']}\n")
+    print_result(as_json, found, *parts, notes=[each for report in found.values() for each in report["problems"]])
     for name, failure in failed.items():
         if found and opened.outputs_of(f"record {name}") is None:
             print_notes([f"{name}: was interrupted, and is left out: {failure}"])
@@ -118,7 +107,7 @@ def calibrate(
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
     it drives a simulated RAVEN-II, or with --robot dvrk_psm a da Vinci PSM, and with --ros a real one; with them it
     fits every model to them and tests on --test.
-    The options of fit are those of the model that is recommended and deployed; --seed is also that of its training.
+    The options of fit apply to the recommended and deployed model; --seed also seeds its training.
     """
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
@@ -136,10 +125,8 @@ def calibrate(
 
 
 def demo(
-    out: Path = option(
-        "FOLDER", "Folder for the results: a new or empty one, or that of a demo before.", Path("demo"), read=out_path
-    ),
-    seed: int | None = SEED,
+    out: Path = option("FOLDER", "New, empty, or that of a demo before.", Path("demo"), read=out_path),
+    seed: int | None = SIMULATED_SEED,
     as_json: bool = AS_JSON,
 ) -> None:
     """Calibrate a simulated RAVEN-II in two minutes.
@@ -166,29 +153,24 @@ def _this_command() -> str:
 
 
 def _conclude(result: "CalibrationResult", as_json: bool) -> None:
-    if as_json:
-        print_json(result.summary())
-        return
     from catenary.reports.project import comparison_table
 
     title = "RMSE on a recording that no model saw (per cent of the fixed offset)"
-    print(comparison_table(result.evaluations, title).text())
-    for sentence in result.advice:
-        print(sentence)
-    deployed = result.deployment
+    lines, deployed = [*result.advice], result.deployment
     if deployed is not None and deployed["compute_us"]:
         compute = deployed["compute_us"]
         if (corrector := deployed["correction_us"]) is not None:
-            print(f"the corrector takes {corrector['median']:.1f} us a tick (p99.9 {corrector['p999']:.0f} us)")
+            lines.append(f"the corrector takes {corrector['median']:.1f} us a tick (p99.9 {corrector['p999']:.0f} us)")
         overruns = "" if deployed["overruns"] is None else f", {deployed['overruns']} overruns"
         robot = "simulated robot" if deployed["simulated"] else "robot"
-        print(
+        lines.append(
             f"1 kHz loop, reading and commanding the {robot} included: {deployed['ticks']} ticks, "
             f"median {compute['median']:.0f} us, p99.9 {compute['p999']:.0f} us{overruns}"
         )
     if not result.repeated:
-        print("nothing to do: every step had been done")
-    print(f"page:  {result.page}\nmodel: {result.model_path}")
+        lines.append("nothing to do: every step had been done")
+    lines.append(f"page:  {result.page}\nmodel: {result.model_path}")
+    print_result(as_json, result.summary(), comparison_table(result.evaluations, title), *lines)
 
 
 @contextmanager

@@ -13,59 +13,24 @@ from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, 
 from catenary.errors import CatenaryError
 from catenary.visible import ClosedOutput
 
-# groups in the order in which `catenary --help` lists them; of each command the module of this package and the function
-GROUPS: dict[str, dict[str, tuple[str, str]]] = {
+# groups in the order in which `catenary --help` lists them; of each command the module with its function
+GROUPS: dict[str, dict[str, str]] = {
     "Calibrate": {
-        "calibrate": ("calibrate", "calibrate"),
-        "home": ("record", "home"),
-        "excite": ("record", "excite"),
-        "record": ("record", "record"),
-        "extract": ("calibrate", "extract"),
-        "fit": ("fit", "fit"),
-        "evaluate": ("fit", "evaluate"),
-        "refresh": ("fit", "refresh"),
-        "drift": ("fit", "drift"),
-        "deploy": ("deploy", "deploy"),
-        "demo": ("calibrate", "demo"),
+        "calibrate": "calibrate", "home": "record", "excite": "record", "record": "record", "extract": "calibrate",
+        "fit": "fit", "evaluate": "fit", "refresh": "fit", "drift": "fit", "deploy": "deploy", "demo": "calibrate",
     },
-    "Gravity": {
-        "gravity": ("gravity", "gravity"),
-        "track": ("gravity", "track"),
-        "hold": ("gravity", "hold"),
-        "sense": ("sense", "sense"),
-        "gravity-node": ("nodes", "gravity_node"),
-    },
-    "Identify": {
-        "excitation": ("excitation", "excitation"),
-        "identify": ("identify", "identify"),
-        "payload": ("identify", "payload"),
-        "regressor": ("robots", "regressor"),
-    },
+    "Gravity": {"gravity": "gravity", "track": "gravity", "hold": "gravity", "sense": "sense", "gravity-node": "nodes"},
+    "Identify": {"excitation": "excitation", "identify": "identify", "payload": "identify", "regressor": "robots"},
     "Move": {
-        "goto": ("motion", "goto"),
-        "random": ("motion", "random"),
-        "follow": ("motion", "follow"),
-        "teleop": ("motion", "teleop"),
-        "serve": ("nodes", "serve"),
-        "button": ("nodes", "button"),
-        "encoders": ("nodes", "encoders"),
+        "goto": "motion", "random": "motion", "follow": "motion", "teleop": "motion", "serve": "nodes",
+        "button": "nodes", "encoders": "nodes",
     },
     "Look": {
-        "monitor": ("monitor", "monitor"),
-        "view": ("view", "view"),
-        "plot": ("robots", "plot"),
-        "fk": ("robots", "fk"),
-        "ik": ("robots", "ik"),
-        "robots": ("robots", "robots"),
+        "monitor": "monitor", "view": "view", "plot": "robots", "fk": "robots", "ik": "robots", "robots": "robots",
     },
-    "Files": {
-        "check": ("files", "check"),
-        "import": ("files", "import_recording"),
-        "export": ("files", "export"),
-        "recover": ("files", "recover"),
-    },
-}
-_FUNCTIONS = {name: function for group in GROUPS.values() for name, function in group.items()}
+    "Files": {"check": "files", "import": "files", "export": "files", "recover": "files"},
+}  # fmt: skip
+_MODULES = {name: module for group in GROUPS.values() for name, module in group.items()}
 HELP_NAMES = {"help_option_names": ["--help", "-h"]}
 # run without arguments; others then show their help
 _COMPLETE = {"home", "teleop", "monitor", "view", "serve", "button", "robots", "demo"}
@@ -79,18 +44,18 @@ class Commands(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._made:
-            module, function = _FUNCTIONS[name]
+            function = "import_recording" if name == "import" else name.replace("-", "_")
             app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-            command = getattr(import_module(f"catenary.cli.{module}"), function)
+            command = getattr(import_module(f"catenary.cli.{_MODULES[name]}"), function)
             app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(as_typed(command))
             self._made[name] = typer.main.get_command(app)
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_FUNCTIONS)
+        return iter(_MODULES)
 
     def __len__(self) -> int:
-        return len(_FUNCTIONS)
+        return len(_MODULES)
 
 
 class InterruptedCommand(Exception):
@@ -106,7 +71,7 @@ class CommandGroup(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands under the names of their groups."""
-        width = max(map(len, _FUNCTIONS))
+        width = max(map(len, _MODULES))
         for title, names in GROUPS.items():
             with formatter.section(title):
                 limit = formatter.width - 6 - width

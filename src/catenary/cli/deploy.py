@@ -1,4 +1,4 @@
-"""catenary deploy: a calibration model at work, in a simulated robot's loop or beside a robot on ROS."""
+"""catenary deploy: run a calibration model in a simulated robot's loop, or next to a robot on ROS."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,45 +6,38 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from catenary.cli.gravity_options import GravityOptions
+from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import AS_JSON, argument, option
 from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project, step_progress
-from catenary.cli.robot_choice import NODE_NAME, ros_transport
-from catenary.cli.terminal import announce, print_json, print_notes
+from catenary.cli.robot_choice import DIALECT, NODE_NAME
+from catenary.cli.terminal import announce, print_notes, print_result
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.calibration.model import CalibrationModel
     from catenary.crtk.reader import CrtkReader
     from catenary.nodes.calibrated_topics import CalibratedTopics, WireReport
+    from catenary.reports.page import Table
     from catenary.workflows.project.deploy import Deployment
 
 
 def deploy(
-    gravity: GravityOptions,
     model: Path = argument("MODEL", "A calibration model of the project's robot."),
-    project: Path | None = argument(
-        "PROJECT", "Folder of the project; none with --ros.", None, not_with=("ros", "ros_distro")
-    ),
+    project: Path | None = argument("PROJECT", "Folder; none with --ros.", None, not_with=("ros", "ros_distro")),
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
     real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
-    ros: int | None = option(
-        "1|2", "With a robot on ROS: publish its corrected messages.", choices=(1, 2), joins_ros=True
-    ),
-    arm: str = option(None, "With --ros: gold (left) or green.", "gold", choices=("gold", "green"), goes_with="ros"),
-    dialect: str | None = option(
-        None, "With --ros: raven or crtk. [default: raven; of a dVRK PSM crtk]", goes_with="ros"
-    ),
+    ros: int | None = option("1|2", "With a robot on ROS: publish its corrected messages.", joins_ros=True),
+    arm: str = option("gold|green", "With --ros: left or right.", "gold", goes_with="ros"),
+    dialect: str | None = DIALECT,
+    gravity: str | None = GRAVITY_TOPIC,
     namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros"),
     rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros"),
     name: str | None = replace(NODE_NAME, goes_with="ros"),
     no_mend: bool = option(None, "The robot already reports what the corrected training data had.", False),
-    gravity_torque: bool = option(
-        None, "With --ros: also publish the torques that hold the joints still.", False, goes_with="ros"
-    ),
+    gravity_torque: bool = option(None, "With --ros: also publish gravity torques.", False, goes_with="ros"),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Run a model in a robot's loop, or beside one on ROS.
+    """Run a model in a robot's loop, or next to a robot on ROS.
 
     Prints latency, the share of time in the valid range, and the error while it runs. The exit code is 1 when it takes
     longer than a tick in the median.
@@ -55,20 +48,19 @@ def deploy(
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     from catenary.calibration.model_file import load_model
 
-    imu = gravity.source()
     loaded, _ = load_model(model)
     loaded = replace(loaded, mends={}) if no_mend else loaded
     if project is not None:
         _in_a_loop(project, loaded, 20.0 if seconds is None else seconds, real_time=real_time, as_json=as_json)
         return
-    from catenary.crtk.network import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 
-    if gravity_torque and imu is None:
-        print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
+    if gravity_torque and gravity is None:
+        print_notes(["gravity torques are those of a level base; --gravity tells of another"])
     with (
-        ros_transport(ros or 1, node_name("deploy", name)) as transport,
-        reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, imu=imu) as client,
+        make_transport(str(ros), node_name("deploy", name)) as transport,
+        reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, gravity=gravity) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque)
         failure: BaseException | None = None
@@ -82,7 +74,7 @@ def deploy(
         topics.close()
     _show_deployment(model, arm, report, as_json=as_json)
     if failure is not None:
-        raise failure  # behind the report, which is there whatever ended it
+        raise failure  # after the report
     if not report.keeps_up and report.latency is not None and report.rate_hz is not None:
         _too_slow(report.latency.median, 1.0 / report.rate_hz)
 
@@ -114,18 +106,14 @@ def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real
     with step_progress(f"{seconds:g} s at 1 kHz"):
         result = deploy_on_robot(plant, model, motion, real_time=real_time)
     took = None if result.compute_us is None or not real_time else result.compute_us.median
-    if as_json:
-        print_json(plain_data(result))
-    else:
-        _show_loop(result)
+    print_result(as_json, plain_data(result), str(result.loop), _loop_table(result))
     if took is not None and took > 1e6 * plant.period:
         _too_slow(1e-6 * took, plant.period)
 
 
-def _show_loop(result: "Deployment") -> None:
+def _loop_table(result: "Deployment") -> "Table":
     from catenary.reports.page import Table, TableColumn
 
-    print(result.loop)
     columns = [
         TableColumn("joint", "name"),
         TableColumn("unit", "unit"),
@@ -134,7 +122,7 @@ def _show_loop(result: "Deployment") -> None:
     ]
     if result.coverage_asked is not None:
         columns.append(TableColumn(f"within intervals ({result.coverage_asked:.0%} asked)", "coverage", ".0%"))
-    print(Table(columns, result.joints, "RMSE while the loop ran").text())
+    return Table(columns, result.joints, "RMSE while the loop ran")
 
 
 _OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": "its inputs are back"}
@@ -158,22 +146,22 @@ def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", secon
 
 
 def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bool) -> None:
-    if as_json:
-        print_json({"model": str(model), "arm": arm, **report.as_data()})
-        return
     from catenary.reports.page import Table, TableColumn
 
     rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
-    print(
+    corrected = (
         f"{report.published} of {report.messages} messages corrected in {report.seconds:.1f} s, {rate}; "
         f"{report.late} late, {report.missed} missed, {report.not_homed} while not homed, "
         f"{report.unreadable} unreadable, {report.stale} with a stale input"
     )
-    print(f"silences: {report.silences}, the longest {report.longest_silence:.2f} s")
+    silences = f"silences: {report.silences}, the longest {report.longest_silence:.2f} s"
+    latency = None
     if report.latency is not None:
         row = ["arrival to publication [us]", *(f"{1e6 * value:.0f}" for value in report.latency)]
-        print(Table(["", "median", "p99", "p99.9", "largest"], [row], "Latency").text())
-    shares = [100.0 * share for share in report.outside]
-    columns = [TableColumn("joint"), TableColumn("share", form=".1f", after=" %")]
-    rows = list(zip(report.joint_names, shares, strict=True))
-    print(Table(columns, rows, "Messages outside the valid range").text())
+        latency = Table(["", "median", "p99", "p99.9", "largest"], [row], "Latency")
+    columns = [TableColumn("joint"), TableColumn("share", lambda row: 100.0 * row[1], ".1f", " %")]
+    outside = Table(
+        columns, [*zip(report.joint_names, report.outside, strict=True)], "Messages outside the valid range"
+    )
+    content = {"model": str(model), "arm": arm, **report.as_data()}
+    print_result(as_json, content, corrected, silences, latency, outside)

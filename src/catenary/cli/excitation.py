@@ -6,28 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.identify import GRAVITY, IN_PLACE_OF_GRAVITY, gravity_vector
-from catenary.cli.options import (
-    REQUIRED,
-    TABLES_AS_JSON,
-    Numbers,
-    Triple,
-    argument,
-    group,
-    numbers,
-    option,
-    robots_beginning,
-)
+from catenary.cli.gravity_options import GRAVITY
+from catenary.cli.identify import IN_PLACE_OF_GRAVITY, gravity_vector
+from catenary.cli.options import AS_JSON, REQUIRED, Numbers, Six, Triple, argument, group, numbers, option
 from catenary.cli.out_files import EXCITATION, NAMED_AS_TYPED, TRAJECTORY
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions
-from catenary.cli.terminal import print_json, print_notes
+from catenary.cli.terminal import print_notes, print_result
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.robots.model import RobotModel
     from catenary.workflows.excitation import MotionSurroundings
 
-Six = tuple[float, float, float, float, float, float]
+Touching = tuple[str, str]
+Placed = tuple[Path, Numbers]
+_UNCHECKED = "no_collision_check"
 
 
 def _placed_mesh(text: str) -> tuple[Path, Numbers]:
@@ -46,30 +39,13 @@ def _pair(text: str) -> tuple[str, str]:
 class CollisionOptions:
     """What stands about the robot, and what its own links look like."""
 
-    floor_m: float | None = option(
-        "Z", "Height of the floor in the base frame, which has z up.", not_with="no_collision_check"
-    )
-    box: Sequence[Six] = option(
-        "X,Y,Z,DX,DY,DZ",
-        "A box: its centre and its edges, m in the base frame; repeatable.",
-        not_with="no_collision_check",
-    )
-    mesh: Sequence[tuple[Path, Numbers]] = option(
-        "FILE[@X,Y,Z]",
-        "A mesh in m, its origin at a place in the base frame; repeatable.",
-        read=_placed_mesh,
-        not_with="no_collision_check",
-    )
+    floor_m: float | None = option("Z", "Height of the floor in the base frame, z up.", not_with=_UNCHECKED)
+    box: Sequence[Six] = option("X,Y,Z,DX,DY,DZ", "A box's centre and edges, m; repeatable.", not_with=_UNCHECKED)
+    mesh: Sequence[Placed] = option("FILE[@X,Y,Z]", "A mesh in m; repeatable.", read=_placed_mesh, not_with=_UNCHECKED)
     margin_mm: float = option("MM", "Smallest distance between bodies.", 10.0)
-    link_radius_mm: float | None = option(
-        "MM", "Capsules of this radius along the links, in place of what the robot's description shows."
-    )
-    package_dir: Sequence[Path] = option(
-        "FOLDER", "Folder of a ROS package with meshes; repeatable. [default: above the URDF]"
-    )
-    may_touch: Sequence[tuple[str, str]] = option(
-        "A:B", "Two links, or a link and an obstacle, not to compare; repeatable.", read=_pair
-    )
+    link_radius_mm: float | None = option("MM", "Take capsules of this radius along the links as their shapes.")
+    package_dir: Sequence[Path] = option("FOLDER", "ROS package with meshes; repeatable. [default: above the URDF]")
+    may_touch: Sequence[Touching] = option("A:B", "Links or obstacles not to compare; repeatable.", read=_pair)
     no_collision_check: bool = option(None, "Design without a collision check.", False)
 
     def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":
@@ -111,30 +87,23 @@ def excitation(
     carried: PayloadOptions,
     limits: LimitOptions,
     collisions: CollisionOptions,
-    robot: str = argument("ROBOT", "Catalogue name or file; needs no inertia.", completes=robots_beginning),
+    robot: str = argument("ROBOT", "Catalogue name or file; needs no inertia."),
     out: Path = option(
         "FILE", f"File to write t, q, dq, ddq to, .npz or .csv. {NAMED_AS_TYPED}", REQUIRED, writes=EXCITATION
     ),
     trajectory: Path | None = option(
-        "FILE",
-        "Also write ROS's trajectory_msgs/JointTrajectory, .json or .yaml.",
-        writes=TRAJECTORY,
-        not_with="static",
+        "FILE", "Also write a ROS JointTrajectory, .json or .yaml.", writes=TRAJECTORY, not_with="static"
     ),
-    ros: int = option("1|2", "ROS that --trajectory is for.", 2, least=1, most=2, goes_with="trajectory"),
-    static: int | None = option("N", "N poses to hold.", least=1),
-    fourier: bool = option(None, "One period of a Fourier motion. [default]", False, not_with="static"),
+    ros: int = option("1|2", "ROS that --trajectory is for.", 2, goes_with="trajectory"),
+    static: int | None = option("N", "N poses to hold, in place of one period of a Fourier motion.", least=1),
     period: float = option("S", "Period of the motion.", 10.0, flag="--period-s"),
     harmonics: int = option("N", "Harmonics of the motion, 3 or more.", 5),
     rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz"),
     trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1),
-    torque_noise: float | None = option(
-        "S", "Standard deviation of the torques, Nm and N, for expected errors. [default: 1 % of their limits]"
-    ),
     gravity: Triple | None = GRAVITY,
     imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
     seed: int = option("N", "Seed of everything random.", 0, least=0),
-    as_json: bool = TABLES_AS_JSON,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Design a motion to identify an arm from; moves nothing.
 
@@ -145,7 +114,7 @@ def excitation(
     import numpy as np
 
     from catenary.identification.motion_limits import room_of
-    from catenary.workflows.excitation import comparison_table, design_excitation, write_excitation, write_trajectory
+    from catenary.workflows.excitation import design_excitation, write_excitation, write_trajectory
 
     model = carried.on(description.load(robot))
     given = vars(limits).copy()
@@ -153,32 +122,21 @@ def excitation(
         given["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
     room = room_of(model, **given)
     around = collisions.around(robot, model)
-    shape: dict[str, Any] = {"period": period, "harmonics": harmonics, "rate": rate, "trials": trials}
     result = design_excitation(
-        model,
-        room,
-        around,
-        np.random.default_rng(seed),
-        gravity=np.array(gravity_vector(gravity, imu_reading)),
-        static=static,
-        noise=torque_noise,
-        **shape,
-    )
+        model, room, around, np.random.default_rng(seed), gravity=np.array(gravity_vector(gravity, imu_reading)),
+        static=static, period=period, harmonics=harmonics, rate=rate, trials=trials,
+    )  # fmt: skip
     design = result.design
     write_excitation(design, model, out)
     if trajectory is not None:
         write_trajectory(design, model.joint_names, trajectory, ros=ros)
     print_notes([note for note in result.notes if not as_json or note.startswith("warning: ")])
-    if as_json:
-        files = {"file": str(out), **({} if trajectory is None else {"trajectory": str(trajectory)})}
-        print_json({**result.summary(), "seed": seed, **files})
-        return
+    files = {"file": str(out), **({} if trajectory is None else {"trajectory": str(trajectory)})}
     what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
-    print(f"{model.name}: {len(design.q)} {what}")
-    print(f"condition: {design.condition:.4g} for {design.n_base} base parameters")
-    for line in result.kept():
-        print(line)
-    if result.comparison is not None:
-        title = "Beside other motions of equal length and limits"
-        print(comparison_table(result.comparison, title).text())
-    print(f"file: {out}" if trajectory is None else f"file: {out}\ntrajectory: {trajectory}")
+    parts: list[Any] = [
+        f"{model.name}: {len(design.q)} {what}",
+        f"condition: {design.condition:.4g} for {design.base.count} base parameters",
+        *result.kept(),
+    ]
+    lines = [f"{name}: {path}" for name, path in files.items()]
+    print_result(as_json, {**result.summary(), "seed": seed, **files}, *parts, *lines)

@@ -1,4 +1,4 @@
-"""catenary check, recover, import, export: what a file is, what is whole of it, and other makes in and out."""
+"""catenary check, recover, import, export: identify a file, recover it, and convert from and to other formats."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one, robots_beginning
+from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one
 from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, ModelRecordingOptions, RecordingOptions
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
-from catenary.cli.terminal import print_fact, print_json, print_notes, progress_bar, without_notes
+from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,14 +19,10 @@ if TYPE_CHECKING:
 
 def check(
     recordings: RecordingOptions,
-    file: str = argument(
-        "FILE", "A robot, a calibration model or a recording, a bag or its folder too.", completes=robots_beginning
-    ),
+    file: str = argument("ROBOT|FILE", "A robot, a calibration model, a recording, or a bag's folder."),
     max_error: Numbers | None = MAX_ERROR,
     robot: str | None = option("ROBOT", "Robot of a recording: its limits, and joints' names and units."),
-    picture: Path | None = option(
-        "FILE", "Also draw commands over measurements of the fastest joint, .png, .svg or .pdf.", writes=PICTURE
-    ),
+    picture: Path | None = option("FILE", "Also draw commands over measurements, .png, .svg or .pdf.", writes=PICTURE),
     as_json: bool = AS_JSON,
 ) -> None:
     """Say what a file is, what is wrong, what to do next.
@@ -48,46 +44,28 @@ def check(
         if found.draw is None:
             raise InputError("--picture: is of a recording with measured joint positions")
         write_picture(found.draw(), picture, PICTURE.endings)
-    if as_json:
-        print_json(found.as_data())
-    else:
-        print(f"{file}: {found.kind}")
-        width = max(len("remark:"), *(len(name) for name, _ in found.lines), len("verdict"))
-        for name, text in found.lines:
-            print_fact(name, text, width=width)
-        if found.joints is not None:
-            print(found.joints.text().rstrip())
-        for remark in found.shown_remarks:
-            print_fact("remark:", remark, width=width)
-        for fault in found.faults:
-            print_fact("WRONG:", fault, width=width)
-        print_fact("verdict", found.verdict, width=width)
-        if found.next:
-            print_fact("next", found.next, width=width)
+    joints = None if found.joints is None else found.joints.text().rstrip()
+    facts = [("remark:", each) for each in found.shown_remarks] + [("WRONG:", each) for each in found.faults]
+    facts += [("verdict", found.verdict), *([("next", found.next)] if found.next else [])]
+    print_result(as_json, found.as_data(), f"{file}: {found.kind}", list(found.lines), joints, facts)
     if found.faults:
         raise typer.Exit(1)
 
 
 def recover(
     recording: Path = argument("RECORDING", "Journal (folder or one of its files), .bag, .mcap or its folder."),
-    out: Path | None = option(
-        "PATH", "What to write, named as typed. [default: NAME.recovered, in its folder]", read=out_path
-    ),
+    out: Path | None = option("PATH", "What to write. [default: NAME.recovered, in its folder]", read=out_path),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Write what is whole of a damaged recording.
+    """Recover the intact part of a damaged recording.
 
-    Says what is lost. For recordings that were cut off, not closed, or damaged in the middle, outside a project
-    (inside, `catenary extract` does it). Of a journal it writes a journal (folder), of a ROS 1 bag a .bag, of MCAP a
-    ROS 2 bag (folder); all of them go into `catenary` and other programs like any other. RECORDING is not changed,
-    and nothing is overwritten. Of a whole recording nothing is written.
+    It reports what is lost. Use it for recordings that were cut off, not closed, or damaged in the middle, outside a
+    project (inside one, `catenary extract` does it). A journal becomes a journal (folder), a ROS 1 bag a .bag, MCAP a
+    ROS 2 bag (folder). RECORDING is not changed, nothing is overwritten, and an intact recording writes nothing.
     """
     from catenary.workflows.recover import recover as recover_recording
 
     found = recover_recording(recording, out)
-    if as_json:
-        print_json(found.as_data())
-        return
     from catenary.reports.page import Table, TableColumn
 
     columns = [
@@ -96,14 +74,12 @@ def recover(
         TableColumn("lost, about", "lost"),
         TableColumn("without messages [s]", "seconds", ".2f"),
     ]
-    print(Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s").text())
-    print_notes(found.problems)
-    if found.written is None:
-        print("whole: nothing to recover, nothing written")
-        return
-    if found.rescue.ends_early:
-        print("cut off: what came last, up to 0.5 s and what the disk took, and all behind it is lost")
-    print(f"written: {found.written}")
+    table = Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s")
+    early = "cut off: the last 0.5 s or so before the end are lost"
+    lines = ["whole: nothing to recover, nothing written"]
+    if found.written is not None:
+        lines = [*([early] if found.rescue.ends_early else []), f"written: {found.written}"]
+    print_result(as_json, found.as_data(), table, *lines, notes=found.problems)
 
 
 def export(
@@ -111,51 +87,35 @@ def export(
     carried: PayloadOptions,
     recordings: ModelRecordingOptions,
     what: str | None = argument(
-        "[WHAT]",
-        "With --c a robot, as fk takes it; none with --model. With --onnx a calibration model. With --mcap "
-        "a recording.",
-        None,
-        completes=robots_beginning,
+        "[ROBOT|MODEL|LOG]", "With --c a robot, none with --model; with --onnx a model; with --mcap a recording.", None
     ),
     c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
     onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
-    mcap: Path | None = option(
-        "OUT", "MCAP file to write, e.g. lab.mcap, with the robot's URDF, lab.urdf.", writes=MCAP
-    ),
+    mcap: Path | None = option("OUT", "MCAP file to write, e.g. lab.mcap, with the robot's lab.urdf.", writes=MCAP),
     robot: str | None = option("ROBOT", "With --mcap: what was recorded. [default: as it says]", goes_with="mcap"),
-    model: Path | None = option(
-        "CALIBRATION", "Calibration model for the C header, or for the recording.", not_with="onnx"
-    ),
-    rate_hz: float | None = option(
-        "HZ",
-        "Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
-        not_with="mcap",
-    ),
+    model: Path | None = option("MODEL", "Calibration model for the header or the recording.", not_with="onnx"),
+    rate_hz: float | None = option("HZ", "Rate of the loop. [default: 1000 in C, the rows' in ONNX]", not_with="mcap"),
     friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"),
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.", goes_with="c"),
-    as_json: bool = option(None, "Print JSON instead of text.", False, flag="--json"),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Write a robot as C, a model as ONNX, a recording as MCAP.
 
-    The header holds the law of motion (feedforward, inverse dynamics on a base that moves, mass matrix, gravity and
-    its regressors) and joint correction, for loops in C and C++: no library, no memory; without a robot, or with one
-    whose links have no inertia, the correction alone. Of parameters by identify it holds friction, rotors and springs
-    too. The graph computes in float64; what the model remembers goes in
-    and out as tensors.
+    The C header holds the dynamics (feedforward, inverse dynamics on a moving base, mass matrix, gravity) and the joint
+    correction, for loops in C and C++, without libraries or allocation. Without a robot it holds the correction alone.
+    The ONNX graph computes in float64; its memory goes in and out as tensors. Foxglove, PlotJuggler and Rerun show the
+    MCAP file: joints, link poses, gravity.
 
-    The MCAP file shows joints, poses of the links and gravity in Foxglove, PlotJuggler and Rerun.
-
-    Examples: catenary export --model arm.npz --c arm.h; catenary export demo/test.parquet --mcap test.mcap
+    Example: catenary export --model arm.npz --c arm.h
+    Example: catenary export demo/test.parquet --mcap test.mcap
     """
     require_one(c=c, onnx=onnx, mcap=mcap)
     if what is None and (c is None or model is None):
         other = "the calibration model" if onnx is not None else "the recording"
         needed = "a robot, or --model for its correction alone" if c is not None else other
         raise InputError(f"export: expected {needed}")
-    if what is None and (friction or viscous):
-        raise InputError("export: --friction and --viscous are for --c of a robot")
-    if (c is None or what is None) and carried != PayloadOptions():
-        raise InputError("export: --payload is for --c of a robot")
+    if (c is None or what is None) and (carried != PayloadOptions() or friction or viscous):
+        raise InputError("export: --payload, --friction and --viscous are for --c of a robot")
     if mcap is None and recordings != ModelRecordingOptions():
         raise InputError("export: options of a recording go with --mcap")
     if c is not None:
@@ -187,27 +147,22 @@ def _c(
         loads = joint_friction(known, friction, viscous)
     header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
     write_header(header, out)
+    facts = [("written", str(out)), ("functions", ", ".join(header.functions))]
     print_notes(header.notes)
-    if as_json:
-        print_json({"file": str(out), "functions": header.functions})
-        return
-    print_fact("written", str(out), width=9)
-    print_fact("functions", ", ".join(header.functions), width=9)
+    print_result(as_json, {"file": str(out), "functions": header.functions}, facts)
 
 
 def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
     from catenary.workflows.calibration_model import export_onnx
 
     summary = export_onnx(model, out, rate_hz=rate_hz)
-    if as_json:
-        print_json(summary)
-        return
-    print_notes(summary["notes"])
+    facts = []
     for name in ("file", "kind", "inputs", "outputs", "signals", "joints"):
         value = summary[name]
         if isinstance(value, dict):
             value = [f"{tensor} ({', '.join(map(str, shape))})" for tensor, shape in value.items()]
-        print_fact(name, value if isinstance(value, str) else ", ".join(value), width=7)
+        facts.append((name, value if isinstance(value, str) else ", ".join(value)))
+    print_result(as_json, summary, facts, notes=summary["notes"])
 
 
 def _mcap(
@@ -228,33 +183,25 @@ def _mcap(
     shapes = () if geometry is None else geometry.shapes
     made = write_mcap(recorded_arm(recording, arm, calibration), recording, out, shapes)
     print_notes([*(note for note in recording.notes if note.startswith("corrected")), *made.notes])
-    if as_json:
-        urdf = None if made.urdf is None else str(made.urdf)
-        print_json({"file": str(out), "urdf": urdf, "robot": arm.name, "messages": dict(made.messages)})
-        return
-    print_fact("written", str(out), width=9)
-    if made.urdf is not None:
-        print_fact("robot", f"{arm.name}, {made.urdf}", width=9)
-    print_fact("topics", ", ".join(f"{topic} ({n})" for topic, n in made.messages.items()), width=9)
+    urdf = None if made.urdf is None else str(made.urdf)
+    content = {"file": str(out), "urdf": urdf, "robot": arm.name, "messages": dict(made.messages)}
+    topics = ", ".join(f"{topic} ({n})" for topic, n in made.messages.items())
+    print_result(as_json, content, [("written", str(out)), ("robot", f"{arm.name}, {urdf}"), ("topics", topics)])
 
 
 def import_recording(
     foreign: MappingOptions,
     sources: Sequence[Path] = argument(
-        "SOURCE...",
-        "The files of one recording: ROS 1 bags, ROS 2 bags, .mcap, .csv, .txt, .parquet, .npz, .npy, .mat.",
+        "SOURCE...", "Files of one recording: bags, .mcap, .csv, .txt, .parquet, .npz, .npy, .mat."
     ),
     out: Path | None = option("LOG", f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}", writes=LOG),
     units: str | None = option("U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."),
     robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
     yes: bool = option(None, "Accept the proposed mapping, unless a question is open.", False),
-    answer: Sequence[str] = option(
-        "QUESTION=ANSWER",
-        "Answer an open question of the proposal, e.g. q_encoder=cam, and accept it with --out; repeatable.",
-    ),
+    answer: Sequence[str] = option("QUESTION=ANSWER", "Answer an open question, as q_encoder=cam; repeatable."),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Bring a recording of any make into a motion log.
+    """Import a third-party recording into a motion log.
 
     Every command reads that log. Without a mapping it prints the one that it proposes, as TOML to edit; files of a
     known layout need none.
@@ -269,11 +216,9 @@ def import_recording(
     layout = None if answers else known_layout(sources, robot=robot)
     if mapping is None and layout is None and not ((yes or answers) and out is not None):
         proposal = propose_mapping(sources, units=units, robot=robot, answers=answers)
-        if as_json:
-            content = {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
-            print_json({**content, "not_used": proposal.not_used})
-        else:
-            print(proposal.toml, end="")
+        content = {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
+        print_result(as_json, {**content, "not_used": proposal.not_used}, proposal.toml.rstrip("\n"))
+        if not as_json:
             _say_how_to_go_on(sources, is_open=bool(proposal.questions))
         if out is not None:
             raise InputError(f"--out {out}: nothing was written: there is no mapping yet")
@@ -287,21 +232,17 @@ def import_recording(
     log = done.log
     doubts = [f"{each.name}: {each}" for each in done.findings if each.refuses]
     delay = next((str(each) for each in done.findings if each.name in ("delay", "clock")), None)
-    if as_json:
-        facts: dict[str, Any] = {"log": str(out), "layout": layout, "rows": done.rows, "seconds": done.seconds}
-        joints = dict(zip(log.joint_names, log.joint_units, strict=True))
-        facts |= {"measured": done.measured, "joints": joints, "not_used": done.not_used}
-        print_json({**facts, "notes": done.notes, "doubts": doubts, "delay": delay})
-        return
-    print_notes([*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)])
-    joints_in_words = ", ".join(f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True))
-    print(f"joints: {joints_in_words}")
-    print(f"rows:   {done.rows}{'' if done.seconds is None else f', {done.seconds:.1f} s'}")
-    if done.measured is not None:
-        print(f"        {done.measured} of them with q_encoder")
-    if delay is not None:
-        print(f"delay:  {delay}")
-    print(f"log:    {out}")
+    joints = dict(zip(log.joint_names, log.joint_units, strict=True))
+    report: dict[str, Any] = {
+        "log": str(out), "layout": layout, "rows": done.rows, "seconds": done.seconds, "measured": done.measured,
+        "joints": joints, "not_used": done.not_used, "notes": done.notes, "doubts": doubts, "delay": delay,
+    }  # fmt: skip
+    rows = f"{done.rows}{'' if done.seconds is None else f', {done.seconds:.1f} s'}"
+    rows += "" if done.measured is None else f", {done.measured} of them with q_encoder"
+    facts = [("joints:", ", ".join(f"{name} [{unit}]" for name, unit in joints.items())), ("rows:", rows)]
+    facts += [*([] if delay is None else [("delay:", delay)]), ("log:", str(out))]
+    notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
+    print_result(as_json, report, facts, notes=notes)
 
 
 def _say_how_to_go_on(sources: Sequence[Path], *, is_open: bool) -> None:

@@ -1,4 +1,4 @@
-"""catenary fit, evaluate, refresh, drift: a calibration model made, judged, brought up to date, watched over days."""
+"""catenary fit, evaluate, refresh, drift: fit, test and update a calibration model, and track its error over days."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -8,22 +8,21 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from catenary.cli.options import (
+    AS_JSON,
     REPORT,
     REQUIRED,
-    TABLES_AS_JSON,
     Names,
     Numbers,
     argument,
     group,
     numbers,
     option,
-    robots_beginning,
     values_of,
     words,
 )
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
-from catenary.cli.terminal import print_json, print_notes, progress_bar
+from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
 
@@ -31,12 +30,11 @@ if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation
     from catenary.calibration.fit_options import FitOptions, FitRun
     from catenary.calibration.fit_recordings import FitResult
+    from catenary.reports.page import Table
     from catenary.robots.model import RobotModel
 
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
-ROBOT_OF_DATA = option(
-    "ROBOT", "Catalogue name or file of the robot: joint names and units.", completes=robots_beginning
-)
+ROBOT_OF_DATA = option("ROBOT", "Catalogue name or file of the robot: joint names and units.")
 
 
 def _play_shares(text: str) -> Numbers:
@@ -45,6 +43,10 @@ def _play_shares(text: str) -> Numbers:
 
         return PLAY_SHARES
     return () if text == "off" else numbers(text)
+
+
+def _coupled(text: str) -> Names:
+    return () if text == "off" else words(text)
 
 
 def _inputs(text: str) -> Names | dict[str, Names]:
@@ -64,45 +66,24 @@ class ModelOptions:
     """Options of a fit, by the names of FitOptions and FitRun, which refuse what they do not know."""
 
     kind: str = option(
-        "KIND",
-        "offset, linear, polynomial, hysteretic, neural, or auto: the simplest good one for each joint.",
-        "auto",
-        flag="--model",
+        "KIND", "offset, linear, polynomial, hysteretic, neural, or auto: the simplest good.", "auto", flag="--model"
     )
-    preset: str | None = option(
-        "NAME", "Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: best]"
-    )
+    preset: str | None = option("NAME", "Of a neural model: paper (Peng et al.) or best (ours). [default: best]")
     inputs: Names | dict[str, Names] | None = option(
-        "SIGNALS",
-        "What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
-        "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
-        read=_inputs,
+        "SIGNALS", "Inputs: q, tau, qd, all, q:J1; or 'J1=q:J1;J2=q'. [default: q, and tau if recorded]", read=_inputs
     )
     history: int = option("K", "Also take the K previous commands.", 0, least=0)
     play: Numbers | None = option(
-        "SHARES",
-        "Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
-        "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best without torques]",
-        read=_play_shares,
+        "SHARES|on|off", "Also take play states, of these shares of each joint's motion.", read=_play_shares
     )
-    target: str = option(
-        "WHAT", "What to learn: error, the joint error, or position, the joint position end to end.", "error"
-    )
+    target: str = option("error|position", "Learn the joint error, or the joint position end to end.", "error")
     coupled: Names | None = option(
-        "JOINTS",
-        "Joints that friction couples, such as J5,J6, or 'off'. [default: found in the recordings]",
-        read=lambda text: () if text == "off" else words(text),
+        "JOINTS|off", "Joints that friction couples, such as J5,J6. [default: found in the recordings]", read=_coupled
     )
-    ridge: float | None = option(
-        "R",
-        "Ridge penalty of linear, polynomial and hysteretic models: weight on their squared coefficients, of inputs "
-        "that vary by 1. [default: 0; 10 for hysteretic, with --play, and for polynomials with --history]",
-        least=0.0,
-        shows_default=False,
-    )
+    ridge: float | None = option("R", "Weight on the squared coefficients. [default: by the model's kind]", least=0.0)
     held_out: float | None = option("SHARE", "Keep the last part of each recording, this share of it, for a test.")
     folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, least=0)
-    coverage: float = option("SHARE", "Share of errors that the intervals about corrected joints hold.", 0.9)
+    coverage: float = option("SHARE", "Share of errors that the intervals hold.", 0.9)
     max_error: Numbers | None = MAX_ERROR
     instrument: str | None = option("NAME", "For the card: which instrument the arm held, such as its serial number.")
     tool: str | None = option("NAME", "For the card: the kind of tool, such as large-needle-driver.")
@@ -135,7 +116,7 @@ def fit(
     seed: int = option("N", "Seed of all randomness.", 0, least=0, most=LARGEST_SEED),
     accept: Sequence[str] = ACCEPT,
     report: Path | None = REPORT,
-    as_json: bool = TABLES_AS_JSON,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Fit a calibration model and print its error on unseen data.
 
@@ -151,14 +132,10 @@ def fit(
     with progress_bar(f"fitting {fitting.kind}") as progress:
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
-    if as_json:
-        print_json(_fit_summary(out, card_path(out), result))
-    else:
-        _print_fit(out, card_path(out), result)
+    _print_fit(out, result, as_json)
     if report is not None:  # last: whatever goes wrong with it, the model is there
         _write_fit_report(report, result, arm)
-        if not as_json:
-            print(f"page:  {report}")
+        print_page(report, as_json)
 
 
 def evaluate(
@@ -169,12 +146,10 @@ def evaluate(
     max_error: Numbers | None = MAX_ERROR,
     accept: Sequence[str] = ACCEPT,
     robot: str | None = option(
-        "ROBOT",
-        "Catalogue name or file of the robot: with --report, the error of its tip. [default: the model's]",
-        completes=robots_beginning,
+        "ROBOT", "Catalogue name or file of the robot: with --report, the error of its tip. [default: the model's]"
     ),
     report: Path | None = REPORT,
-    as_json: bool = TABLES_AS_JSON,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Print a model's error on recordings, before and after.
 
@@ -190,13 +165,9 @@ def evaluate(
     arm = None if robot is None else load_robot(robot)
     held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
     result = held.evaluate(window)
-    if as_json:
-        print_json(result.as_data())
-    else:
-        print_notes(result.notes)
-        print(error_table(result.evaluation).text())
-        _print_coverage(result.evaluation)
-        print(window_table(result.evaluation).text())
+    judged = result.evaluation
+    tables = error_table(judged), _coverage(judged), window_table(judged)
+    print_result(as_json, result.as_data(), *tables, notes=result.notes)
     if report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
         if result.seen_in_training:
@@ -205,8 +176,7 @@ def evaluate(
             report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes,
             unseen=not result.seen_in_training, robot=arm,
         )  # fmt: skip
-        if not as_json:
-            print(f"page: {report}")
+        print_page(report, as_json)
 
 
 def refresh(
@@ -217,12 +187,12 @@ def refresh(
     max_error: Numbers | None = MAX_ERROR,
     accept: Sequence[str] = ACCEPT,
     report: Path | None = REPORT,
-    as_json: bool = TABLES_AS_JSON,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Bring a model up to date with minutes of a new day.
 
     The level of friction comes first, where the model has friction states. Then each joint gets the smallest change
-    that blocks of time of the new data support: nothing, a new zero, zero and scale, or a new last layer. The card
+    that blocks of time of the new data support: nothing, a new zero, zero and scale, or slopes of all inputs. The card
     says from which model it comes, what moved, and since when.
     `catenary excite --refresh` drives minutes that show enough.
 
@@ -234,18 +204,15 @@ def refresh(
 
     result = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error).refresh()
     save_model(result.model, result.card, out)
-    if as_json:
-        print_json({"model": str(out), "card": str(card_path(out)), **result.as_data()})
-    else:
-        print_notes(result.notes)
-        print(refresh_table(result.refreshed.changes, len(result.data)).text())
-        print(f"{PROMISE}\nmoved: {result.moved}\nmodel: {out}\ncard:  {card_path(out)}")
+    content = {"model": str(out), "card": str(card_path(out)), **result.as_data()}
+    table = refresh_table(result.refreshed.changes, len(result.data))
+    files = f"{PROMISE}\nmoved: {result.moved}\nmodel: {out}\ncard:  {card_path(out)}"
+    print_result(as_json, content, table, files, notes=result.notes)
     if report is not None:
         write_refresh_report(
             report, result.refreshed, result.data, model=model.name, moved=result.moved, notes=result.notes
         )
-        if not as_json:
-            print(f"page:  {report}")
+        print_page(report, as_json)
 
 
 def drift(
@@ -256,7 +223,7 @@ def drift(
     max_error: Numbers | None = MAX_ERROR,
     accept: Sequence[str] = ACCEPT,
     report: Path | None = REPORT,
-    as_json: bool = TABLES_AS_JSON,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Print errors over days, of a model or of cards.
 
@@ -277,53 +244,34 @@ def drift(
     else:
         held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
         found, notes = held.drift(factor)
-    if as_json:
-        print_json(drift_summary(found, notes))
-    else:
-        print_notes(notes)
-        for table in drift_tables(found):
-            print(table.text())
-        print(f"beyond: {found.judged_by}")
-        print("\n".join(since_in_words(found)) or "no joint is beyond at the end")
+    since = "\n".join(since_in_words(found)) or "no joint is beyond at the end"
+    lines = f"beyond: {found.judged_by}", since
+    print_result(as_json, drift_summary(found, notes), *drift_tables(found), *lines, notes=notes)
     if report is not None:
         write_drift_report(report, found, model=model.name, notes=notes)
-        if not as_json:
-            print(f"page: {report}")
+        print_page(report, as_json)
     if any(first is not None for first in found.since):
         raise typer.Exit(1)
 
 
-def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
-    from catenary.reports.joint_errors import error_table, left_out_table, spread_table
-    from catenary.workflows.calibration_model import warnings_of
-
-    print_notes(result.notes)
-    for choice in result.choices:
-        print(choice)
-    if result.spread:
-        print(spread_table(result.spread).text())
-    if result.left_out:
-        print(left_out_table(result.left_out).text())
-    if result.held_out is not None:
-        title = "RMSE and largest error on the held-out part"
-        print(error_table(result.held_out, title=title).text())
-        _print_coverage(result.held_out)
-        print_notes(warnings_of(result.held_out))
-    print(f"model: {out}\ncard:  {card}")
-
-
-def _print_coverage(evaluation: "Evaluation") -> None:
+def _coverage(evaluation: "Evaluation") -> "Table | None":
     from catenary.reports.joint_errors import coverage_table
 
-    if evaluation.level is not None:
-        print(coverage_table(evaluation).text())
+    return None if evaluation.level is None else coverage_table(evaluation)
 
 
-def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+def _print_fit(out: Path, result: "FitResult", as_json: bool) -> None:
+    from catenary.reports.joint_errors import error_table, left_out_table, spread_table
     from catenary.workflows.calibration_model import interval_summary, warnings_of
 
-    held_out = result.held_out
-    return {
+    held_out, card = result.held_out, card_path(out)
+    notes = [*result.notes, *([] if held_out is None else warnings_of(held_out))]
+    parts: list[Any] = [*map(str, result.choices)]
+    parts += [spread_table(result.spread)] if result.spread else []
+    parts += [left_out_table(result.left_out)] if result.left_out else []
+    if held_out is not None:
+        parts += [error_table(held_out, title="RMSE and largest error on the held-out part"), _coverage(held_out)]
+    content = {
         "model": str(out),
         "card": str(card),
         "kind": result.model.kind,
@@ -335,8 +283,9 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
         "left_out": [asdict(joint) for joint in result.left_out],
         "intervals": None if held_out is None else interval_summary(held_out),
-        "notes": [*result.notes, *([] if held_out is None else warnings_of(held_out))],
+        "notes": notes,
     }
+    print_result(as_json, content, *parts, f"model: {out}\ncard:  {card}", notes=notes)
 
 
 def _write_fit_report(path: Path, result: "FitResult", robot: "RobotModel | None") -> None:

@@ -1,40 +1,23 @@
 """catenary gravity, track and hold: torques under gravity, and simulated arms on bases that tilt and move."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GivenGravity, SensingOptions
-from catenary.cli.options import (
-    REPORT,
-    TABLES_AS_JSON,
-    Names,
-    Numbers,
-    Triple,
-    argument,
-    group,
-    numbers,
-    option,
-    robots_beginning,
-    values_of,
-)
+from catenary.cli.options import AS_JSON, REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
 from catenary.cli.robot_choice import SIMULATED_SEED
 from catenary.cli.robot_options import (
-    Q_DEG,
     ROBOT,
-    SAME_IN_DEG,
     DescriptionOptions,
+    JointOptions,
     PayloadOptions,
-    Q,
     beyond_limits,
-    given_joints,
-    joint_values,
     one_or_each,
 )
-from catenary.cli.terminal import print_json, print_notes
+from catenary.cli.terminal import print_notes, print_result
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,11 +29,7 @@ if TYPE_CHECKING:
     from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
 SHOWN_POSES = 9  # of a motion, in its report
-SIMULATED = argument(
-    "ROBOT",
-    "raven2 or raven2_right, simulated with their cables, or any other robot, as rigid bodies.",
-    completes=robots_beginning,
-)
+SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WAVE = "M/S2,HZ[,DEG]"
 
@@ -60,15 +39,8 @@ class Conditions:
     """Options of a simulated arm: its base, its payload, its drives, its seed."""
 
     base_tilt_deg: tuple[float, float] | None = BASE_TILT
-    rock_deg: tuple[float, float] | None = option(
-        "FROM,TO",
-        "Rock the base about its y axis between these angles, once tilted.",
-        not_with=("rock", "heave", "surge", "sway"),
-    )
-    rock_hz: float = option("F", "Frequency of --rock-deg.", 1.0, least=0.0, goes_with="rock_deg")
     rock: Sequence[str] = option(
-        "AXIS,DEG,HZ[,DEG]",
-        "Rock the base to either side about its x, y or z axis, with a phase; repeatable, outermost first.",
+        "AXIS,DEG,HZ[,DEG]", "Rock the base about its x, y or z axis, with a phase; repeatable, outermost first."
     )
     heave: Sequence[str] = option(_WAVE, "Accelerate the base up and down, with a phase; repeatable.")
     surge: Sequence[str] = option(_WAVE, "The same along the world's x axis.")
@@ -76,46 +48,25 @@ class Conditions:
     payload: float = option("KG", "Mass at the tool's wrist, unknown to the model.", 0.0, least=0.0)
     kp: Numbers | None = option("K,K,...", "Stiffness of PD in Nm/rad and N/m: one number, or one a joint.")
     kd: Numbers | None = option("K,K,...", "Damping of PD in Nms/rad and Ns/m, likewise.")
-    friction: Numbers | None = option(
-        "F,F,...", "Coulomb friction of the joints in Nm and N; RAVENs have their cables'."
-    )
+    friction: Numbers | None = option("F,F,...", "Coulomb friction in Nm and N; RAVENs have their cables'.")
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.")
-    simulated_imu: bool = option(
-        None,
-        "Measure gravity with a simulated inertial unit on the base; each option of the sensor asks for it too.",
-        False,
-    )
+    simulated_imu: bool = option(None, "Measure gravity with a simulated IMU; so do all options of sensors.", False)
     sensor_bias: Triple | None = option("X,Y,Z", "Residual bias of the simulated accelerometer, in m/s2.")
     seed: int | None = SIMULATED_SEED
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, for the JSON and the page."""
-        given = {name: value for name, value in asdict(self).items() if value not in (None, False, ())}
-        for name in ("kp", "kd", "friction", "viscous", "sensor_bias"):  # as they were typed
-            if name in given:
-                given[name] = ",".join(f"{value:g}" for value in given[name])
-        return given | {
-            "base_tilt_deg": self.base_tilt_deg or LEVEL_BASE,
-            "rock_deg": self.rock_deg,
-            "rock_hz": None if self.rock_deg is None else self.rock_hz,
-            "payload": self.payload,
-            "seed": self.seed,
-        }
+        given = {name: value for name, value in vars(self).items() if value not in (None, False, ())}
+        return given | {"base_tilt_deg": self.base_tilt_deg or LEVEL_BASE, "payload": self.payload, "seed": self.seed}
 
     def base(self) -> "MovingBase":
         """Return what the arm stands on."""
         import numpy as np
 
-        from catenary.simulation.base_motion import FixedBase, RockingBase, SwayingBase
+        from catenary.simulation.base_motion import FixedBase, SwayingBase
 
-        _require_finite("--rock-deg", self.rock_deg or ())
-        _require_finite("--rock-hz", (self.rock_hz,))
         roll, pitch = np.deg2rad(self.base_tilt_deg or LEVEL_BASE)
         start = FixedBase(float(roll), float(pitch))
-        if self.rock_deg is not None:
-            first, last = np.deg2rad(self.rock_deg)
-            middle, reach = float(first + last) / 2.0, float(last - first) / 2.0
-            return RockingBase(middle, reach, self.rock_hz, axis=(0.0, 1.0, 0.0), start=start)
         rocks = tuple(_wave("--rock", text) for text in self.rock)
         moves = [_wave("--heave", text, "z") for text in self.heave]
         moves += [_wave("--surge", text, "x") for text in self.surge]
@@ -147,7 +98,7 @@ class Conditions:
 
 
 def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
-    """Read amplitude, frequency and phase of a motion along an axis or, behind its own axis and in deg, of a rock."""
+    """Read amplitude, frequency and phase of a motion along an axis, or of a rocking motion (AXIS,DEG,HZ)."""
     import numpy as np
 
     from catenary.simulation.base_motion import Wave
@@ -162,7 +113,8 @@ def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
         values = numbers(rest)
     except typer.BadParameter as error:
         raise InputError(f"{option}: {error.message}") from None
-    _require_finite(option, values)
+    if not np.isfinite(values).all():
+        raise InputError(f"{option}: expected finite numbers, got {', '.join(f'{v:g}' for v in values)}")
     if len(values) not in (2, 3) or values[1] < 0.0:
         raise InputError(
             f'{option} "{text}": expected an amplitude, a frequency of 0 Hz or more, and a phase in deg if any'
@@ -171,30 +123,15 @@ def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
     return Wave(unit * amplitude, frequency, _AXES[axis], float(np.deg2rad(phase)))
 
 
-def _require_finite(option: str, values: Sequence[float]) -> None:
-    import numpy as np
-
-    if not np.isfinite(values).all():
-        raise InputError(f"{option}: expected finite numbers, got {', '.join(f'{v:g}' for v in values)}")
-
-
 def gravity(
     given: GivenGravity,
     description: DescriptionOptions,
     carried: PayloadOptions,
+    joints: JointOptions,
     robot: str = ROBOT,
-    q: Numbers | None = Q,
-    q_deg: Numbers | None = Q_DEG,
-    latex: bool = option(
-        None,
-        "Print the torques as formulas of the joints, for LaTeX, without --q.",
-        False,
-        not_with=("q", "q_deg", "as_json"),
-    ),
-    vendor: str | None = option(
-        "ur|kortex|franka", "Also print the command that sets this gravity in the robot's own controller.", flag="--for"
-    ),
-    as_json: bool = TABLES_AS_JSON,
+    latex: bool = option(None, "Print formulas for LaTeX, without --q.", False, not_with=("q", "q_deg", "as_json")),
+    vendor: str | None = option("ur|kortex|franka", "Also print the command that sets it there.", flag="--for"),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
 
@@ -221,17 +158,17 @@ def gravity(
     if vendor is not None:
         command = vendor_command(vendor, in_controller_base(vendor, model, gravity))
         told = {"command": command, "limits": vendor_of(vendor).limits}
-    values = joint_values(model, q, q_deg)
+    values = joints.of(model)
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
     open_to = unseen_torque(model, values, gravity)
     print_notes([*beyond_limits(model, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(model, open_to)])
-    if as_json:
-        found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
-        found |= {"tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()}
-        beyond = {"delta": gravity_delta(model, values, gravity)}  # for firmware that knows a level base only
-        print_json({**found, **beyond, "base": model.base, **({} if told is None else {"vendor": told})})
-        return
+    found = {
+        "robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity, "tau": torques,
+        "unit": units, "level": on_level, "unseen": open_to.tolist(),
+        "delta": gravity_delta(model, values, gravity),  # for firmware that knows a level base only
+        "base": model.base, **({} if told is None else {"vendor": told}),
+    }  # fmt: skip
     from catenary.reports.page import Table, TableColumn
 
     shown = ", ".join(f"{v:.4g}" for v in gravity)
@@ -245,9 +182,9 @@ def gravity(
     ]
     rows = list(zip(model.joint_names, torques, on_level, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
-    print(Table(columns, rows, title).text())
-    if told is not None:
-        print(f"{vendor}: {told['command'] or 'no command'}")
+    command_line = None if told is None else f"{vendor}: {told['command'] or 'no command'}"
+    print_result(as_json, found, Table(columns, rows, title), command_line)
+    if told is not None and not as_json:
         print_notes([f"{vendor}: {told['limits']}"])
 
 
@@ -273,32 +210,23 @@ def track(
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,
+    joints: JointOptions,
     robot: str = SIMULATED,
     controller: str = option(
-        "NAME",
-        "pd, sg (PD and gravity of a level base), dg (PD and sensed gravity), inertia, computed-torque, "
-        "elastic-constant, elastic-online or elastic-biased.",
-        "dg",
+        "NAME", "pd, sg, dg, inertia, computed-torque, elastic-constant, elastic-online or elastic-biased.", "dg"
     ),
-    motion: str = option(
-        "NAME",
-        "cartesian (sinusoids of the tip along x, y, z), random, or poses (at rest along joint 1's range).",
-        "cartesian",
-    ),
-    q: Numbers | None = option("Q,Q,...", "Joints where a cartesian motion begins, in rad and m."),
-    q_deg: Numbers | None = SAME_IN_DEG,
+    motion: str = option("cartesian|random|poses", "Sinusoids of the tip, random, or rests of joint 1.", "cartesian"),
     amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0),
     axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z")),
     seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0),
-    damping: str = option(
-        "KIND", "relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.", "relative"
-    ),
+    damping: str = option("relative|absolute", "To the motion's velocity, or as RAVEN-II's: it lags.", "relative"),
     report: Path | None = REPORT,
-    as_json: bool = TABLES_AS_JSON,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Compare controllers as a simulated arm follows a motion.
 
     Prints the joint errors and the PD term's share of the torque; with a sensor also how gravity was known.
+    sg is PD with the gravity of a level base, dg PD with sensed gravity. --q is where a cartesian motion begins.
 
     Example: catenary track raven2 --controller sg --base-tilt-deg 0,20 --motion poses
     Example: catenary track raven2 --rock x,8,0.1 --rock y,4,0.14 --heave 2,0.12 --mounting-on ship --motion random
@@ -315,7 +243,7 @@ def track(
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
-        q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=axes, seconds=seconds,
+        q_start=joints.given(arm.model), amplitude=amplitude_mm / 1000.0, axes=axes, seconds=seconds,
     )  # fmt: skip
     source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
@@ -331,17 +259,17 @@ def hold(
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,
+    joints: JointOptions,
     robot: str = SIMULATED,
-    q: Numbers | None = Q,
-    q_deg: Numbers | None = Q_DEG,
-    controller: str = option("NAME", "sg (gravity of a level base) or dg (sensed gravity).", "dg"),
+    controller: str = option("sg|dg", "Gravity of a level base, or sensed gravity.", "dg"),
     seconds: float = option("S", "How long to watch.", 10.0),
+    calibrated: bool = option(None, "Know the joints as they truly are, in place of as the robot reports them.", False),
     report: Path | None = REPORT,
-    as_json: bool = TABLES_AS_JSON,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Test how far an arm drifts under gravity compensation.
 
-    A simulated one; prints how far each joint drifts.
+    The arm is simulated; the command prints how far each joint drifts.
 
     Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
@@ -350,12 +278,12 @@ def hold(
     from catenary.workflows.gravity.trials import hold as run
 
     arm = conditions.arm(robot, description)
-    law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
+    law, pose = make_hold(controller, arm), joints.given(arm.model)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
     felt = arm.plant.measured_js().gravity
-    result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing))
-    settings = {"robot": robot, "controller": controller}
+    result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
+    settings = {"robot": robot, "controller": controller, "calibrated": calibrated}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
     shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
@@ -377,11 +305,6 @@ def _conclude(
         model, poses, felt, when = shown
         caption = f"The arm {when}, under gravity as its base felt it when it was homed; bars by the model's masses."
         write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=felt))
-    if as_json:
-        print_json({**settings, **result.as_data()})
-        return
-    print(gravity_table(result, title).text())
-    if result.gravity is not None:
-        print(result.gravity)
-    if report is not None:
-        print(f"page: {report}")
+    gravity = None if result.gravity is None else str(result.gravity)
+    page = None if report is None else f"page:  {report}"
+    print_result(as_json, {**settings, **result.as_data()}, gravity_table(result, title), gravity, page)

@@ -1,4 +1,4 @@
-"""Where gravity comes from: a topic beside a robot on ROS, or samples of a sensor on the base."""
+"""Where gravity comes from: a ROS topic, or samples of a sensor on the base."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -13,7 +13,6 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.crtk.gravity_topic import ImuTopic
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.conventions import Convention
     from catenary.sensing.imu import SensedGravity
@@ -31,12 +30,8 @@ def base_tilt(text: str) -> tuple[float, float]:
 
 
 LEVEL_BASE = (0.0, 0.0)  # roll and pitch [deg]
-BASE_TILT = option(
-    "R,P",
-    "Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
-    read=base_tilt,
-)
-TILT_OF_BASE = option("R,P", "Roll about x, then pitch about y, of the base.", read=base_tilt)
+BASE_TILT = option("R,P", "Turn the base by R about x, then by P about its own y.", read=base_tilt)
+GRAVITY = option("X,Y,Z", "Gravity vector in base axes, z up, in m/s2. [default: 0,0,-9.81]")
 IMU_READING = option("AX,AY,AZ", "In place of --gravity: what an accelerometer on the base reads at rest, up, in m/s2.")
 MOUNTING_FILE = option("FILE", "Sensor's mounting file.")
 
@@ -56,12 +51,7 @@ class GivenGravity:
     """Options that say which way gravity points in an arm's base at rest; down on a level one without any."""
 
     base_tilt_deg: tuple[float, float] | None = BASE_TILT
-    vector: Triple | None = option(
-        "X,Y,Z",
-        "Gravity vector in base axes, z up, in m/s2.",
-        flag="--gravity",
-        not_with=("base_tilt_deg", "imu_reading"),
-    )
+    vector: Triple | None = replace(GRAVITY, flag="--gravity", not_with=("base_tilt_deg", "imu_reading"))
     imu_reading: Triple | None = replace(IMU_READING, not_with="base_tilt_deg")
     mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu_reading")
 
@@ -92,15 +82,10 @@ class ReadingOptions:
     """Options that say how a sensor's numbers come, and where it is fixed to a robot."""
 
     units: Names | None = option("U[,U]", "Of accelerometer and gyroscope: m/s2, cm/s2, g or mg; rad/s or deg/s.")
-    axes: Names | None = option(
-        "FRAME|X,Y,Z",
-        "Of both: flu, frd, ned, enu, optical, or an order as x,-y,-z; six words: the gyroscope's behind.",
-    )
+    axes: Names | None = option("FRAME|X,Y,Z", "Of both: flu, frd, ned, enu, optical, or an order as x,-y,-z; or six.")
     driver: str | None = option("NAME", "Units and axes of a common driver: docs/gravity-vector.md has them.")
     imu_frame: str | None = option(
-        "ROBOT:FRAME|tf:BASE:FRAME",
-        "Where the sensor is, by a robot's description or by transforms, in place of a mounting file.",
-        not_with="mounting",
+        "ROBOT:FRAME|tf:BASE:FRAME", "Where the sensor is, by a robot's description or by /tf.", not_with="mounting"
     )
 
     def convention(self) -> "Convention | None":
@@ -149,13 +134,9 @@ class ReadingOptions:
 class RuleOptions:
     """Options that say what of a sensor on a base is believed."""
 
-    mounting_on: str = option(
-        "table|cart|vehicle|ship", "Platform type: sets thresholds, filter cut-off and timeouts.", "table"
-    )
+    mounting_on: str = option("table|cart|vehicle|ship", "Platform: sets thresholds, cut-off, timeouts.", "table")
     sensor_noise: float | None = option("M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0)
-    rule: Sequence[str] = option(
-        "NAME=VALUE", "Set a threshold, as max_push=4; repeatable. docs/gravity-sensor-rules.md lists them."
-    )
+    rule: Sequence[str] = option("NAME=VALUE", "Set a threshold (docs/gravity-sensor-rules.md); repeatable.")
     hanging: bool = option(None, "The base may hang upside down.", False)
 
     def rules(self) -> "SensorRules":
@@ -168,32 +149,9 @@ class RuleOptions:
         return rules_for(self.mounting_on, noise=noise, changes=changes)
 
 
-@group
-class GravityOptions(RuleOptions):
-    """Options that say where gravity comes from; nominal gravity without any."""
-
-    gravity: str | None = option(
-        "TOPIC", "With --ros: gravity of `catenary gravity-node`, as /gravity.", goes_with="ros", not_with="imu"
-    )
-    imu: str | None = option("TOPIC", "With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw.", goes_with="ros")
-    mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu")
-
-    def source(self) -> "ImuTopic | None":
-        """Return the topic that gravity comes from; None for nominal gravity."""
-        if self == GravityOptions():
-            return None
-        if self.imu is None and replace(self, gravity=None) != GravityOptions():
-            raise InputError(
-                "--mounting-on, --sensor-noise, --rule and --hanging go with --imu; a gravity node and a simulated "
-                "robot have their own"
-            )
-        from catenary.crtk.gravity_topic import ImuTopic, published_gravity
-        from catenary.sensing.mounting import Mounting, load_mounting
-
-        if self.gravity is not None:
-            return published_gravity(self.gravity)
-        mounting = Mounting() if self.mounting is None else load_mounting(self.mounting)
-        return ImuTopic(self.imu or "", mounting=mounting, rules=self.rules())
+GRAVITY_TOPIC = option(
+    "TOPIC", "With --ros: gravity of `catenary gravity-node`, as /gravity. [default: nominal]", goes_with="ros"
+)
 
 
 @group
@@ -204,12 +162,8 @@ class SensingOptions(RuleOptions):
     fallback: str = option("hold|fade|static|stop", "What gravity becomes when samples stop.", "fade")
     stale_after: float = option("S", "Age from which the newest sample is stale.", 0.05)
     age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
-    attitude_time: float | None = option(
-        "S", "Averaging time of the direction that fallback fade converges to. [default: by --mounting-on]"
-    )
-    start_limit: float = option(
-        "S", "With --fallback stop: stop if no valid sample arrives within this time of the start.", 1.0
-    )
+    attitude_time: float | None = option("S", "Averaging time of where fade converges. [default: by --mounting-on]")
+    start_limit: float = option("S", "With --fallback stop: stop if no valid sample came by then.", 1.0)
 
     def as_data(self) -> dict[str, Any]:
         """Return what was given, as plain data."""

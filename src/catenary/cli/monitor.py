@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catenary.cli.gravity_options import GravityOptions
+from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import option
 from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_choice import RECORD, WatchedRobot, chosen_robot, recorded
@@ -19,19 +19,18 @@ if TYPE_CHECKING:
     from catenary.teleop.terminal import RawTerminal
 
 
+_LIVE = ("ros", "moving", "record", "base_tilt_deg", "robot_seed")  # options of a robot that is watched
+
+
 def monitor(
     robot: WatchedRobot,
-    gravity: GravityOptions,
     recordings: ModelRecordingOptions,
-    log: Path | None = option(
-        "FILE",
-        "Play a recording: .parquet, .npz or .csv; others with --map.",
-        not_with=("ros", "moving", "record", "base_tilt_deg", "robot_seed"),
-    ),
+    log: Path | None = option("FILE", "Play a recording: .parquet, .npz or .csv; others with --map.", not_with=_LIVE),
     model: Path | None = option("MODEL", "Calibration model: calibrated joints, valid range."),
     speed: float = option(None, "With --log: factor on its own speed.", 1.0, goes_with="log"),
     rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
+    gravity: str | None = GRAVITY_TOPIC,
     moving: bool = option(None, "The simulated robot moves at random.", False, not_with="ros"),
     record: Path | None = RECORD,
     as_json: bool = option(None, "Print a line of JSON for each sample, SI.", False, flag="--json"),
@@ -44,13 +43,13 @@ def monitor(
 
     Example: catenary monitor --log demo/test.parquet --model demo/models/neural_best.npz
     """
+    from catenary.monitor import plain_line
     from catenary.teleop.terminal import RawTerminal
 
     on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0
     if not 0.0 < hertz <= 200.0:
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
-    source = gravity.source()
     with ExitStack() as stack:
         if log is not None:
             from catenary.calibration.model_file import load_model
@@ -68,51 +67,45 @@ def monitor(
             from catenary.workflows.robot.snapshots import watch_robot
 
             announce("preparing the robot ...")
-            opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, imu=source))
+            opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name
             observe = stack.enter_context(recorded(opened, record))
             samples = watch_robot(opened, model=model, every=1.0 / hertz, motion=motion, observe=observe)
         try:
             if on_screen:
-                _on_screen(name, samples, stack.enter_context(RawTerminal()), seconds)
-            else:
-                _in_lines(samples, seconds, as_json)
+                _on_screen(name, _until(samples, seconds), stack.enter_context(RawTerminal()))
+                return
+            for sample in _until(samples, seconds):
+                if as_json:
+                    print_json_line(sample.as_data())
+                else:
+                    print(plain_line(sample), flush=True)
         except KeyboardInterrupt:
             pass  # the usual end
 
 
-def _on_screen(name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal", seconds: float | None) -> None:
+def _until(samples: "Iterator[Snapshot]", seconds: float | None) -> "Iterator[Snapshot]":
+    """Yield samples for so long after the first: what it takes to prepare is not watched."""
+    end = None
+    for sample in samples:
+        end = time.monotonic() + (float("inf") if seconds is None else seconds) if end is None else end
+        yield sample
+        if time.monotonic() >= end:
+            return
+
+
+def _on_screen(name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal") -> None:
     import os
 
     from catenary.monitor import monitor_lines
 
-    begin: float | None = None  # of the first sample: what it takes to prepare is not watched
     colour = "NO_COLOR" not in os.environ
     for sample in samples:
-        begin = time.monotonic() if begin is None else begin
         if terminal.wants_suspension:
             terminal.suspend()
         terminal.draw(monitor_lines(name, sample, *terminal.size, colour=colour))
-        if terminal.ended is not None or b"q" in terminal.read().lower() or _is_over(begin, seconds):
+        if terminal.ended is not None or b"q" in terminal.read().lower():
             return
     while terminal.ended is None and b"q" not in terminal.read().lower():
         time.sleep(0.05)  # the end of a recording stays on the screen
-
-
-def _in_lines(samples: "Iterator[Snapshot]", seconds: float | None, as_json: bool) -> None:
-    from catenary.monitor import plain_line
-
-    begin: float | None = None  # of the first sample
-    for sample in samples:
-        begin = time.monotonic() if begin is None else begin
-        if as_json:
-            print_json_line(sample.as_data())
-        else:
-            print(plain_line(sample), flush=True)
-        if _is_over(begin, seconds):
-            return
-
-
-def _is_over(begin: float, seconds: float | None) -> bool:
-    return seconds is not None and time.monotonic() - begin >= seconds

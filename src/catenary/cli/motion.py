@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option, require_one
+from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option, require_one
 from catenary.cli.robot_choice import RECORD, MovedRobot, PacedRobot, chosen_robot, recorded
 from catenary.cli.robot_options import some_joint_values
 from catenary.cli.signals import exit_code
-from catenary.cli.terminal import announce, print_json, print_notes, progress_bar
+from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import LimitError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.reports.page import Table
     from catenary.workflows.robot.operator_motion import MotionSummary
-
-AS_JSON = option(None, "Print JSON, in rad and m.", False, flag="--json")
 
 
 def goto(
@@ -121,7 +120,7 @@ def teleop(
     robot: MovedRobot,
     not_homed: bool = option(None, "Simulated: begin with a robot that was just switched on.", False),
     record: Path | None = RECORD,
-    as_json: bool = option(None, "Print JSON at the end.", False, flag="--json"),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot from the keyboard.
 
@@ -139,12 +138,9 @@ def teleop(
             session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
             why = session.run(time.monotonic)
         state, q = opened.plant.operating_state(), opened.plant.measured_js().q
-    if as_json:
-        ended = {"robot": opened.name, "ended_by": why, "state": state._asdict()}
-        print_json({**ended, "q": q, "late_ticks": opened.late()})
-    else:
-        print_notes([session.message] if "not paused" in session.message else [])
-        print(f"{opened.name}: ended by {why}; the robot is {state.state}")
+    content = {"robot": opened.name, "ended_by": why, "state": state._asdict(), "q": q, "late_ticks": opened.late()}
+    notes = [session.message] if "not paused" in session.message else []
+    print_result(as_json, content, f"{opened.name}: ended by {why}; the robot is {state.state}", notes=notes)
 
 
 def _say(
@@ -157,25 +153,19 @@ def _say(
         si: Joints in rad and m, as they were asked for, not in deg and mm.
         asked: (3,) [m] where the tip was to go, if it was.
     """
-    if as_json:
-        print_json(summary.as_data())
-    else:
-        state = summary.state
-        done = what if summary.ended_by is None else f"stopped by {summary.ended_by}; the robot holds here"
-        print(
-            f"{summary.robot}: {done} after {summary.duration:.1f} s; {state.state}"
-            f"{'' if state.is_homed else ', not homed'}\n"
-        )
-        _print_joints(summary, si=si)
-        _print_tip(summary, si=si, asked=asked)
-        if summary.late_ticks:
-            print_notes([f"{summary.late_ticks} ticks were late: each delayed the motion by as much"])
+    state = summary.state
+    done = what if summary.ended_by is None else f"stopped by {summary.ended_by}; the robot holds here"
+    homed = "" if state.is_homed else ", not homed"
+    title = f"{summary.robot}: {done} after {summary.duration:.1f} s; {state.state}{homed}\n"
+    late = f"{summary.late_ticks} ticks were late: each delayed the motion by as much"
+    parts = title, _joints(summary, si=si), *_tip(summary, si=si, asked=asked)
+    print_result(as_json, summary.as_data(), *parts, notes=[late] if summary.late_ticks else [])
     if summary.ended_by is not None:
         sys.stdout.flush()
         raise typer.Exit(exit_code(summary.ended_by))
 
 
-def _print_joints(summary: "MotionSummary", *, si: bool) -> None:
+def _joints(summary: "MotionSummary", *, si: bool) -> "Table":
     from catenary.reports.page import Table
 
     columns = {"now": summary.q, "largest error": summary.max_error, "rms error": summary.rms_error}
@@ -185,21 +175,21 @@ def _print_joints(summary: "MotionSummary", *, si: bool) -> None:
     for j, (name, unit) in enumerate(zip(summary.joint_names, summary.joint_units, strict=True)):
         values = (column[j] if j < len(column) else None for column in columns.values())
         rows.append([name, *("" if value is None else _in_units(value, unit, si) for value in values)])
-    title = "Joints: errors against what was commanded, as reported"
-    print(Table(["joint", *columns], rows, title).text())
+    return Table(["joint", *columns], rows, "Joints: errors against what was commanded, as reported")
 
 
-def _print_tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> None:
+def _tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> list[str]:
     import numpy as np
 
     digits, scale, unit = (4, 1.0, "m") if si else (1, 1000.0, "mm")
     x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
-    print(f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints")
+    lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
     if asked is not None:
-        print(f"from where it was sent: {1000.0 * float(np.linalg.norm(summary.tip - asked)):.2f} mm")
+        lines.append(f"distance from the goal: {1000.0 * float(np.linalg.norm(summary.tip - asked)):.2f} mm")
     if summary.tip_error is not None:
         error = f"{1000.0 * summary.tip_error:.2f} mm"
-        print(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
+        lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
+    return lines
 
 
 def _in_units(value: float, unit: str, si: bool) -> str:

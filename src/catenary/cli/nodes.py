@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.gravity_options import LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions, base_tilt
-from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one, robots_beginning
+from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
+from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one
 from catenary.cli.robot_choice import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
-from catenary.cli.terminal import announce, print_json, print_json_line, print_notes
+from catenary.cli.terminal import announce, print_json_line, print_notes, print_result
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,58 +29,36 @@ DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
 
 
 def serve(
-    robot: str = option("NAME", "Robot to simulate.", "raven2", completes=robots_beginning),
-    dialect: str | None = option(
-        "raven|crtk",
-        "Topics of the RAVEN-II, or the present CRTK. [default: the robot's own]",
-        choices=("raven", "crtk"),
-    ),
+    robot: str = option("ROBOT", "Robot to simulate.", "raven2"),
+    dialect: str | None = option("raven|crtk", "Topics. [default: the robot's own]"),
     namespace: str | None = option("/NAME", "Of a dVRK PSM: in front of its topics. [default: /PSM1]"),
     ros: str = CARRIER,
     name: str = option("NAME", "Of the robot's node; two cannot have one.", "catenary_robot"),
     rate: float = option("HZ", "Rate at which its state is published.", 1000.0),
     depth: int = option("N", "Messages of a topic that wait for a client that does not keep up.", 100, least=1),
-    qos: str = option(
-        None, "Of ROS 2, for what is published in every tick.", "reliable", choices=("reliable", "best-effort")
-    ),
+    qos: str = option("reliable|best-effort", "On ROS 2, of what is published in every tick.", "reliable"),
     seed: int | None = SIMULATED_SEED,
-    base_tilt_deg: tuple[float, float] = option(
-        "ROLL,PITCH", "Tilt of the base: roll about x, then pitch about y.", LEVEL_BASE, read=base_tilt
-    ),
+    base_tilt_deg: tuple[float, float] = replace(BASE_TILT, default=LEVEL_BASE),
     payload: float = option("KG", "Mass at the tool's wrist.", 0.0),
     green: bool = option(None, "Let the green arm move too; else it is parked.", False),
     homed: bool = option(None, "Begin homed; homing takes half a minute.", False),
     encoders: bool = option(
-        None,
-        "Dialect raven: publish external encoders at the gold arm's joints, /ext_jpos and /joint_enc; of a "
-        "PSM what a tracker sees, tracker/measured_js.",
-        True,
-        flag="--encoders/--no-encoders",
+        None, "Publish external encoders of a RAVEN-II, a tracker of a PSM.", True, flag="--encoders/--no-encoders"
     ),
     start: bool = option(None, "Press the silver button at once; with crtk: enable and home.", False),
-    grav_dir: str | None = option(
-        "X,Y,Z",
-        "Gravity compensation of the robot's own, by this gravity in whole cm/s2, z down: 0,0,980 as on the "
-        "real one. [default: none]",
-    ),
-    torque_arm: str | None = option(
-        "gold|green",
-        "Dialect raven: this arm's servo_jp carries torques of its motors in mNm, as on the robot that the UW "
-        "changed for its torque controller. [default: none]",
-        choices=("gold", "green"),
-    ),
+    grav_dir: Triple | None = option("X,Y,Z", "The robot's own gravity compensation, by this in whole cm/s2, z down."),
     duration: float | None = DURATION,
     as_json: bool = LINES_AS_JSON,
 ) -> None:
     """Serve a simulated robot over ROS, in real time.
 
     Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state
-    command, or `grav-dir 0,0,980` and `grav-dir off` for the robot's own gravity compensation.
+    command.
 
-    Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
+    Example: catenary serve --ros none --homed --duration 2
+    Example: catenary serve --robot dvrk_psm --namespace /PSM1
     """
     from catenary.crtk.network import make_transport, node_name
-    from catenary.crtk.serving.server import whole_numbers
     from catenary.crtk.transport import Sending
     from catenary.nodes.serve import Serving, make_server, prepare
     from catenary.nodes.serve import serve as run
@@ -88,16 +66,12 @@ def serve(
 
     is_raven = robot == "raven2"
     dialect = dialect or ("raven" if is_raven else "crtk")
-    by = None if grav_dir is None else whole_numbers(grav_dir)
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     if is_raven and namespace is not None:
         raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
-    where = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=by)
-    serving = Serving(
-        robot, dialect, where, green, encoders,  # type: ignore[arg-type]
-        torque_arm=torque_arm, namespace=namespace or "/PSM1",
-    )  # fmt: skip
+    where = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=grav_dir)
+    serving = Serving(robot, dialect, where, green, encoders, namespace=namespace or "/PSM1")  # type: ignore[arg-type]
     if qos != "reliable" and ros != "2":
         raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
     with make_transport(ros, node_name("robot", name)) as transport:
@@ -113,12 +87,12 @@ def serve(
     print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
     if as_json:
         _show_json(final, final=True)
-    else:
-        print(
-            f"{final.seconds:.1f} s at {final.rate_hz:.0f} Hz, {100 * final.cpu:.0f} % of a core; ticks lost: "
-            f"{final.lost_ticks}; messages that clients missed: {final.overflowed}"
-            + "".join(f", {count} of {client}" for client, count in sorted(final.missed.items()))
-        )
+        return
+    print(
+        f"{final.seconds:.1f} s at {final.rate_hz:.0f} Hz, {100 * final.cpu:.0f} % of a core; ticks lost: "
+        f"{final.lost_ticks}; messages that clients missed: {final.overflowed}"
+        + "".join(f", {count} of {client}" for client, count in sorted(final.missed.items()))
+    )
 
 
 def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_JSON) -> None:
@@ -128,10 +102,7 @@ def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_
 
     with make_transport(ros, node_name("button", name)) as transport:
         success, message = press_button(transport)
-    if as_json:
-        print_json({"success": success, "message": message})
-    else:
-        print(message)
+    print_result(as_json, {"success": success, "message": message}, message)
     if not success:
         raise typer.Exit(1)
 
@@ -195,9 +166,7 @@ def encoders(
     """Publish the counts and positions of joint encoders.
 
     Topics: joint_enc (counts) and, once registered, ext_jpos (rad, rad, m). Home the robot while this runs: its
-    stops register the encoders.
-
-    The exit code is 1 when positions were not valid at the end.
+    stops register the encoders. The exit code is 1 when positions were not valid at the end.
 
     Example: catenary encoders --port /dev/ttyUSB0 --ros 1
     """
@@ -206,7 +175,8 @@ def encoders(
     from catenary.crtk.network import make_transport, node_name
     from catenary.devices.encoder_board import EncoderBoard
     from catenary.devices.encoder_rig import EncoderRig
-    from catenary.nodes.encoder_node import EncoderNode, publish_encoders
+    from catenary.nodes.encoder_node import RATE, EncoderNode
+    from catenary.nodes.publishing import publish
 
     rig = EncoderRig(bits=bits, direction=np.array(direction))
     with make_transport(ros, node_name("encoders", name)) as transport, EncoderBoard(port, rig, baud=baud) as board:
@@ -214,7 +184,7 @@ def encoders(
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
         show = _shown(_encoder_line, as_json)
-        final = publish_encoders(node, duration=duration, show=show)
+        final = publish(node, rate_hz=RATE, duration=duration, show=show)
     show(final, final=True)
     if not final.reading.is_valid:
         raise typer.Exit(1)
@@ -233,14 +203,10 @@ def gravity_node(
     rate: float = option("HZ", "Rate at which gravity is published.", 100.0),
     topic: str = option("TOPIC", "Topic that gravity is published on.", "/gravity"),
     frame: str | None = option("NAME", "frame_id of the published gravity. [default: the mounting's base]"),
-    delta_of: str | None = option(
-        "ROBOT", "Also publish what its firmware, which knows a level base only, leaves over: TOPIC/delta, in Nm and N."
-    ),
+    delta_of: str | None = option("ROBOT", "Also publish the torques that its level-base firmware lacks: TOPIC/delta."),
     joints: str = option("TOPIC", "Joints of --delta-of, a sensor_msgs/JointState.", "/joint_states"),
     points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
-    urscript: str | None = option(
-        "TOPIC", "Also set gravity on a Universal Robot, by its driver's topic of script commands."
-    ),
+    urscript: str | None = option("TOPIC", "Also set gravity on a Universal Robot, by its driver's script topic."),
     no_gyroscope: bool = option(None, "Ignore the Imu's angular rates.", False),
     baud: int = replace(BAUD, goes_with="port"),
     duration: float | None = DURATION,
@@ -248,7 +214,7 @@ def gravity_node(
 ) -> None:
     """Publish gravity as a sensor on the base measures it.
 
-    The exit code is 1 when nothing that can be believed was measured.
+    The exit code is 1 when no sample was valid.
 
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
@@ -256,7 +222,8 @@ def gravity_node(
     from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.nodes.gravity_node import GravityNode, LevelBaseArm, publish_gravity
+    from catenary.nodes.gravity_node import GravityNode, LevelBaseArm
+    from catenary.nodes.publishing import publish
     from catenary.robots.catalog import load_robot
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import Mailbox
@@ -283,9 +250,11 @@ def gravity_node(
         angular = angular and not no_gyroscope
         source = sensing.source(mailbox, told, angular=angular, feed=feed)
         arm = None if delta_of is None else LevelBaseArm(load_robot(delta_of), joints)
-        node = GravityNode(transport, source, topic=topic, frame_id=frame, urscript=urscript, arm=arm)
+        node = GravityNode(
+            transport, source, topic=topic, frame_id=frame, urscript=urscript, arm=arm, link=lambda: asdict(counts)
+        )
         show = _shown(_gravity_line, as_json)
-        final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)
+        final = publish(node, rate_hz=rate, duration=duration, show=show)
     show(final, final=True)
     if "live" not in node.tally.report().ticks:
         raise typer.Exit(1)

@@ -10,9 +10,11 @@ commands take. Both are declared alike, so that type, help and rules of an optio
         dialect: str = option(None, "With --ros: raven or crtk.", "raven", goes_with="ros")
 
 The type says how a text is read: `bool` is a flag, `Sequence` may be repeated, a tuple of numbers or of names is a list
-with commas, of as many as it has places or, with `...`, of one or more.
+with commas, of as many as it has places or, with `...`, of one or more. A metavar such as raven|crtk lists the choices,
+and one that begins with ROBOT lets a shell complete the names of the catalogue.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from inspect import Parameter, Signature, signature
@@ -30,9 +32,11 @@ from catenary.errors import InputError
 Names = tuple[str, ...]
 Numbers = tuple[float, ...]
 Triple = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
 Read = Callable[[str], Any]
 Group = TypeVar("Group")
 REQUIRED: Any = ...  # the default of what must be given
+_CHOICES = re.compile(r"[a-z0-9-]+(\|[a-z0-9-]+)+")
 
 
 @dataclass(frozen=True)
@@ -47,13 +51,21 @@ class Option:
     most: float | None = None
     read: Read | None = None  # of a text that its type does not say how to read
     writes: FileKind | None = None  # the kind of the file that it names
-    choices: tuple[Any, ...] = ()  # of its value, where it has few
-    completes: Callable[[str], list[str]] | None = None  # what a shell may put for the beginning of a word
-    goes_with: str | Names = ()  # parameters, one of which must be given beside it
-    not_with: str | Names = ()  # parameters, none of which may be given beside it
+    goes_with: str | Names = ()  # parameters, one of which must be given with it
+    not_with: str | Names = ()  # parameters, none of which may be given with it
     shows_default: bool = True
     is_argument: bool = False
     joins_ros: bool = False  # the command then takes --transport, --ros-distro, and what stands behind --ros-args
+
+    @property
+    def choices(self) -> Names:
+        """Its only values, as typed; none where there are many."""
+        return tuple(self.metavar.split("|")) if self.metavar and _CHOICES.fullmatch(self.metavar) else ()
+
+    @property
+    def names_robot(self) -> bool:
+        """Whether it may name a robot, of the catalogue or of a file."""
+        return (self.metavar or "").lstrip("[").startswith("ROBOT")
 
 
 def option(metavar: str | None, help: str, default: Any = None, **settings: Any) -> Any:
@@ -80,7 +92,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command as typer takes it: with the options of its groups in place of the groups.
 
     Help lists a command's own options, then those of its groups, then --json, --transport, --ros-distro and, of every
-    command, --no-notes. Before the command runs, options are refused that do nothing beside the others.
+    command, --no-notes. Before the command runs, options that would have no effect are refused.
     """
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
@@ -139,8 +151,8 @@ class _Asked:
         if read is not None:
             kind = str
         settings: dict[str, Any] = {
-            "metavar": told.metavar, "help": told.help, "parser": read, "autocompletion": told.completes,
-            "show_default": told.shows_default, "min": told.least, "max": told.most,
+            "metavar": told.metavar, "help": told.help, "show_default": told.shows_default, "parser": read,
+            "min": told.least, "max": told.most, "autocompletion": robots_beginning if told.names_robot else None,
         }  # fmt: skip
         made = typer.Argument(**settings) if told.is_argument else typer.Option(self.typed, **settings)
         whole = list[kind] if self._is_repeatable else kind  # type: ignore[valid-type]
@@ -153,14 +165,14 @@ class _Asked:
 
 
 def _refuse_wrong(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
-    """Refuse what is none of an option's choices, and an option that does nothing beside the others."""
+    """Refuse a value that is not among the choices, and an option without effect."""
     known = {one.name: one.typed for one in asked}
     given = [one for one in asked if values[one.name] != one.default]
     names = {one.name for one in given}
     for one in given:
         choices, value = one.option.choices, values[one.name]
-        if choices and value not in choices:
-            *others, last = map(str, choices)
+        if choices and str(value) not in choices:
+            *others, last = choices
             raise InputError(f"{one.typed} {value}: expected {', '.join(others)} or {last}")
         needed = [name for name in _names(one.option.goes_with) if name in known]
         if needed and not names.intersection(needed):
@@ -179,7 +191,7 @@ def _refuse_files(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
             written[one.typed] = value, one.option.writes
         elif one.option.writes is None:
             named = value if isinstance(value, tuple) else (value,)
-            read += [Path(each) for each in named if isinstance(each, Path) or (each and one.option.completes)]
+            read += [Path(each) for each in named if isinstance(each, Path) or (each and one.option.names_robot)]
     refuse_outputs(written, read)
 
 
@@ -215,12 +227,7 @@ def words(text: str) -> Names:
 
 
 def refuse_spaces(parameters: Sequence[Any], arguments: Sequence[str]) -> None:
-    """Refuse numbers of one option that are separated by spaces, which would be taken for other options.
-
-    Args:
-        parameters: Options of the command, as typer has them.
-        arguments: What was typed.
-    """
+    """Refuse numbers of one option that are typed with spaces between them, which would be read as arguments."""
     lists = {name: p.metavar for p in parameters if "," in (p.metavar or "") for name in p.opts}
     for k, word in enumerate(arguments):
         following = arguments[k + 1 : k + 3]
@@ -272,19 +279,12 @@ def _reader(kind: Any) -> Read | None:
     return lambda text: numbers(text, count)
 
 
-_TRANSPORT = option(
-    "rclpy|dds",
-    "On ROS 2: by what. [default: rclpy where it and crtk_msgs can be imported]",
-    choices=("rclpy", "dds"),
-    goes_with=("ros", "project"),
-)
+_ON_ROS = ("ros", "project")  # whose settings may say where its robot is
+_TRANSPORT = option("rclpy|dds", "On ROS 2: by what. [default: rclpy if it and crtk_msgs are there]", goes_with=_ON_ROS)
 _ROS_DISTRO = option(
-    "NAME",
-    "On ROS 2: distribution of the others, such as humble. [default: ROS_DISTRO, or jazzy]",
-    goes_with=("ros", "project"),  # whose settings may say where its robot is
+    "NAME", "On ROS 2: distribution of the others, such as humble. [default: ROS_DISTRO, or jazzy]", goes_with=_ON_ROS
 )
 _NO_NOTES = option(None, "Print no notes: results and errors only.", False)
 AS_JSON = option(None, "Print JSON.", False, flag="--json")
-TABLES_AS_JSON = option(None, "Print JSON instead of tables.", False, flag="--json")
 LINES_AS_JSON = option(None, "Print a JSON line a second, and one at the end.", False, flag="--json")
 REPORT = option("HTML", "Also write a self-contained page, e.g. arm.html.", writes=PAGE)

@@ -28,7 +28,7 @@ class FileKind:
     """A kind of file that a command writes."""
 
     name: str
-    endings: tuple[str, ...]  # that its name may have, beside none and unknown ones
+    endings: tuple[str, ...]  # known endings that its name may have
     is_one: Callable[[Path], bool]  # whether an existing file is one
     beside: "tuple[str, Callable[[Path], Path], FileKind | None] | None" = None  # written with it: what, where, kind
 
@@ -146,6 +146,7 @@ MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "car
 PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), _CARD)
 LOG = FileKind("a motion log", (".parquet",), _is_log)
 EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
+EXTERNAL = FileKind("external torques", (".csv",), _holds(b"external:"))
 TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"', b'"points"'))
 MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"[mounting]"))
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.gravity_options import TILT_OF_BASE
-from catenary.cli.options import Names, Numbers, argument, group, option, robots_beginning, words
-from catenary.cli.robot_choice import TerminalGuide, ros_transport
-from catenary.cli.terminal import announce, print_json, progress_bar
+from catenary.cli.gravity_options import BASE_TILT
+from catenary.cli.options import Names, Numbers, argument, group, option, words
+from catenary.cli.robot_choice import SIMULATED_SEED, TerminalGuide
+from catenary.cli.terminal import announce, print_result, progress_bar
 from catenary.crtk.dds.arguments import said_ros_arguments
 from catenary.errors import InputError
 
@@ -21,11 +21,8 @@ if TYPE_CHECKING:
 
 FOLDER = argument("PROJECT", "Folder of the project; made if it is not there.")
 BEGUN_FOLDER = argument("PROJECT", "Folder of a project that was begun.")
-SEED = option(None, "Simulate another robot, drawn with this seed. [default: the nominal one]")
 ARM_NAMESPACE = option("/NAME", "Of a dVRK PSM: in front of its topics. [default: /PSM1]")
-ARM_KIND = option(
-    "ROBOT", "Which robot a new project is of: raven2 or dvrk_psm. [default: raven2]", completes=robots_beginning
-)
+ARM_KIND = option("ROBOT", "Which robot a new project is of: raven2 or dvrk_psm. [default: raven2]")
 HOURS = option(None, "Length of the random motion.")
 
 
@@ -33,10 +30,10 @@ HOURS = option(None, "Length of the random motion.")
 class ArmOptions:
     """Options that say which RAVEN-II a project is about, by the names of its settings; None is not typed."""
 
-    seed: int | None = SEED
-    base_tilt_deg: tuple[float, float] | None = TILT_OF_BASE
-    payload_kg: float | None = option("KG", "Mass at the tool's wrist.", flag="--payload")
-    side: str | None = option(None, "left (gold) or right (green). [default: left]")
+    seed: int | None = SIMULATED_SEED
+    base_tilt_deg: tuple[float, float] | None = BASE_TILT
+    payload_kg: float | None = option("KG", "Mass at the tool's wrist.", flag="--payload", goes_with="project")
+    side: str | None = option("left|right", "The gold or the green arm. [default: left]", goes_with="project")
 
 
 def _fractions(text: str) -> Numbers:
@@ -55,7 +52,7 @@ class ExcitationOptions(ArmOptions):
     """Options of an arm, and of the zig-zag that it is calibrated with."""
 
     direction: str | None = option(None, "Joints that the zig-zag sweeps: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
-    form: str | None = option(None, "Which published J1-J2-J3: generator, files or paper. [default: generator]")
+    form: str | None = option("generator|files|paper", "Which published J1-J2-J3. [default: generator]")
     sparsities: Numbers | None = option(
         "S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions, flag="--sparsity"
     )
@@ -63,15 +60,16 @@ class ExcitationOptions(ArmOptions):
     state_rate_hz: float | None = option("HZ", "Rate of raven_state, 30 or 100. [default: 30]", flag="--state-rate")
 
 
+_ON_ROS = ("ros", "project")  # whose settings may say that its robot is on ROS
+
+
 @group
 class RobotAccess:
-    """Options of a project's robot: where it is, and whether a person beside it is asked."""
+    """Options of a project's robot: where it is, and whether the operator is asked."""
 
-    ros: int | None = option(
-        "1|2", "Robot on ROS 1 or 2. [default: the project's, simulated at first]", choices=(1, 2), joins_ros=True
-    )
-    yes: bool = option(None, "With --ros: do not ask; the robot's state must permit each step.", False)
-    simulated: bool = option(None, "With --ros: that robot is a simulation; recordings say so.", False)
+    ros: int | None = option("1|2", "Robot on ROS 1 or 2. [default: the project's, simulated at first]", joins_ros=True)
+    yes: bool = option(None, "With --ros: do not ask; its state must permit each step.", False, goes_with=_ON_ROS)
+    simulated: bool = option(None, "With --ros: a simulation; recordings say so.", False, goes_with=_ON_ROS)
 
 
 def open_project(
@@ -87,14 +85,9 @@ def open_project(
     """Open a project with the settings it has, changed by what was typed."""
     from catenary.workflows.project.folder import Project
 
-    typed = {
-        "connection": None if ros is None else f"ros{ros}",
-        "robot": robot,
-        "namespace": namespace,
-        "columns": columns,
-        "test_minutes": None if hours is None else 60.0 * hours,
-    }
-    return Project(folder, settings_of(folder, arm, **typed))
+    connection, minutes = None if ros is None else f"ros{ros}", None if hours is None else 60.0 * hours
+    typed = {"connection": connection, "robot": robot, "namespace": namespace, "columns": columns}
+    return Project(folder, settings_of(folder, arm, test_minutes=minutes, **typed))
 
 
 def settings_of(folder: Path | None, arm: ArmOptions | None = None, **typed: Any) -> "ProjectSettings":
@@ -118,7 +111,7 @@ def require_project(folder: Path) -> None:
 @contextmanager
 def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator[ProjectRobot]":
     """Open the robot that a project is about, for a command: its simulated one, or one on ROS."""
-    from catenary.crtk.network import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.workflows.project.robot import RosRobot, SimulatedRobot
     from catenary.workflows.robot.homing import AnswerYes
 
@@ -133,23 +126,21 @@ def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator
         yield SimulatedRobot()
         return
     guide = AnswerYes(announce) if access.yes else TerminalGuide()
-    with ros_transport(int(connection.removeprefix("ros")), node_name(command)) as transport:
+    with make_transport(connection.removeprefix("ros"), node_name(command)) as transport:
         yield RosRobot(transport, guide, simulated=access.simulated)
 
 
 def say_step(project: "Project", what: str, was_run: bool, as_json: bool, content: Any) -> None:
     """Say what a step did, or that it had been done."""
-    if as_json:
-        print_json({"project": str(project.folder), "run": was_run, **content})
-    else:
-        print(f"{project.folder}: {what}" + ("" if was_run else " before; nothing to do"))
+    said = f"{project.folder}: {what}{'' if was_run else ' before; nothing to do'}"
+    print_result(as_json, {"project": str(project.folder), "run": was_run, **content}, said)
 
 
 @contextmanager
 def step_progress(label: str, project: "Project | None" = None) -> Iterator[Callable[[float], None]]:
     """Show a bar while a step runs."""
     if project is not None and project.settings.connection != "simulation":
-        yield lambda _: None  # a bar would hide what the person beside the robot is asked
+        yield lambda _: None  # a bar would hide the questions to the operator
         return
     with progress_bar(label) as progress:
         yield progress

@@ -4,11 +4,11 @@ import time
 from dataclasses import replace
 from itertools import chain, count, zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.options import AS_JSON, argument, option, robots_beginning
+from catenary.cli.options import AS_JSON, argument, option
 from catenary.cli.out_files import EXCITATION
 from catenary.cli.projects import (
     ARM_KIND,
@@ -25,9 +25,9 @@ from catenary.cli.projects import (
     settings_of,
     step_progress,
 )
-from catenary.cli.robot_choice import PacedRobot, TerminalGuide, chosen_robot, ros_transport
+from catenary.cli.robot_choice import DIALECT, PacedRobot, TerminalGuide, chosen_robot
 from catenary.cli.signals import exit_code
-from catenary.cli.terminal import announce, print_json, print_notes
+from catenary.cli.terminal import announce, print_notes, print_result
 from catenary.errors import InputError
 from catenary.units import in_words
 
@@ -44,18 +44,9 @@ def home(
     arm: ArmOptions,
     access: RobotAccess,
     project: Path | None = argument("PROJECT", "Folder of the robot's project; made if it is not there.", None),
-    robot: str | None = option(
-        "ROBOT", "Which one; of a project raven2 or dvrk_psm. [default: raven2]", completes=robots_beginning
-    ),
-    dialect: str | None = option(
-        None,
-        "Without a project, with --ros: raven or crtk. [default: the robot's own]",
-        goes_with="ros",
-        not_with="project",
-    ),
-    namespace: str | None = option(
-        "/NAME", "With --dialect crtk, or of a dVRK PSM: in front of its verbs.", goes_with=("ros", "project")
-    ),
+    robot: str | None = option("ROBOT", "Which one; of a project raven2 or dvrk_psm. [default: raven2]"),
+    dialect: str | None = replace(DIALECT, not_with="project"),
+    namespace: str | None = replace(ARM_NAMESPACE, goes_with=("ros", "project")),
     as_json: bool = AS_JSON,
 ) -> None:
     """Home a robot.
@@ -69,25 +60,14 @@ def home(
         opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
         _home_project(opened, access, as_json)
         return
-    if arm.payload_kg is not None or arm.side is not None:
-        raise InputError("--payload and --side go with a project; without one give --robot raven2_right")
-    if access.ros is None and (access.yes or access.simulated):
-        raise InputError("--yes and --simulated go with --ros; this robot is simulated here")
     if access.ros is not None and (arm.seed is not None or arm.base_tilt_deg is not None):
         raise InputError("--seed and --base-tilt-deg go with a simulated robot, not with --ros")
     from catenary.workflows.robot.homing import AnswerYes, home_operated
 
     chosen = PacedRobot(
-        robot=robot or "raven2",
-        ros=access.ros,
-        dialect=dialect,
-        namespace=namespace,
-        simulated=access.simulated,
-        base_tilt_deg=arm.base_tilt_deg,
-        robot_seed=arm.seed,
-        yes=access.yes,
-        fast=access.ros is None,
-    )
+        robot=robot or "raven2", dialect=dialect, namespace=namespace, base_tilt_deg=arm.base_tilt_deg,
+        robot_seed=arm.seed, fast=access.ros is None, **vars(access),
+    )  # fmt: skip
     with chosen_robot(chosen, "home", moves=False, homed=False) as moved:
         guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
         announce("homing ...")
@@ -107,13 +87,9 @@ def _home_project(opened: "Project", access: RobotAccess, as_json: bool) -> None
 
 
 def _say(found: "Homing", as_json: bool) -> None:
-    if as_json:
-        print_json(found.as_data())
-        return
     from catenary.reports.page import Table
 
     how = f"homed in {found.seconds:.1f} s" if found.was_run else "homed before; nothing has moved"
-    print(f"{found.robot}: {how}; {found.state.state}\n")
     columns = {"now": found.believed}
     if found.external_encoders is not None:
         columns["external encoder"] = found.external_encoders
@@ -121,7 +97,8 @@ def _say(found: "Homing", as_json: bool) -> None:
         [name, *("" if q is None else in_words(q, unit, 2) for q in seen)]
         for name, unit, *seen in zip_longest(found.joint_names, found.joint_units, *columns.values())
     ]
-    print(Table(["joint", *columns], rows, "Joints").text())
+    title = f"{found.robot}: {how}; {found.state.state}\n"
+    print_result(as_json, found.as_data(), title, Table(["joint", *columns], rows, "Joints"))
 
 
 def excite(
@@ -131,12 +108,7 @@ def excite(
     robot: str | None = ARM_KIND,
     namespace: str | None = ARM_NAMESPACE,
     refresh: bool = option(None, "A minute of full reversals of each joint, which catenary refresh takes.", False),
-    out: Path | None = option(
-        "FILE",
-        "With --refresh: write that minute for catenary follow, and move nothing.",
-        writes=EXCITATION,
-        goes_with="refresh",
-    ),
+    out: Path | None = option("FILE", "Only write that minute, for follow.", writes=EXCITATION, goes_with="refresh"),
     as_json: bool = AS_JSON,
 ) -> None:
     """Record a project's robot along its calibration motion.
@@ -182,10 +154,9 @@ def _write_refresh_motion(kind: "ProjectKind", out: Path, as_json: bool) -> None
     time = np.linspace(0.0, motion.duration, 1 + round(MOTION_ROWS_PER_SECOND * motion.duration))
     q, qd, qdd = (np.array(each) for each in zip(*map(motion, time.tolist()), strict=True))
     write_motion(out, Joints(kind.joints, model.joint_units[:n]), time, q, qd, qdd)
-    if as_json:
-        print_json({"file": str(out), "seconds": motion.duration, "joints": kind.joints})
-    else:
-        print(f"{motion.duration:.0f} s of full reversals of {', '.join(kind.joints)}\nfile: {out}")
+    content = {"file": str(out), "seconds": motion.duration, "joints": kind.joints}
+    said = f"{motion.duration:.0f} s of full reversals of {', '.join(kind.joints)}\nfile: {out}"
+    print_result(as_json, content, said)
 
 
 def record(
@@ -232,7 +203,7 @@ def _begun_by_others(project: Path, access: RobotAccess, robot: str | None, name
 
 def _record_others(project: "Project", access: RobotAccess, hours: float | None, name: str, as_json: bool) -> None:
     """Record a robot that somebody else moves."""
-    from catenary.crtk.network import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.recording.journal import About
     from catenary.workflows.project.kinds import kind_of
     from catenary.workflows.robot.topic_recorder import left_off, record_topics
@@ -256,13 +227,10 @@ def _record_others(project: "Project", access: RobotAccess, hours: float | None,
         found: list[RecordedTopics] = []
 
         def work() -> None:
-            with ros_transport(int(connection.removeprefix("ros")), node_name("record")) as transport:
-                found.append(
-                    record_topics(
-                        transport, folder, kind.topics, seconds - before, about=about, after=left, progress=progress,
-                        required=[topic.name for topic in kind.required],
-                    )
-                )  # fmt: skip
+            needed = [topic.name for topic in kind.required]
+            how: dict[str, Any] = {"about": about, "after": left, "progress": progress, "required": needed}
+            with make_transport(connection.removeprefix("ros"), node_name("record")) as transport:
+                found.append(record_topics(transport, folder, kind.topics, seconds - before, **how))
 
         motion = {**not_ours, "seconds": seconds, "begun_ns": time.time_ns()}
         opened.run(f"record {name}", motion, [folder], work)

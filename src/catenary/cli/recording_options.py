@@ -1,7 +1,6 @@
-"""Options of recordings: which columns are which quantity, and what to mend of them before they are used."""
+"""Options of recordings: which columns are which quantity, and how they are corrected before use."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +9,8 @@ from catenary.cli.options import argument, group, option, values_of
 if TYPE_CHECKING:
     from catenary.recording.import_formats.mapping import RecordingMapping
     from catenary.recording.logs import Reading
-    from catenary.recording.mend import Mend
 
-RECORDINGS = argument(
-    "DATA",
-    "Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others with --map.",
-)
+RECORDINGS = argument("DATA", "Recordings: .parquet logs, .npz with q_des, q_act (SI), RAVEN-II .csv; others by --map.")
 ACCEPT = option("NAME", "Continue despite this finding; repeatable.")
 MAX_ERROR = option("E,E,...", "Leave out rows with larger errors, per joint in deg, mm.")
 _READS = ("data", "train", "log", "file", "sources", "mcap")  # parameters that name a recording
@@ -29,11 +24,7 @@ def _of_recordings(metavar: str, help: str, default: Any = None) -> Any:
 class MappingOptions:
     """How a third-party recording is read: which of its columns are which quantity."""
 
-    map: Sequence[str] = _of_recordings(
-        "QUANTITY=COLUMNS",
-        "Of a third-party recording: q_nominal, q_encoder, q_reported, qd, tau, ok, time or signal:NAME; may be "
-        "repeated. Example: q_encoder=/optitrack/joints.position[0:6]@deg",
-    )
+    map: Sequence[str] = _of_recordings("QUANTITY=COLUMNS", "As q_encoder=/cam/joints.position[0:6]@deg; repeatable.")
     mapping: Path | None = _of_recordings("TOML", "The same from a file; catenary import proposes one.")
 
     def read(self, units: str | None = None, **settings: object) -> "RecordingMapping | None":
@@ -51,12 +42,10 @@ class MappingOptions:
 
 
 @group
-class MendOptions:
-    """How recordings are corrected before they are used."""
+class RecordingOptions(MappingOptions):
+    """How recordings are read, third-party ones too, and corrected before they are used."""
 
-    units: str | None = _of_recordings(
-        "U,U,...", "Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone."
-    )
+    units: str | None = _of_recordings("U,U,...", "rad, m, deg, mm or cm per joint; q_encoder:deg,... of it alone.")
     swap: Sequence[str] = _of_recordings("J,J", "Exchange these measured columns; tau:J,J of torques.")
     sign: Sequence[str] = _of_recordings("J", "This measured column has the wrong sign; tau:J of torques.")
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
@@ -65,25 +54,13 @@ class MendOptions:
     time_unit: str = _of_recordings("UNIT", "Unit of the stamps: s, ms, us, ns, min or ks.", "s")
     leave_out: Sequence[str] = _of_recordings("A:B", "Ignore measured rows A to B - 1; repeatable.")
 
-    def mend(self) -> "Mend":
-        """Return what to change of recordings."""
-        from catenary.recording.mend import Mend
-
-        typed = values_of(self, "swap", "sign", "scale", "delay", "shift", "time_unit", "leave_out")
-        return Mend(units=(self.units,) if self.units else (), **typed)
-
-
-@group
-class RecordingOptions(MappingOptions, MendOptions):
-    """How recordings are read, third-party ones too, and corrected before they are used."""
-
     def reading(self, robot: str | None = None) -> "Reading":
         """Return how to read recordings, of a robot of the catalogue or of a file where it is named.
 
         With a mapping, `--units` are those of its columns; else they come before the robot's.
         """
         from catenary.recording.logs import Reading
-        from catenary.recording.mend import si_units, units_of
+        from catenary.recording.mend import Mend, si_units, units_of
 
         names, own_units = None, None
         if robot is not None:
@@ -94,14 +71,14 @@ class RecordingOptions(MappingOptions, MendOptions):
         as_trained = not getattr(self, "no_mend", False)
         array, given = (None, ()) if self.units is None else units_of(self.units)
         mapping = self.read(self.units if array is None else None, robot=robot)
-        if mapping is not None:
-            mend = self.mend() if array is not None else replace(self.mend(), units=())
-            return Reading(joint_names=names, mapping=mapping, mend=mend, as_trained=as_trained)
-        units = si_units(given) or own_units
-        return Reading(units=units, joint_names=names, mend=self.mend(), as_trained=as_trained)
+        typed = values_of(self, "swap", "sign", "scale", "delay", "shift", "time_unit", "leave_out")
+        is_mended = self.units is not None and (mapping is None or array is not None)
+        mend = Mend(units=(self.units or "",) if is_mended else (), **typed)
+        units = None if mapping is not None else si_units(given) or own_units
+        return Reading(units=units, joint_names=names, mapping=mapping, mend=mend, as_trained=as_trained)
 
     def typed(self, robot: str | None) -> tuple[str, ...]:
-        """Return the words that say how recordings are read, beside their mends."""
+        """Return the options that say how recordings are read, without corrections."""
         from catenary.recording.mend import units_of
 
         mapped = [word for text in self.map for word in ("--map", text)]
@@ -113,11 +90,6 @@ class RecordingOptions(MappingOptions, MendOptions):
 
 @group
 class ModelRecordingOptions(RecordingOptions):
-    """The same of recordings that are given to a model, which knows how its training data were mended."""
+    """The same for recordings given to a model, which knows how its training data were corrected."""
 
-    no_mend: bool = option(
-        None,
-        "Do not correct recordings as the model's training data were corrected.",
-        False,
-        goes_with=(*_READS, "what"),
-    )
+    no_mend: bool = option(None, "Do not correct them like the training data.", False, goes_with=(*_READS, "what"))

@@ -1,4 +1,4 @@
-"""Robots that commands move or read: which one, on which ROS or simulated here, and who stands beside it."""
+"""Robots that commands move or read: which one, on which ROS or simulated here, and its operator."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -7,53 +7,34 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from catenary.cli.gravity_options import LEVEL_BASE, base_tilt
-from catenary.cli.options import group, option, robots_beginning
+from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE
+from catenary.cli.options import group, option
 from catenary.cli.terminal import announce, print_notes
 
 if TYPE_CHECKING:
-    from catenary.crtk.gravity_topic import ImuTopic
-    from catenary.crtk.transport import Transport
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
 NODE_NAME = option("NAME", "On ROS: this program's. [default: catenary_COMMAND_PID]")
-CARRIER = option("1|2|none", "ROS that carries the messages.", "1", choices=("1", "2", "none"), joins_ros=True)
+CARRIER = option("1|2|none", "ROS that carries the messages.", "1", joins_ros=True)
 BAUD = option(None, "Speed of the serial line.", 115200, least=300)
 RECORD = option("FOLDER", "Also record a RAVEN-II's topics.")
-DIALECT = option(
-    None, "With --ros: raven or crtk. [default: the robot's own]", choices=("raven", "crtk"), goes_with="ros"
-)
+DIALECT = option("raven|crtk", "With --ros: topics. [default: the robot's own]", goes_with="ros")
 NAMESPACE = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros")
-SIMULATED_SEED = option(
-    "N", "Simulate another robot of the kind, drawn with this seed. [default: the nominal one]", least=0
-)
+SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
 
 
 @group
 class WatchedRobot:
     """Options of a robot that is only read: which, and where it is."""
 
-    robot: str = option(
-        "ROBOT",
-        "raven2, raven2_right, another of the catalogue, or a robot file.",
-        "raven2",
-        completes=robots_beginning,
-    )
-    ros: int | None = option(
-        "1|2", "The robot is on ROS 1 or 2. [default: simulated here]", choices=(1, 2), joins_ros=True
-    )
+    robot: str = option("ROBOT", "raven2, raven2_right, another of the catalogue, or a robot file.", "raven2")
+    ros: int | None = option("1|2", "The robot is on ROS 1 or 2. [default: simulated here]", joins_ros=True)
     dialect: str | None = DIALECT
     namespace: str | None = NAMESPACE
     name: str | None = replace(NODE_NAME, goes_with="ros")
-    simulated: bool = option(
-        None, "With --ros: that robot is simulated, so there is no workspace to clear.", False, goes_with="ros"
-    )
-    base_tilt_deg: tuple[float, float] | None = option(
-        "R,P", "Simulated: roll about x, then pitch about y, of its base.", read=base_tilt, not_with="ros"
-    )
-    robot_seed: int | None = option(
-        None, "Simulated: another RAVEN-II, drawn with this seed. [default: the nominal one]", not_with="ros"
-    )
+    simulated: bool = option(None, "With --ros: simulated, no workspace to clear.", False, goes_with="ros")
+    base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, not_with="ros")
+    robot_seed: int | None = replace(SIMULATED_SEED, not_with="ros")
 
 
 @group
@@ -71,7 +52,7 @@ class PacedRobot(MovedRobot):
 
 
 class TerminalGuide:
-    """Asks in the terminal; Enter says that it is done, q gives up."""
+    """Asks in the terminal; Enter confirms, q cancels."""
 
     def say(self, text: str) -> None:
         """Show a message."""
@@ -79,27 +60,18 @@ class TerminalGuide:
 
     def confirm(self, text: str) -> bool:
         """Wait for Enter."""
-        print(f"{text}\n  [Enter] done   [q] give up: ", end="", file=sys.stderr, flush=True)
+        print(f"{text}\n  [Enter] done   [q] cancel: ", end="", file=sys.stderr, flush=True)
         answer = sys.stdin.readline()
         return answer != "" and answer.strip().lower() not in ("q", "quit", "n", "no")
 
 
 @contextmanager
-def ros_transport(version: int, name: str) -> "Iterator[Transport]":
-    """Open a transport on ROS 1 or 2."""
-    from catenary.crtk.network import make_transport
-
-    with make_transport(str(version), name) as transport:
-        yield transport
-
-
-@contextmanager
 def chosen_robot(
-    chosen: WatchedRobot, command: str, *, moves: bool = True, homed: bool = True, imu: "ImuTopic | None" = None
+    chosen: WatchedRobot, command: str, *, moves: bool = True, homed: bool = True, gravity: str | None = None
 ) -> "Iterator[OperatedRobot]":
     """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is."""
     from catenary.crtk.client import CrtkClient
-    from catenary.crtk.network import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.reader import CrtkReader
     from catenary.open_robot import OverTopics, Simulated, tilted_base
     from catenary.workflows.robot.homing import clear_workspace
@@ -111,9 +83,9 @@ def chosen_robot(
         yield operated_robot(robot, where, real_time=not (isinstance(chosen, PacedRobot) and chosen.fast))
         return
     asks = not simulated and not (isinstance(chosen, MovedRobot) and chosen.yes)
-    with ros_transport(chosen.ros, node_name(command, chosen.name)) as transport:
+    with make_transport(str(chosen.ros), node_name(command, chosen.name)) as transport:
         is_read = not isinstance(chosen, MovedRobot)
-        there = OverTopics(transport, chosen.dialect, chosen.namespace, simulated, imu, only_read=is_read)
+        there = OverTopics(transport, chosen.dialect, chosen.namespace, simulated, gravity, only_read=is_read)
         opened = operated_robot(robot, there)
         client = cast(CrtkReader, opened.plant)
         with client:

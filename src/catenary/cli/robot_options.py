@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from catenary.cli.options import Names, Numbers, Triple, argument, group, option, robots_beginning
+from catenary.cli.options import Names, Numbers, Six, Triple, argument, group, option
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -11,23 +11,14 @@ if TYPE_CHECKING:
     from catenary.plant import Jointed
     from catenary.robots.model import Massless, RobotModel
 
-ROBOT = argument(
-    "ROBOT",
-    "Catalogue name (see catenary robots), a URDF, MJCF or TOML file, or an identified .npz.",
-    completes=robots_beginning,
-)
-Q = option("Q,Q,...", "Joint coordinates in rad and m.")
-Q_DEG = option("Q,Q,...", "Joint coordinates in deg and mm.")
-SAME_IN_DEG = option("Q,Q,...", "The same in deg and mm.")
+ROBOT = argument("ROBOT", "Catalogue name (see catenary robots), URDF, MJCF, TOML, or an identified .npz.")
 
 
 @group
 class DescriptionOptions:
     """Options of a robot's description that is not complete, or not possible."""
 
-    massless: Names | None = option(
-        "LINK,...", "These links have no mass, though the description gives them none: names, or all."
-    )
+    massless: Names | None = option("LINK,...", "Links that have no mass: names, or all.")
     strict: bool = option(None, "Refuse impossible inertias instead of warning.", False)
 
     def declared(self) -> "Massless":
@@ -47,10 +38,8 @@ class PayloadOptions:
 
     payload: float = option("KG", "Mass that the robot carries.", 0.0, least=0.0)
     payload_on: str | None = option("FRAME", "Frame it is fixed to. [default: the tip]", goes_with="payload")
-    payload_at: Triple | None = option(
-        "X,Y,Z", "Its centre of mass in that frame, in m. [default: 0,0,0]", goes_with="payload"
-    )
-    payload_inertia: tuple[float, float, float, float, float, float] | None = option(
+    payload_at: Triple = option("X,Y,Z", "Its centre of mass there, in m.", (0.0, 0.0, 0.0), goes_with="payload")
+    payload_inertia: Six | None = option(
         "XX,XY,XZ,YY,YZ,ZZ", "Its inertia about there, in kg m2. [default: a point mass]", goes_with="payload"
     )
 
@@ -60,28 +49,33 @@ class PayloadOptions:
 
         if self == PayloadOptions():
             return model
-        return Payload(self.payload, self.payload_on, self.payload_at or (0.0, 0.0, 0.0), self.payload_inertia).on(
-            model
-        )
+        return Payload(self.payload, self.payload_on, self.payload_at, self.payload_inertia).on(model)
+
+
+@group
+class JointOptions:
+    """Options of all joints' coordinates."""
+
+    q: Numbers | None = option("Q,Q,...", "Joint coordinates in rad and m.")
+    q_deg: Numbers | None = option("Q,Q,...", "The same in deg and mm.")
+
+    def of(self, model: "RobotModel") -> "Floats":
+        """Return them, (n,) in rad and m."""
+        if (self.q is None) == (self.q_deg is None):
+            joints = _names_and_units(model)
+            raise InputError(
+                f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): {joints}"
+            )
+        return some_joint_values(model, self.q, self.q_deg, model.joint_names)[0]
+
+    def given(self, model: "RobotModel") -> "Floats | None":
+        """Return them; None where neither option is given."""
+        return None if self == JointOptions() else self.of(model)
 
 
 def one_or_each(values: Numbers) -> float | Numbers:
     """Return the one number for all joints, or the numbers of each."""
     return values[0] if len(values) == 1 else values
-
-
-def joint_values(model: "RobotModel", q: Numbers | None, q_deg: Numbers | None) -> "Floats":
-    """Return all joints of a robot from one of the two options, (n,) in rad and m."""
-    if (q is None) == (q_deg is None):
-        raise InputError(
-            f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): {_names_and_units(model)}"
-        )
-    return some_joint_values(model, q, q_deg, model.joint_names)[0]
-
-
-def given_joints(model: "RobotModel", q: Numbers | None, q_deg: Numbers | None) -> "Floats | None":
-    """Return all joints of a robot from one of the two options, (n,) in rad and m; None when neither is given."""
-    return None if q is None and q_deg is None else joint_values(model, q, q_deg)
 
 
 def some_joint_values(

@@ -3,19 +3,19 @@
 import math
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
-from catenary.cli.options import Names, group, option, require_one
-from catenary.cli.out_files import MOUNTING, NAMED_AS_TYPED, refuse_outputs
+from catenary.cli.options import Names, group, option, require_one, values_of
+from catenary.cli.out_files import MOUNTING, refuse_outputs
 from catenary.cli.robot_choice import BAUD
-from catenary.cli.terminal import print_fact, print_json, print_notes
+from catenary.cli.terminal import print_notes, print_result
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,20 +36,13 @@ class ReplayOptions:
 
     replay: Path | None = option("FILE", "Read a recorded sensor: a bag, or a CSV with time, ax, ay, az, gx, gy, gz.")
     topic: str | None = option("TOPIC", "Of a bag with several sensor_msgs/Imu.", goes_with="replay")
-    columns: Names | None = option(
-        "C,C,C[,...]", "Of a table: the accelerometer's columns, then the gyroscope's.", goes_with="replay"
-    )
+    columns: Names | None = option("C,C,C[,...]", "Accelerometer's columns, then gyroscope's.", goes_with="replay")
     time: str | None = option("COLUMN[@UNIT]", "Of a table: its time, in s, ms, us or ns.", goes_with="replay")
     orientations: Path | None = option(
-        "CSV",
-        "With --tumble: how it was turned at each rest of the recording, in order: roll_deg and pitch_deg of "
-        "the whole robot, or the joints of --robot in rad and m.",
-        goes_with="replay",
+        "CSV", "With --tumble: roll_deg,pitch_deg at each rest, or the joints of --robot.", goes_with="replay"
     )
     robot: str | None = option("ROBOT", "Arm that carried the sensor, on a level base.", goes_with="orientations")
-    frame: str | None = option(
-        "NAME", "Link of it that the sensor is fixed to. [default: the tip]", goes_with="orientations"
-    )
+    frame: str | None = option("NAME", "Its link with the sensor. [default: the tip]", goes_with="orientations")
 
     def recording(self, reading: ReadingOptions, *, tumble: bool) -> "ImuRecording | None":
         """Return what was recorded; None without --replay."""
@@ -81,89 +74,75 @@ def sense(
     baud: int = replace(BAUD, goes_with="port"),
     tumble: bool = option(None, "Calibrate the sensor in several attitudes and write a mounting file.", False),
     out: Path | None = option(
-        "FILE",
-        f"File that --tumble writes. {NAMED_AS_TYPED} [default: mounting.toml]",
-        writes=MOUNTING,
-        goes_with="tumble",
+        "FILE", "What --tumble writes. [default: mounting.toml]", writes=MOUNTING, goes_with="tumble"
     ),
     as_json: bool = option(None, "Print one JSON summary at the end.", False, flag="--json"),
 ) -> None:
     """Show gravity as a sensor on the base measures it.
 
-    With --tumble the sensor is calibrated.
-
-    The exit code is 1 when nothing that can be believed was measured, or a tumble found a fault.
-
-    On a base that moves by itself, --mounting-on says how. --replay reads a recording in place of a sensor.
+    With --tumble the sensor is calibrated. On a base that moves by itself, --mounting-on says how. --replay reads a
+    recording in place of a sensor. The exit code is 1 when no sample was valid, or a tumble found a fault.
 
     Example: catenary sense --simulated --base-tilt-deg 10,5 --duration 2 --mounting-on ship
     Example: catenary sense --replay imu.csv --tumble --orientations turned.csv --out mounting.toml
     """
     from catenary.crtk.transforms import recorded_pose
+    from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.sensing.mounting import Mounting, load_mounting
+    from catenary.sensing.vector import MAILBOX, Mailbox
+    from catenary.workflows.sense import SETTLE, ReplayFeed, serial_feed
 
     require_one(port=port, simulated=simulated, replay=replaying.replay)
+    out = out or Path("mounting.toml")
     if tumble:
-        out = out or Path("mounting.toml")
         refuse_outputs({"--out": (out, MOUNTING)}, [mounting] if mounting else [])
     bag = replaying.replay
     by_tf = None if bag is None else partial(recorded_pose, bag)
     told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
     recording = replaying.recording(reading, tumble=tumble)
-    if recording is not None:
-        if tumble:
-            _calibrate(recording, replaying, told, out or Path("mounting.toml"), as_json)
-        else:
-            _replay(recording, sensing, told, duration, as_json)
+    if recording is not None and tumble:
+        _calibrate(recording, replaying, told, out, as_json)
         return
-    hertz, tilt = 200.0 if rate is None else rate, base_tilt_deg or LEVEL_BASE
-    with _opened(port, told, tilt, hertz, seed, baud, tumble, reading) as (feed, known):
-        if tumble or feed is None:
-            _tumble(feed, known, hertz, seed, out or Path("mounting.toml"), as_json)
-        else:
-            _watch(feed, sensing.source(feed.mailbox, known, angular=feed.has_gyroscope), duration, as_json)
-
-
-@contextmanager
-def _opened(
-    port: str | None,
-    told: "Mounting",
-    tilt_deg: tuple[float, float],
-    rate: float,
-    seed: int,
-    baud: int,
-    tumble: bool,
-    reading: ReadingOptions,
-) -> "Iterator[tuple[Feed | None, Mounting]]":
-    """Open the sensor, with its mounting and ranges; no feed for a simulated tumble, which is many sensors."""
-    from catenary.sensing.vector import MAILBOX, Mailbox
-    from catenary.simulation.base_motion import FixedBase
-    from catenary.simulation.sensors import SensorModel, SimulatedSensor
-    from catenary.workflows.sense import SimulatedFeed, serial_feed
-
-    if port is not None:
-        from catenary.devices.accelerometer import SerialAccelerometer
-
-        # the turns of a tumble are kept while nobody reads
-        size = 100 * MAILBOX if tumble else MAILBOX
-        with SerialAccelerometer(port, Mailbox(size, reading.convention()), baud=baud) as device:
+    hertz = 200.0 if rate is None else rate
+    feed: Feed | None
+    with ExitStack() as stack:
+        if recording is not None:
+            feed, left = ReplayFeed(recording), recording.duration - SETTLE
+            duration = left if duration is None else min(duration, left)
+        elif port is not None:
+            size = 100 * MAILBOX if tumble else MAILBOX  # the turns of a tumble are kept while nobody reads
+            device = stack.enter_context(SerialAccelerometer(port, Mailbox(size, reading.convention()), baud=baud))
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
-            yield serial_feed(device), device.with_ranges(told)
-        return
+            feed, told = serial_feed(device), device.with_ranges(told)
+        else:
+            feed, told = _simulated(told, None if tumble else base_tilt_deg or LEVEL_BASE, hertz, seed)
+        if tumble or feed is None:
+            _tumble(feed, told, hertz, seed, out, as_json)
+        else:
+            _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration, as_json)
+
+
+def _simulated(
+    told: "Mounting", tilt_deg: tuple[float, float] | None, rate: float, seed: int
+) -> "tuple[Feed | None, Mounting]":
+    """Return a simulated sensor, of which what is told of the mounting is true; no feed for a tumble: many sensors."""
+    from catenary.sensing.vector import Mailbox
+    from catenary.simulation.base_motion import FixedBase
+    from catenary.simulation.sensors import SensorModel, SimulatedSensor
+    from catenary.workflows.sense import SimulatedFeed
+
     model = SensorModel(rate)
     told = replace(
         told,
         acceleration_range=min(told.acceleration_range, model.mounting.acceleration_range),
         rate_range=min(told.rate_range, model.mounting.rate_range),
     )
-    if tumble:
-        yield None, told
-        return
+    if tilt_deg is None:
+        return None, told
     base = FixedBase(math.radians(tilt_deg[0]), math.radians(tilt_deg[1]))
-    # what is told of the mounting is true of the simulated sensor
     sensor = SimulatedSensor(base, Mailbox(), replace(model, mounting=told), seed=seed)
-    yield SimulatedFeed(sensor, paced=sys.stdout.isatty()), told
+    return SimulatedFeed(sensor, paced=sys.stdout.isatty()), told
 
 
 def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_json: bool) -> None:
@@ -172,10 +151,7 @@ def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_jso
     length = (math.inf if sys.stdout.isatty() and not as_json else 5.0) if duration is None else duration
     with _display(as_json, source.mounting.base) as show:
         summary = watch(feed, source, length, show=show)
-    if as_json:
-        print_json(summary.as_data())
-    else:
-        _print_summary(summary)
+    print_result(as_json, summary.as_data(), *_in_words(summary))
     if not summary.was_live:
         raise typer.Exit(1)
 
@@ -228,35 +204,22 @@ def _lines(reading: "GravityReading", base: str) -> list[str]:
     ]
 
 
-def _print_summary(summary: "SenseSummary") -> None:
+def _in_words(summary: "SenseSummary") -> list[Any]:
     import numpy as np
 
-    for text in _lines(summary.reading, summary.base):
-        print(text)
+    lines, facts = _lines(summary.reading, summary.base), list[tuple[str, str]]()
     if summary.was_live:
         spread = ", ".join(f"{v:.4f}" for v in summary.spread)
         mean = ", ".join(f"{v:.4f}" for v in summary.mean)
-        print(f"mean of {summary.duration:.1f} s: {mean} m/s2, standard deviation {spread} m/s2")
+        lines.append(f"mean of {summary.duration:.1f} s: {mean} m/s2, standard deviation {spread} m/s2")
     if summary.remedy:
-        print_fact("WRONG:", f"the gyroscope: {summary.remedy}", width=8)
+        facts.append(("WRONG:", f"the gyroscope: {summary.remedy}"))
     for (name, count), message in zip(summary.gravity.faults.items(), summary.gravity.messages, strict=True):
         share = 100.0 * count / max(1, sum(summary.gravity.ticks.values()))
-        print_fact("WARNING:", f"{name} for {share:.1f} % of the time: {message}", width=8)
-    if summary.link:
-        print("line: " + ", ".join(f"{k} {v}" for k, v in summary.link.items()))
-    if not np.isfinite(summary.mean).all():
-        print("nothing that can be believed was measured")
-
-
-def _replay(
-    recording: "ImuRecording", sensing: SensingOptions, told: "Mounting", duration: float | None, as_json: bool
-) -> None:
-    from catenary.workflows.sense import SETTLE, ReplayFeed
-
-    feed = ReplayFeed(recording)
-    source = sensing.source(feed.mailbox, told, angular=feed.has_gyroscope)
-    left = recording.duration - SETTLE
-    _watch(feed, source, left if duration is None else min(duration, left), as_json)
+        facts.append(("WARNING:", f"{name} for {share:.1f} % of the time: {message}"))
+    line = "line: " + ", ".join(f"{k} {v}" for k, v in summary.link.items()) if summary.link else None
+    nothing = None if np.isfinite(summary.mean).all() else "no valid sample was measured"
+    return [*lines, facts, line, nothing]
 
 
 def _calibrate(recording: "ImuRecording", options: ReplayOptions, told: "Mounting", out: Path, as_json: bool) -> None:
@@ -299,7 +262,7 @@ def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
 
 
 def _enter_pressed() -> bool:
-    """Wait for Enter; false where nobody can press it."""
+    """Wait for Enter; False at the end of standard input."""
     return bool(sys.stdin.readline())
 
 
@@ -309,23 +272,19 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None
     m, section = outcome.mounting, outcome.section
     if not outcome.faults:
         save_mounting(out, m, section)
-    if as_json:
-        found = {key: getattr(m, key) for key in ("bias", "scale", "rate_bias", "rotation", "checked", "base")}
-        left = {"residual": section.residual_m_s2, "rotation_residual_deg": section.rotation_residual_deg}
-        ended = {"readings": section.readings, "faults": list(outcome.faults)}
-        print_json({"mounting": None if outcome.faults else str(out), **found, **left, **ended})
-    else:
-        facts = [("bias", m.bias, "m/s2"), ("scale", m.scale, ""), ("rate bias", m.rate_bias, "rad/s")]
-        facts += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
-        for name, values, unit in facts:
-            print_fact(name, " ".join(f"{v:+.4f}" for v in values) + f" {unit}".rstrip(), width=10)
-        gyroscope = "turns as gravity does" if m.checked else "not checked: no turns between the rests"
-        print_fact("gyroscope", gyroscope, width=10)
-        print_fact("base", m.base, width=10)
-        if section.residual_m_s2 is not None:
-            print_fact("residual", f"{section.residual_m_s2:.4f} m/s2", width=10)
-        for fault in outcome.faults:
-            print_fact("WRONG:", fault, width=10)
-        print("nothing written" if outcome.faults else f"written to {out}")
+    content = {
+        "mounting": None if outcome.faults else str(out),
+        **values_of(m, "bias", "scale", "rate_bias", "rotation", "checked", "base"),
+        "residual": section.residual_m_s2, "rotation_residual_deg": section.rotation_residual_deg,
+        "readings": section.readings, "faults": list(outcome.faults),
+    }  # fmt: skip
+    rows = [("bias", m.bias, "m/s2"), ("scale", m.scale, ""), ("rate bias", m.rate_bias, "rad/s")]
+    rows += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
+    facts = [(name, f"{' '.join(f'{v:+.4f}' for v in values)} {unit}".rstrip()) for name, values, unit in rows]
+    gyroscope = "turns as gravity does" if m.checked else "not checked: no turns between the rests"
+    facts += [("gyroscope", gyroscope), ("base", m.base)]
+    facts += [] if section.residual_m_s2 is None else [("residual", f"{section.residual_m_s2:.4f} m/s2")]
+    facts += [("WRONG:", fault) for fault in outcome.faults]
+    print_result(as_json, content, facts, "nothing written" if outcome.faults else f"written to {out}")
     if outcome.faults:
         raise typer.Exit(1)

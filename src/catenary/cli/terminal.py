@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
@@ -58,9 +59,32 @@ def print_json_line(content: Any) -> None:
     print(json.dumps(json.loads(json_text(content))), flush=True)
 
 
-def print_fact(name: str, text: str, *, width: int) -> None:
-    """Print a name and what it stands for, the text on as many lines of a terminal as it takes."""
-    print(_wrapped(f"  {name:<{width}}  ", text, sys.stdout))
+def print_result(as_json: bool, content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
+    """Print a command's result: JSON, or what people read.
+
+    Args:
+        as_json: Print JSON and nothing else.
+        content: The JSON.
+        parts: Lines, tables, and lists of facts (name, text), which are aligned; None is left out.
+        notes: Remarks and warnings, on standard error.
+    """
+    if as_json:
+        print_json(content)
+        return
+    print_notes(notes)
+    width = max((len(name) for part in parts if isinstance(part, list) for name, _ in part), default=0)
+    for part in parts:
+        if isinstance(part, list):
+            for name, text in part:
+                print(_wrapped(f"  {name:<{width}}  ", text, sys.stdout))
+        elif part is not None:
+            print(part if isinstance(part, str) else part.text())
+
+
+def print_page(page: Path, as_json: bool) -> None:
+    """Say where a page was written; with JSON nothing is said."""
+    if not as_json:
+        print(f"page:  {page}")
 
 
 def announce(text: str) -> None:

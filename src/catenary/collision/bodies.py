@@ -41,11 +41,12 @@ def _coal() -> Any:
     return coal
 
 
-def primitive(form: Box | Cylinder | Ellipsoid) -> Any:
+def primitive(form: Box | Cylinder | Ellipsoid | Capsule | HalfSpace) -> Any:
     """Return a simple form as Coal has it."""
     coal = _coal()
-    kind = {Box: coal.Box, Cylinder: coal.Cylinder, Ellipsoid: coal.Ellipsoid}[type(form)]
-    return kind(*form)
+    if isinstance(form, HalfSpace):
+        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+    return getattr(coal, type(form).__name__)(*form)
 
 
 def mesh_of(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any, Floats]:
@@ -93,16 +94,6 @@ def distances() -> Callable[[Any, Pose, Any, Pose], float]:
         return float(coal.distance(a, coal.Transform3s(*at_a), b, coal.Transform3s(*at_b), request, result))
 
     return distance
-
-
-def capsule(radius: float, length: float) -> Any:
-    """Return a capsule along z as Coal has it."""
-    return _coal().Capsule(radius, length)
-
-
-def half_space() -> Any:
-    """Return all that lies below z = 0 as Coal has it."""
-    return _coal().Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.collision.bodies import Body, bodies_of, capsule, distances, half_space
+from catenary.collision.bodies import Body, bodies_of, distances, primitive
 from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
-from catenary.robots.geometry import Geometry, Shape
+from catenary.robots.geometry import Capsule, Geometry, HalfSpace, Shape
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
@@ -207,7 +207,7 @@ class CollisionScene:
         key = f"{body.name} {id(body)}"
         if key not in self._tools:
             length = float(np.linalg.norm(body.end - body.start))
-            self._tools[key] = half_space() if body.is_plane else capsule(body.radius, length)
+            self._tools[key] = primitive(HalfSpace() if body.is_plane else Capsule(body.radius, length))
         return self._tools[key]
 
     def _measure(self, a: Any, body_a: Body, b: Any, body_b: Body, placed: PlacedBodies, row: int) -> float:

@@ -70,8 +70,7 @@ class ElasticPD:
 
         Raises:
             MissingInertiaError: Links without inertia.
-            InputError: Something of another shape or range, or gravity changes faster than springs and gains can
-                follow; the message says by how much.
+            InputError: Something of another shape or range, or gravity changes faster than springs and gains follow.
         """
         self.model = model
         self.pd = JointPD(kp, kd, damping=damping, n=model.n)
@@ -80,17 +79,18 @@ class ElasticPD:
             raise InputError(f'compensation "{compensation}": expected one of {", ".join(get_args(Compensation))}')
         self.compensation = compensation
         self.gravity = nominal_gravity(gravity)
-        self.margin = stiffness_margin(model, self.pd.kp, self.stiffness, gravity=self.gravity)
-        self.margin.require(model.name)
+        margin = stiffness_margin(model, self.pd.kp, self.stiffness, gravity=self.gravity)
+        if not margin.slope < 1.0:
+            raise InputError(
+                f'robot "{model.name}": gravity changes by {margin.slope:.3g} times the joints\' stiffness, expected '
+                f"less than 1: springs and kp in series are {_short(margin.stiffness)} Nm/rad or N/m, gravity's own "
+                f"slopes {_short(margin.gravity_slope)} at q = {_short(margin.q)}"
+            )
         self._holding_torque = holding_kernel(model)
         self.feedback, self.feedforward = self.pd.feedback, np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something they depend on is.
-
-        Raises:
-            InputError: The robot has another number of joints than the model.
-        """
+        """Return torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something they depend on is."""
         if len(reference.q) != self.model.n:
             raise InputError(f"elastic PD: the model has {self.model.n} joints, the robot {len(state.q)}")
         gravity, omega, alpha = gravity_and_rates(state, self.gravity)
@@ -114,20 +114,6 @@ class StiffnessMargin(NamedTuple):
     gravity_slope: Floats  # (n,) own slopes dg_j/dq_j at the steepest place [Nm/rad|N/m]
     q: Floats  # (n,) that place [rad|m]
 
-    @property
-    def holds(self) -> bool:
-        """The arm has one equilibrium, and the proofs hold."""
-        return self.slope < 1.0
-
-    def require(self, robot: str) -> None:
-        """Refuse springs and gains that the proofs do not cover."""
-        if not self.holds:
-            raise InputError(
-                f'robot "{robot}": gravity changes by {self.slope:.3g} times the joints\' stiffness, expected less '
-                f"than 1: springs and kp in series are {_short(self.stiffness)} Nm/rad or N/m, gravity's own slopes "
-                f"{_short(self.gravity_slope)} at q = {_short(self.q)}"
-            )
-
 
 def stiffness_margin(
     model: RobotModel, kp: ArrayLike, stiffness: ArrayLike, *, gravity: ArrayLike | None = None
@@ -143,15 +129,18 @@ def stiffness_margin(
     The largest is searched for: quasi-random points, the best of them climbed. A revolute joint without limits is taken
     over a whole turn.
 
-    Args:
-        model: With inertia.
-        kp: (n,) [Nm/rad|N/m].
-        stiffness: (n,) K [Nm/rad|N/m].
-        gravity: (3,) in base axes [m/s2]; any direction of 9.81 m/s2 when None.
+    kp and stiffness K are (n,) [Nm/rad|N/m]; gravity (3,) is in base axes [m/s2], any direction of 9.81 m/s2 when None.
     """
     gains, springs = as_positive("kp", kp, (model.n,)), as_positive("stiffness", stiffness, (model.n,))
     series = springs * gains / (springs + gains)
-    lower, upper = _range(model)
+    turn = np.array([unit == "rad" for unit in model.joint_units])
+    lower = np.where(np.isfinite(model.lower) | ~turn, model.lower, -np.pi)
+    upper = np.where(np.isfinite(model.upper) | ~turn, model.upper, np.pi)
+    for j in np.flatnonzero(~(np.isfinite(lower) & np.isfinite(upper))):
+        raise InputError(
+            f'robot "{model.name}": joint "{model.joint_names[j]}" has no limits, expected some: gravity\'s '
+            "slope may grow with it"
+        )
     fixed, n = nominal_gravity(gravity), model.n
     scale = np.sqrt(np.outer(series, series))
 
@@ -178,19 +167,6 @@ def stiffness_margin(
             best, where = float(climbed.fun), climbed.x
     own_slopes = np.diag(slope_at(where)).copy()
     return StiffnessMargin(-best, series, own_slopes, lower + (upper - lower) * where[:n])
-
-
-def _range(model: RobotModel) -> tuple[Floats, Floats]:
-    """Return the joint range to search."""
-    turn = np.array([unit == "rad" for unit in model.joint_units])
-    lower = np.where(np.isfinite(model.lower) | ~turn, model.lower, -np.pi)
-    upper = np.where(np.isfinite(model.upper) | ~turn, model.upper, np.pi)
-    for j in np.flatnonzero(~(np.isfinite(lower) & np.isfinite(upper))):
-        raise InputError(
-            f'robot "{model.name}": joint "{model.joint_names[j]}" has no limits, expected some: gravity\'s '
-            "slope may grow with it"
-        )
-    return lower, upper
 
 
 def _short(values: Floats) -> str:

@@ -38,10 +38,10 @@ class JointGains(NamedTuple):
 
 
 def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: ArrayLike) -> JointGains:
-    """Return gains at the joints of a robot that controls its motors.
+    """Return gains at the joints of a robot that controls its motors, (n,) each.
 
-    Of each (n,) motor: kp torque at the output of the gearbox per turning of the motor [Nm/rad], kd [Nms/rad], ratio
-    its turning per joint motion [rad/rad|rad/m], gearbox its turning per turning of the output.
+    kp [Nm/rad] and kd [Nms/rad] are torques at the gearbox's output per turning of the motor, ratio its turning per
+    joint motion [rad/rad|rad/m], gearbox its turning per turning of the output.
     """
     turns = as_array("ratio", ratio, (None,))
     lever = turns**2 / as_array("gearbox", gearbox, turns.shape)
@@ -53,8 +53,7 @@ def torque_at_joints(
 ) -> Floats:
     """Return the largest torques (n,) [Nm|N] at the joints that a motor board can give.
 
-    Of each (n,) motor: dac_limit of the output of the board, 0 for none; dac_per_ampere [1/A]; torque_constant [Nm/A];
-    ratio, its turning per joint motion [rad/rad|rad/m].
+    dac_limit is 0 for none; dac_per_ampere [1/A], torque_constant [Nm/A], ratio of motor to joint [rad/rad|rad/m].
     """
     turns = as_array("ratio", ratio, (None,))
     most = as_array("dac_limit", dac_limit, turns.shape)
@@ -86,20 +85,13 @@ def gains_from_mass(
 ) -> JointGains:
     """Return gains by a rule: kp = w^2 M_jj, kd = 2 damping_ratio w M_jj, with M_jj the largest over the joint range.
 
-    Each joint alone, the others held, then oscillates at `frequency_hz` where its inertia is largest, and faster and
-    less damped elsewhere. A joint without limits is taken over a whole turn, or a metre. Where axes fall into line
+    Each joint alone, the others held, then oscillates at `frequency_hz` [Hz] where its inertia is largest, and faster
+    and less damped elsewhere. A joint without limits is taken over a whole turn, or a metre. Where axes fall into line
     with the others free, far less than M_jj moves: a wrist, or an upper arm that rolls below a stretched forearm. The
-    joints that move in a mode of M^-1 kd too fast for the loop get less than their M_jj, until there is no such mode.
-
-    Args:
-        model: With inertia.
-        frequency_hz: Natural frequency w / 2 pi [Hz].
-        damping_ratio: 1 is critical.
-        rate_hz: Of the loop that samples the arm [Hz].
-        motor_inertia: (n, n) what motors add to the mass matrix; none when None.
+    joints that move in a mode of M^-1 kd too fast for a loop of `rate_hz` get less than their M_jj, until there is no
+    such mode. motor_inertia (n, n) is what motors add to the mass matrix.
     """
-    given = (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio), ("rate_hz", rate_hz))
-    for name, value in given:
+    for name, value in (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio), ("rate_hz", rate_hz)):
         as_positive(name, value)
     half = np.where(np.array(model.joint_units) == "rad", np.pi, 0.5)
     lower = np.where(np.isfinite(model.lower), model.lower, -half)

@@ -5,7 +5,7 @@ A. Lewis, B. Hannaford, "Dynamically evaluated gravity compensation for the RAVE
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, get_args
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,8 +19,6 @@ from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
 
-At = Literal["measured", "desired"]
-
 
 @explained
 class GravityPD:
@@ -28,9 +26,6 @@ class GravityPD:
 
     PD+DG, dynamic, takes the gravity that the robot senses tick by tick (`state.gravity`), and when its base turns
     (`state.base_rates`) the whole term of a moving base. PD+SG, static, takes one vector for all times.
-
-    At the measured position g(q) cancels gravity where the arm is. At the desired one it is a function of time and adds
-    no feedback, as Tomei's proof (1991) for elastic joints has it, but it is wrong while the arm is elsewhere.
     """
 
     def __init__(
@@ -40,7 +35,6 @@ class GravityPD:
         kd: ArrayLike,
         *,
         gravity: ArrayLike | None = None,
-        at: At = "measured",
         damping: Damping = "relative",
     ) -> None:
         """Take the robot and the gains, and compile.
@@ -50,7 +44,6 @@ class GravityPD:
             kp: (n,) stiffness [Nm/rad|N/m].
             kd: (n,) damping [Nms/rad|Ns/m].
             gravity: (3,) nominal vector in base axes [m/s2]: PD+SG; None takes the sensed one: PD+DG.
-            at: The position at which gravity is evaluated.
             damping: "absolute" leaves qd_ref out.
 
         Raises:
@@ -60,21 +53,13 @@ class GravityPD:
         self.model = model
         self.pd = JointPD(kp, kd, damping=damping, n=model.n)
         self.gravity = nominal_gravity(gravity)
-        if at not in get_args(At):
-            raise InputError(f'at "{at}": expected one of {", ".join(get_args(At))}')
-        self.at = at
         self._holding_torque = holding_kernel(model)
         self.feedback, self.feedforward = self.pd.feedback, np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N]; NaN where something that they depend on is.
-
-        Raises:
-            InputError: The robot has another number of joints than the model.
-        """
+        """Return torques (n,) [Nm|N]; NaN where something that they depend on is."""
         tau = self.pd.torque(state, reference)
-        q = state.q if self.at == "measured" else reference.q
-        self.feedforward[:] = self._holding_torque(q, *gravity_and_rates(state, self.gravity))
+        self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
         tau += self.feedforward
         return tau
 
@@ -86,12 +71,7 @@ class GravityHold:
     """
 
     def __init__(self, model: RobotModel, *, gravity: ArrayLike | None = None) -> None:
-        """Take the robot, and compile.
-
-        Args:
-            model: With inertia.
-            gravity: (3,) nominal vector in base axes [m/s2]; None takes the sensed one.
-        """
+        """Take the robot, and a nominal vector (3,) in base axes [m/s2]; None takes the sensed one."""
         self.model = model
         self.gravity = nominal_gravity(gravity)
         self._holding_torque = holding_kernel(model)
@@ -110,7 +90,6 @@ class GravityLearner(Protocol):
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
         """Learn from a tick's state, and return the gravity torque (n,) [Nm|N] there."""
-        ...
 
 
 @explained
@@ -124,21 +103,13 @@ class EstimatedGravityPD:
     def __init__(
         self, kp: ArrayLike, kd: ArrayLike, estimator: GravityLearner, *, damping: Damping = "relative"
     ) -> None:
-        """Take the gains, (n,) stiffness [Nm/rad|N/m] and damping [Nms/rad|Ns/m], and the estimator.
-
-        Raises:
-            InputError: Gains of different lengths, negative or not finite, or no such damping.
-        """
+        """Take the gains, (n,) stiffness [Nm/rad|N/m] and damping [Nms/rad|Ns/m], and the estimator."""
         self.pd = JointPD(kp, kd, damping=damping)
         self.estimator = estimator
         self.feedback, self.feedforward = self.pd.feedback, np.zeros(len(self.pd.kp))
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity depends on it.
-
-        Raises:
-            InputError: The robot has another number of joints than the gains.
-        """
+        """Return torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity depends on it."""
         tau = self.pd.torque(state, reference)
         self.feedforward[:] = self.estimator.follow(state, reference.q)
         tau += self.feedforward

@@ -68,11 +68,7 @@ class InertiaPD:
         self.feedback, self.feedforward = np.zeros(n), np.zeros(n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N]; NaN where something that they depend on is.
-
-        Raises:
-            InputError: The robot has another number of joints than the model.
-        """
+        """Return torques (n,) [Nm|N]; NaN where something that they depend on is."""
         correction = self.pd.torque(state, reference)
         if len(reference.qdd) != self.model.n:
             raise InputError(f"inertia PD: the model has {self.model.n} joints, the reference {len(reference.qdd)}")

@@ -77,11 +77,7 @@ class TorqueLimits:
         return int(self._counts[1])
 
     def reset(self, tau: Floats) -> None:
-        """Begin from a torque (n,) [Nm|N] that is being applied; NaN counts as none.
-
-        Raises:
-            InputError: Another number of joints.
-        """
+        """Begin from a torque (n,) [Nm|N] that is being applied; NaN counts as none."""
         applied = as_array("tau", tau, self.torque.shape, finite=False)
         self._last[:] = np.clip(np.nan_to_num(applied, nan=0.0), -self.torque, self.torque)
         self._counts[:] = 0

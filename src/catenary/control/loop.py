@@ -55,11 +55,9 @@ class StateCorrector(Protocol):
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
         """Get ready for a robot, or raise; forget all previous ticks."""
-        ...
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
         """Write calibrated positions (n,) [rad|m], whether each is inside the valid range, and half-widths [rad|m]."""
-        ...
 
 
 class GravitySource(Protocol):
@@ -67,7 +65,6 @@ class GravitySource(Protocol):
 
     def read(self, time: float) -> GravityReading:
         """Return its reading at the time of a joint state [s]; it raises nothing, and waits for nothing."""
-        ...
 
 
 class Tick(NamedTuple):
@@ -99,12 +96,11 @@ def run_loop(
     real_time: bool = False,
     give_up_after: int = GIVE_UP_AFTER,
 ) -> LoopReport:
-    """Run a controller on a robot along a trajectory.
+    """Run a controller on a robot along a trajectory, and return a report of timing, trust and tracking.
 
     A tick: measure, correct, sense gravity, control, limit, send, observe, wait. Without a controller the reference's
-    positions are sent, and the robot's own firmware controls. The trajectory's time advances by a period each tick: a
-    late tick delays the motion, it never makes it leap. The clock starts when the first command has gone out, so that
-    whatever is compiled on first use holds up nothing but the start.
+    positions are sent, and the robot's own firmware controls. A late tick delays the motion, it never makes it leap.
+    The clock starts when the first command has gone out: what is compiled on first use holds up the start alone.
 
     The robot is where the trajectory begins: by its setpoint without a controller, else as it is measured, or by its
     calibrated positions. A correction comes on within FADE seconds where the trajectory begins at the
@@ -121,8 +117,7 @@ def run_loop(
         trajectory: Of all joints of the plant.
         limits: On torque; None stops only NaN and infinity, which become zero torque.
         rate_hz: Of ticks; the plant's own rate divided by a whole number.
-        corrector: Turns reported positions into calibrated ones before the controller sees them. Limits look at
-            reported ones, in which the robot's joint limits are.
+        corrector: Turns reported positions into calibrated ones for the controller; limits look at reported ones.
         gravity: Takes the place of the gravity vector, its age and the base's rates in every state; the robot's own
             report when None.
         observers: Called with every tick, after its command was sent.
@@ -131,17 +126,13 @@ def run_loop(
         give_up_after: Ticks in a row with a torque or a measured position that is NaN or infinite, after which the
             loop ends. In fewer such a torque is zero.
 
-    Returns:
-        Timing, trust and tracking.
-
     Raises:
         NotReadyError: The plant is not enabled, not homed or busy; nothing was sent.
         UnsupportedCommandError: It takes no torques, or without controller no positions.
         LimitError: The trajectory begins elsewhere than the robot is; nothing was sent.
         InputError: Rate, duration, trajectory or limits do not fit the plant.
-        NotFiniteError: Torques or measured positions were not finite for `give_up_after` ticks in a row; the robot
-            holds at its last finite position, and is paused.
-        SensorError: The source of gravity asks for a stop; the robot holds, and is paused.
+        NotFiniteError: Torques or measured positions were not finite for `give_up_after` ticks in a row.
+        SensorError: The source of gravity asks for a stop.
     """
     waits = _require_ready(plant, controller, rate_hz)
     n, dt = len(plant.joint_names), 1.0 / rate_hz

@@ -147,7 +147,7 @@ class Tracking:
     @property
     def pd_share(self) -> Floats:
         """RMS of the PD term over RMS of the torque, (n,); 0.1 is 10 %. NaN where no torque was sent at all."""
-        return pd_share(self._rms(self.feedback), self._rms(self.torque))
+        return pd_share(self.rms_feedback, self.rms_torque)
 
     @property
     def rms_feedback(self) -> Floats:
@@ -166,18 +166,16 @@ class Tracking:
 
     def as_data(self) -> dict[str, Any]:
         """Plain data: errors in deg and mm, torques in Nm and N, shares in percent."""
+        measures = [self.rms_error, self.rms_feedback, self.rms_torque, 100.0 * self.pd_share]
         joints = [
             {
-                "name": name,
-                "unit": DISPLAY[unit][0],
-                "rms_error": float(self.rms_error[j]) * DISPLAY[unit][1],
-                "torque_unit": TORQUE_UNIT[unit],
-                "rms_pd": float(self.rms_feedback[j]),
-                "rms_torque": float(self.rms_torque[j]),
-                "pd_share_percent": 100.0 * float(self.pd_share[j]),
+                "name": name, "unit": DISPLAY[unit][0], "rms_error": error * DISPLAY[unit][1],
+                "torque_unit": TORQUE_UNIT[unit], "rms_pd": pd, "rms_torque": torque, "pd_share_percent": share,
             }
-            for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True))
-        ]
+            for name, unit, (error, pd, torque, share) in zip(
+                self.joint_names, self.joint_units, np.transpose(measures).tolist(), strict=True
+            )
+        ]  # fmt: skip
         return {
             "simulated": True,
             "seconds": float(self.counted.sum()) / self.loop.rate_hz,
@@ -203,11 +201,6 @@ def _known(gravity: GravityReport | None) -> dict[str, Any]:
     return {} if gravity is None else {"gravity_ticks": dict(gravity.ticks), "faults": dict(gravity.faults)}
 
 
-def _farthest(q: Floats) -> Floats:
-    largest: Floats = np.abs(q - q[0]).max(axis=0)
-    return largest
-
-
 @dataclass(frozen=True)
 class Holding:
     """Where an arm went that nothing but gravity compensation held."""
@@ -222,29 +215,22 @@ class Holding:
     @property
     def drift(self) -> Floats:
         """How far each joint was from where it began, at most, (n,) [rad|m], true positions."""
-        return _farthest(self.q_true)
-
-    @property
-    def reported_drift(self) -> Floats:
-        """The same of the positions that the robot reports."""
-        return _farthest(self.q)
+        farthest: Floats = np.abs(self.q_true - self.q_true[0]).max(axis=0)
+        return farthest
 
     def as_data(self) -> dict[str, Any]:
         """Plain data in deg and mm."""
         scale = np.array([DISPLAY[unit][1] for unit in self.joint_units])
-        columns = self.drift * scale, self.reported_drift * scale, (self.q_true[-1] - self.q_true[0]) * scale
+        reported = np.abs(self.q - self.q[0]).max(axis=0)
+        columns = self.drift * scale, reported * scale, (self.q_true[-1] - self.q_true[0]) * scale
         return {
             "simulated": True,
             "seconds": float(self.time[-1]),
             "joints": [
-                {
-                    "name": name,
-                    "unit": DISPLAY[unit][0],
-                    "drift": float(columns[0][j]),
-                    "reported_drift": float(columns[1][j]),
-                    "moved": float(columns[2][j]),
-                }
-                for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True))
+                {"name": name, "unit": DISPLAY[unit][0], "drift": drift, "reported_drift": reported, "moved": moved}
+                for name, unit, (drift, reported, moved) in zip(
+                    self.joint_names, self.joint_units, np.transpose(columns).tolist(), strict=True
+                )
             ],
             **_known(self.gravity),
         }

@@ -60,8 +60,8 @@ class Durations:
 class RealTime:
     """Deadlines at a fixed period, and a process that is disturbed as little as may be.
 
-    `begin` asks for real-time priority (SCHED_FIFO; it needs the right to, otherwise it goes on without), freezes
-    what the garbage collector knows and switches it off: a full collection takes 66 ms. `end` restores both.
+    `begin` asks for real-time priority (SCHED_FIFO, where that is allowed), freezes what the garbage collector knows
+    and switches it off: a full collection takes 66 ms. `end` restores both.
     """
 
     def __init__(self, period: float) -> None:

@@ -66,8 +66,7 @@ def hold(plant: Plant, q: Floats) -> bool:
 def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
     """Hold where a robot is measured to be, or go limp, then pause; what fails on the way is told with the error.
 
-    Args:
-        last: (n,) where it was measured last [rad|m]; stands in for joints that are not measured now.
+    `last` (n,) [rad|m] stands in for joints that are not measured now.
     """
 
     def stay() -> None:
@@ -106,7 +105,5 @@ def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
 
 def _not_finite(tau: Floats, n: int) -> np.ndarray:
     """Return which of n torques are not finite; one that is missing is as good as NaN."""
-    bad = np.ones(n, dtype=bool)
-    given = tau[:n]
-    bad[: len(given)] = ~np.isfinite(given)
+    bad: np.ndarray = ~np.isfinite(np.append(tau, np.full(n, np.nan))[:n])
     return bad

@@ -48,7 +48,11 @@ _CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
 
 
 class CrtkClient(CrtkReader):
-    """One arm of a robot that speaks CRTK, read and commanded; `CrtkReader` for one that is only read."""
+    """One arm of a robot that speaks CRTK, read and commanded; `CrtkReader` for one that is only read.
+
+    Motion raises NotReadyError unless the robot is ENABLED, homed and not busy, and TransportError where its state is
+    older than `stale_after`.
+    """
 
     def _begin(self) -> None:
         """Prepare to command; nothing is sent."""
@@ -63,11 +67,7 @@ class CrtkClient(CrtkReader):
         self._others = OtherCommanders(self.transport, self.dialect, self.arm, self.namespace)
 
     def require_free(self) -> None:
-        """Listen whether another program moves the arm, a third of a second.
-
-        Raises:
-            NotReadyError: One does; the message has its name.
-        """
+        """Listen a third of a second whether another program moves the arm; raise RobotHeldError, by its name."""
         self._others.listen()
 
     def _connect(self, timeout: float) -> None:
@@ -82,33 +82,19 @@ class CrtkClient(CrtkReader):
         """Send a goal (n,) [rad|m]; `wait` sends it again until the robot's setpoint is there.
 
         Within the limits, or where the setpoint is already beyond one, no further out.
-
-        Raises:
-            NotReadyError: The robot is not ENABLED, not homed, or busy.
-            TransportError: Its state is older than `stale_after`.
-            InputError: `q` has another shape, or is not finite.
         """
         self._require("servo_jp")
         self._send_goal(as_array("servo_jp", q, (len(self.joint_names),)))
 
     def servo_jr(self, dq: ArrayLike) -> None:
-        """Move the goal by dq (n,) [rad|m] and send it; several in a tick add up.
-
-        Raises:
-            NotReadyError, TransportError, InputError: As `servo_jp`.
-        """
+        """Move the goal by dq (n,) [rad|m] and send it; several in a tick add up."""
         self._require("servo_jr")
         step = as_array("servo_jr", dq, (len(self.joint_names),))
         self._forget_what_is_not_ours()
         self._send_goal((self._setpoint() if self._goal is None else self._goal) + step)
 
     def servo_jf(self, tau: ArrayLike) -> None:
-        """Send joint torques (n,) [Nm|N].
-
-        Raises:
-            UnsupportedCommandError: The robot takes none.
-            NotReadyError, TransportError, InputError: As `servo_jp`.
-        """
+        """Send joint torques (n,) [Nm|N]; a robot that takes none raises UnsupportedCommandError."""
         self._require("servo_jf")
         effort = as_array("servo_jf", tau, (len(self.joint_names),))
         self._goal = None

@@ -1,6 +1,5 @@
 """Clocks of transports: the machine's, or one that a test or a simulator moves on."""
 
-import threading
 import time
 
 from catenary.errors import InputError
@@ -44,28 +43,6 @@ class Clock:
         """Let time pass."""
         if seconds > 0.0:
             time.sleep(seconds)
-
-
-class ManualClock(Clock):
-    """Time that passes only when somebody sleeps: a second of simulation takes no second."""
-
-    def __init__(self, start: int = SECOND) -> None:
-        """Begin at `start` [ns]; not at 0, which ROS takes for a missing stamp."""
-        self._now = self._start = self._ahead = start
-        self._lock = threading.Lock()
-
-    def now(self) -> int:
-        """Return the time [ns] that has been reached."""
-        return self._now
-
-    def elapsed(self) -> int:
-        """Return the time [ns] since the start."""
-        return self._now - self._start
-
-    def sleep(self, seconds: float) -> None:
-        """Move time on."""
-        with self._lock:
-            self._now += max(0, round(seconds * SECOND))
 
 
 class Rate:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.topic_names import WARNING, DialectName, topics_of
-from catenary.crtk.transport import Transport
+from catenary.crtk.transport import UNNAMED, Transport
 from catenary.errors import RobotHeldError
 from catenary.raven2.topics import Arm
 
@@ -117,7 +117,7 @@ class Commander:
     def hears(self, came: Mapping[str, int]) -> None:
         """Note when commands of processes came in [ns], obeyed or not: signs of life of the one that moves."""
         for process, time in came.items():
-            if tuple(process.split()) == self._process and time > self._heard:
+            if self._is_same(process) and time > self._heard:
                 self._heard = time
                 if time > self._went_on + UNDER_WAY:  # else it may have come before the stall, and waited
                     self._stood = 0
@@ -130,7 +130,7 @@ class Commander:
             now: [ns].
         """
         name = process.partition(" ")[0]  # a network has one program of a name
-        if self._topic is None or not self._process or name in ("", self._process[0]):
+        if self._topic is None or not self._process or name in ("", self._process[0]) or self._is_same(process):
             return
         if is_moving or 0 <= now - self._commanded < UNDER_WAY:
             raise RobotHeldError(held_by(name, self._process[0], self._topic))
@@ -147,6 +147,18 @@ class Commander:
             for lapse in self._transport.lapses
         )
 
+    def _is_same(self, process: str) -> bool:
+        """Return whether a process is the one that moves the arm: DDS may have learnt its node's name meanwhile."""
+        return bool(self._process) and process.split()[-1:] == [*self._process[-1:]]
+
+    def _is_connected(self, topic: str) -> bool:
+        connected = self._transport.connections(topic).publishers
+        if not self._process or {*self._process} & {*connected}:
+            return bool(connected)
+        if not self._process[0].startswith(UNNAMED):
+            return False
+        return any(self._is_same(one) for one in self._transport.publishing().get(topic, ()))
+
     def left(self, now: int, *, is_moving: bool) -> str | None:
         """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second."""
         stall, self._looked = now - self._looked - 2 * WATCH, now
@@ -155,8 +167,7 @@ class Commander:
             self._went_on = now
         if self._topic is None:
             return None
-        connected = self._transport.connections(self._topic).publishers
-        if {*self._process} & {*connected} if self._process else connected:
+        if self._is_connected(self._topic):
             self._gone = None
             return None
         if self._gone is None:

@@ -1,66 +1,50 @@
-"""Gravity out of topics: an accelerometer's Imu, AccelStamped and Vector3Stamped, or what a gravity node publishes.
+"""Gravity out of topics: what a gravity node publishes, and an accelerometer's Imu, AccelStamped or Vector3Stamped.
 
-`MeasuredGravity` is the newest reading, for a client; `GravityTopic` puts all samples into a mailbox, for an estimator.
+`PublishedGravity` is a node's newest vector, for a client; `GravityTopic` puts all samples of a sensor into a mailbox,
+for an estimator.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_values import MEASURED, seconds, specific_force
+from catenary.crtk.message_values import seconds
+from catenary.crtk.topic_names import COMMAND
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError
-from catenary.sensing.checks import SensorRules
-from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
 from catenary.spatial import LEVEL
 
-PUBLISHED = 1.0, 30.0  # [m/s2] of gravity that a node has judged already, on bases that accelerate
+_PLAUSIBLE = 1.0, 30.0  # [m/s2] of gravity that a node has judged already, on bases that accelerate
+
+IMU, ACCEL, VECTOR = "sensor_msgs/Imu", "geometry_msgs/AccelStamped", "geometry_msgs/Vector3Stamped"
+TYPES = (IMU, ACCEL, VECTOR)
+# the vector of an accelerometer's message, by type
+_MEASURED: dict[Any, Callable[[Message], Message]] = {
+    message_class(IMU): attrgetter("linear_acceleration"),
+    message_class(ACCEL): attrgetter("accel.linear"),
+    message_class(VECTOR): attrgetter("vector"),
+}
 
 
-class ImuTopic(NamedTuple):
-    """Where gravity comes from: an accelerometer on the robot's base, or a program that publishes gravity itself."""
+class PublishedGravity:
+    """Gravity in base axes as `catenary gravity-node` publishes it, its status beside it.
 
-    topic: str = "/imu/data_raw"
-    type_name: str = "sensor_msgs/Imu"  # or geometry_msgs/AccelStamped, geometry_msgs/Vector3Stamped
-    mounting: Mounting = Mounting()
-    kind: Kind = Kind.SPECIFIC_FORCE  # FREE_FALL: vectors are gravity itself, which points down
-    rules: SensorRules = SensorRules()  # what of an accelerometer's readings is believed, by their length
-
-    @property
-    def plausible(self) -> tuple[float, float]:
-        """Least and largest length of a vector that may be gravity, and slow accelerations of the base [m/s2]."""
-        if self.kind is Kind.FREE_FALL:
-            return PUBLISHED
-        slow = self.rules.slow_acceleration
-        return self.rules.rest_lower - slow, self.rules.rest_upper + slow
-
-
-def published_gravity(topic: str) -> ImuTopic:
-    """Return the topic on which `catenary gravity-node` publishes gravity in base axes, its status beside it."""
-    return ImuTopic(topic, "geometry_msgs/Vector3Stamped", kind=Kind.FREE_FALL)
-
-
-class MeasuredGravity:
-    """Gravity in the base frame from a topic; what cannot be gravity is left out.
-
-    A reading is as old as its message. What a gravity node publishes while it does not measure (its status is not
-    "live") is taken for gravity, but is as old as the last that was measured.
+    What it publishes while it does not measure (its status is not "live") is as old as the last that was measured.
     """
 
-    def __init__(self, transport: Transport, imu: ImuTopic) -> None:
-        self.latest = Latest(transport, imu.topic, imu.type_name)
-        self._mounting, self._kind, self._plausible = imu.mounting, imu.kind, imu.plausible
+    def __init__(self, transport: Transport, topic: str) -> None:
+        self.latest = Latest(transport, topic, VECTOR)
+        self._status = Latest(transport, f"{topic}/status", COMMAND)
         self._transport = transport
-        self._status = (
-            Latest(transport, f"{imu.topic}/status", "crtk_msgs/StringStamped") if imu.kind is Kind.FREE_FALL else None
-        )
         self._seen: int | None = None  # arrival of the newest message that was looked at
-        self._measured: int | None = None  # arrival of the newest plausible one
+        self._measured: int | None = None  # arrival of the newest that was measured
         self._gravity = LEVEL.copy()
 
     def now(self) -> tuple[Floats, float]:
@@ -68,7 +52,12 @@ class MeasuredGravity:
         message = self.latest.message()
         if self.latest.arrived != self._seen:
             self._seen = self.latest.arrived
-            self._take(message)
+            gravity = np.array(message.vector)
+            if _PLAUSIBLE[0] < np.linalg.norm(gravity) < _PLAUSIBLE[1]:  # NaN is not
+                self._gravity = gravity
+                status = self._status.message()
+                if status is None or status.string.split()[:1] == ["live"]:
+                    self._measured = self._seen
         if self._measured is None:
             return self._gravity.copy(), np.inf
         return self._gravity.copy(), max(0, self._transport.steady() - self._measured) / SECOND
@@ -76,24 +65,7 @@ class MeasuredGravity:
     def close(self) -> None:
         """Receive no more."""
         self.latest.close()
-        if self._status is not None:
-            self._status.close()
-
-    def _take(self, message: Message) -> None:
-        try:
-            gravity = self._mounting.gravity(specific_force(message), self._kind)
-        except InputError:  # NaN, or an Imu that measures no acceleration
-            return
-        if not self._plausible[0] < np.linalg.norm(gravity) < self._plausible[1]:
-            return
-        self._gravity = gravity
-        status = None if self._status is None else self._status.message()
-        if status is None or status.string.split()[:1] == ["live"]:
-            self._measured = self._seen
-
-
-IMU, ACCEL, VECTOR = "sensor_msgs/Imu", "geometry_msgs/AccelStamped", "geometry_msgs/Vector3Stamped"
-TYPES = (IMU, ACCEL, VECTOR)
+        self._status.close()
 
 
 @dataclass
@@ -159,7 +131,7 @@ class GravityTopic:
             else:
                 self.mailbox.put(stamp, tuple(message.linear_acceleration), self._kind)
         else:
-            self.mailbox.put(stamp, tuple(MEASURED[type(message)](message)), self._kind)
+            self.mailbox.put(stamp, tuple(_MEASURED[type(message)](message)), self._kind)
 
 
 def now_of(transport: Transport) -> float:

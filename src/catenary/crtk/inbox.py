@@ -1,7 +1,6 @@
 """What has arrived at a transport and waits to be looked at: bounded queues, one order of arrival for all of them."""
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -212,10 +211,10 @@ class Subscription:
 class Request:
     """A call of a service that waits for its answer."""
 
-    def __init__(self, answer: Callable[[], Message]) -> None:
+    def __init__(self, answer: Callable[[], bytes]) -> None:
         self._answer = answer
         self._done = threading.Event()
-        self._result: Message = None
+        self._result = b""
         self._error: Exception | None = None
 
     def run(self) -> None:
@@ -226,16 +225,11 @@ class Request:
             self._error = error
         self._done.set()
 
-    def wait(self, timeout: float, serve: Callable[[], object] | None = None) -> bool:
-        """Wait for the answer up to `timeout` [s], calling `serve` meanwhile; return whether it came."""
-        if serve is None:
-            return self._done.wait(timeout)
-        end = time.monotonic() + timeout
-        while not self._done.is_set() and time.monotonic() < end:
-            serve()
-        return self._done.is_set()
+    def wait(self, timeout: float) -> bool:
+        """Wait for the answer up to `timeout` [s]; return whether it came."""
+        return self._done.wait(timeout)
 
-    def result(self) -> Message:
+    def result(self) -> bytes:
         """Return the answer, or raise what the handler raised."""
         if self._error is not None:
             raise self._error

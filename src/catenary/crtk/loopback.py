@@ -4,23 +4,14 @@ Every message is turned into ROS's bytes and back, so what passes here passes a 
 """
 
 import threading
+import time
 from dataclasses import dataclass, field
 from itertools import count
 
 from catenary.crtk.clock import Clock
 from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import codec
-from catenary.crtk.transport import (
-    Connections,
-    Handler,
-    HeardTopic,
-    Publisher,
-    Transport,
-    absolute,
-    answer_of,
-    other_type,
-)
+from catenary.crtk.transport import Answer, Connections, HeardTopic, Publisher, Transport, absolute, other_type
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
 
@@ -38,7 +29,7 @@ class _LocalTopic:
 class _Service:
     transport: "Loopback"
     type_name: str
-    handler: Handler
+    answer: Answer
 
 
 class LoopbackNetwork:
@@ -91,6 +82,10 @@ class LoopbackPublisher(Publisher):
                 for heard in self._shared.heard.values():
                     heard.give(data, network.clock.steady(), self.origin)
 
+    def subscribers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that listen."""
+        return () if self.is_closed else tuple(self._shared.heard)
+
     def _end(self) -> None:
         with self._transport.network.lock:
             self._shared.publishers.pop(self._transport.name, None)
@@ -136,26 +131,27 @@ class Loopback(Transport):
         if found != current_name(type_name):
             raise other_type(topic, type_name, found)
 
-    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+    def _serve(self, name: str, type_name: str, answer: Answer) -> None:
         with self.network.lock:
             if name in self.network.services:
                 raise TransportError(
                     f'service {name} is offered by "{self.network.services[name].transport.name}" already'
                 )
-            self.network.services[name] = _Service(self, type_name, handler)
+            self.network.services[name] = _Service(self, type_name, answer)
 
-    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
+    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
         service = self.network.services.get(name)
         if service is None:
             offered = ", ".join(sorted(self.network.services)) or "none"
             raise TransportError(f"service {name}: nobody offers it; offered are {offered}")
         if service.type_name != type_name:
             raise TransportError(f"service {name} is a {service.type_name}, expected {type_name}")
-        asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
-        sent = asked.encode(request, 0)
-        waiting = Request(lambda: answer.decode(answer.encode(service.handler(asked.decode(sent)), 0)))
-        service.transport.inbox.put(waiting.run)
-        return answer_of(name, waiting, timeout, service.transport.poll)
+        called = Request(lambda: service.answer(data))
+        service.transport.inbox.put(called.run)
+        end = time.monotonic() + timeout
+        while not called.wait(0.0) and time.monotonic() < end:
+            service.transport.poll()
+        return called
 
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic."""

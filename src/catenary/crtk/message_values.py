@@ -4,11 +4,9 @@ The RAVEN-II's own `raven_state` is in `raven_telemetry`.
 """
 
 import logging
-from collections.abc import Callable
 from functools import lru_cache
 from math import hypot
-from operator import attrgetter
-from typing import Any, cast, get_args
+from typing import cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -164,24 +162,6 @@ def operating_state(message: Message) -> OperatingState:
 def command_message(command: str, stamp: int) -> Message:
     """Return a crtk_msgs/StringStamped that asks for a transition of the operating state."""
     return message_class("crtk_msgs/StringStamped")(header(stamp), command)
-
-
-# the vector of an accelerometer's message, by type
-MEASURED: dict[Any, Callable[[Message], Message]] = {
-    message_class("sensor_msgs/Imu"): attrgetter("linear_acceleration"),
-    message_class("geometry_msgs/AccelStamped"): attrgetter("accel.linear"),
-    message_class("geometry_msgs/Vector3Stamped"): attrgetter("vector"),
-}
-
-
-def specific_force(message: Message) -> Floats:
-    """Return what an accelerometer read (3,) [m/s2], in its own axes: minus gravity when at rest."""
-    kind = type(message)
-    if kind not in MEASURED:
-        raise InputError(f"expected an Imu, an AccelStamped or a Vector3Stamped, got {kind.__name__}")
-    if kind is message_class("sensor_msgs/Imu") and message.linear_acceleration_covariance[0] == -1.0:
-        raise InputError("Imu: linear_acceleration_covariance[0] is -1: it measures no acceleration")
-    return as_array(kind.__name__, tuple(MEASURED[kind](message)), (3,))
 
 
 def seconds(stamp: int) -> float:

@@ -59,6 +59,8 @@ def _rclpy_transport(name: str, said: RosArguments) -> Transport | None:
         if find_spec("rclpy") is not None:
             _logger.warning("ROS 2 by DDS, not by the rclpy that is there: %s", error)
         return None
+    if os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
+        _logger.warning("this rclpy does not tell who sent a message: of two programs that command, none is refused")
     return RclpyTransport(name, arguments=said)
 
 

@@ -22,22 +22,13 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
-from rclpy.task import Future
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import BEGIN, RosArguments
 from catenary.crtk.inbox import Origin, Request
-from catenary.crtk.message import HEADER, Message, message_class
+from catenary.crtk.message import HEADER, Message
 from catenary.crtk.message_bytes import CDR, codec
-from catenary.crtk.transport import (
-    SETTLE,
-    Handler,
-    HeardTopic,
-    Publisher,
-    Transport,
-    answer_of,
-    wait_until_settled,
-)  # fmt: skip
+from catenary.crtk.transport import SETTLE, UNNAMED, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
 
@@ -46,10 +37,14 @@ _AGAIN = 1000  # messages among which one that came to two readers is known agai
 _IDLE = 0.0005  # [s] between two looks for messages where none came
 _LOOK = 0.2  # [s] between two looks at who is there: a twentieth of a millisecond a topic
 _NAMING = 1.0  # [s] until a program counts as one without a node
+_NAMELESS = "_"  # with which rclpy's words of such a one begin
 _WAIT = 1.0  # [s] for a service to be found
 _PROGRAM = 12  # first bytes of the number of a topic's end, which DDS gives to all ends of a program
 _logger = logging.getLogger(__name__)
-_Quality = tuple[bool, bool]  # whether an end of a topic is reliable, and whether it is latched
+_Quality = tuple[ReliabilityPolicy, DurabilityPolicy]
+_USUAL = ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE
+_LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+_POOR = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
 _Ends = dict[bytes, tuple[Origin, _Quality]]  # by their numbers
 
 
@@ -59,69 +54,48 @@ def _ends(listed: list[Any]) -> _Ends:
     for one in listed:
         gid = bytes(one.endpoint_gid)
         node = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
-        if not _is_named(one):
-            node = f"participant_{gid[:_PROGRAM].hex()}"
-        is_reliable = one.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-        is_latched = one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        origin = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), is_latched)
-        found[gid] = origin, (is_reliable, is_latched and is_reliable)
+        if one.node_name.startswith(_NAMELESS):
+            node = f"{UNNAMED}{gid[:_PROGRAM].hex()}"
+        offered = one.qos_profile.reliability, one.qos_profile.durability
+        origin = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), offered[1] == _LATCHED[1])
+        found[gid] = origin, offered if offered[0] == _USUAL[0] else _POOR
     return found
-
-
-def _is_named(end: Any) -> bool:
-    return not end.node_name.startswith("_")  # with which rclpy's words of a program without a node begin
 
 
 def _names(ends: _Ends) -> tuple[str, ...]:
     return tuple(sorted({origin.process.partition(" ")[0] for origin, _ in ends.values()}))
 
 
-def _profile(depth: int, is_reliable: bool, is_latched: bool) -> Any:
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-class _LeftOut(Publisher):
-    """Publisher of a topic that cannot be carried."""
-
-    def _send(self, message: Message) -> None:
-        pass
-
-    def _end(self) -> None:
-        pass
+def _profile(depth: int, quality: _Quality) -> QoSProfile:
+    return QoSProfile(depth=depth, reliability=quality[0], durability=quality[1])
 
 
 class _Publisher(Publisher):
     """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
 
-    def __init__(self, node: Any, kind: Any, topic: str, type_name: str, quality: Any) -> None:
+    def __init__(self, node: Any, kind: Any, topic: str, type_name: str, profile: QoSProfile) -> None:
         super().__init__(topic, type_name)
         self._encode, self._node, self._lock = codec(type_name, CDR).encode, node, threading.Lock()
-        self._is_latched = quality.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        self._made = node.create_publisher(kind, topic, quality)
-        self._subscribers: tuple[str, ...] = ()
+        self._is_latched = profile.durability == _LATCHED[1]
+        self._made = node.create_publisher(kind, topic, profile)
 
-    def subscribers(self) -> tuple[str, ...]:
-        return self._subscribers
+    def is_heard(self) -> bool:
+        return not self.is_closed and bool(self._made.get_subscription_count())
 
     def look(self) -> None:
         """Ask who listens."""
         with self._lock:
-            is_heard = not self.is_closed and self._made.get_subscription_count()
-            listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if is_heard else []
-            self._subscribers = _names(_ends(listed))
+            listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if self.is_heard() else []
+            self._listeners = _names(_ends(listed))
 
     def _send(self, message: Message) -> None:
-        if self._is_latched or self._made.get_subscription_count():
+        if self._is_latched or self.is_heard():
             self._made.publish(self._encode(message))
 
     def _end(self) -> None:
         with self._lock:
             self._node.destroy_publisher(self._made)
-            self._subscribers = ()
+            self._listeners = ()
 
 
 class _Taken(CallbackGroup):  # type: ignore[misc]  # rclpy is not typed
@@ -132,10 +106,9 @@ class _Taken(CallbackGroup):  # type: ignore[misc]  # rclpy is not typed
 
 
 class _ReadTopic(HeardTopic):
-    """A topic that is heard.
+    """A topic that is heard, by a reader for each quality that some publisher offers; what comes to two is given once.
 
-    A reader that asks for more than a writer offers gets nothing of it, and one that asks for less gets nothing that
-    was latched. So there is a reader for each quality that some publisher offers; what comes to two is given once.
+    A reader that asks for more than is offered gets nothing, and one that asks for less gets nothing that was latched.
     """
 
     def __init__(self, transport: "RclpyTransport", kind: Any, topic: str, type_name: str) -> None:
@@ -144,9 +117,9 @@ class _ReadTopic(HeardTopic):
         self._name = self._node.resolve_topic_name(topic)
         self._readers: dict[_Quality, Any] = {}
         self._publishers: _Ends = {}
-        self._seen: dict[bytes, float] = {}  # when, those without a node
+        self._seen: dict[bytes, float] = {}  # when
         self._came: deque[tuple[int, int]] = deque(maxlen=_AGAIN)  # when they were sent [ns], and their numbers
-        self._is_ended = self._is_unclear = False
+        self._is_ended = False
         self.look()
 
     def publishers(self) -> tuple[str, ...]:
@@ -158,14 +131,13 @@ class _ReadTopic(HeardTopic):
         listed = [one for one in listed if _type(one.topic_type) == self.type_name]
         with self._lock:
             # one whose node is told later must not be two programs
-            self._publishers = _ends([
-                one for one in listed
-                if _is_named(one) or now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING
-            ])  # fmt: skip
-            offered = {quality for _, quality in self._publishers.values()} or {(True, False)}
+            named = [one for one in listed if not one.node_name.startswith(_NAMELESS)]
+            named += [one for one in listed if now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING]
+            self._publishers = _ends(named)
+            offered = {quality for _, quality in self._publishers.values()} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
                 self._readers[quality] = self._node.create_subscription(
-                    self._kind, self._name, print, _profile(_DEPTH, *quality), callback_group=_Taken(), raw=True
+                    self._kind, self._name, print, _profile(_DEPTH, quality), callback_group=_Taken(), raw=True
                 )
 
     def _end(self) -> None:
@@ -194,22 +166,17 @@ class _ReadTopic(HeardTopic):
 
     def _origin(self, told: Mapping[str, Any] | None) -> Origin | None:
         """Say where a message came from: rclpy tells it since Kilted; before, it is clear where one publishes alone."""
+        known = self._publishers
         if told is None:
-            ends = tuple(self._publishers.values())
-            if len(ends) > 1 and not self._is_unclear:
-                self._is_unclear = True
-                _logger.warning(
-                    "topic %s: this rclpy does not tell whose a message is: %s", self._name, self.publishers()
-                )
-            return ends[0][0] if len(ends) == 1 else None
+            return next(iter(known.values()))[0] if len(known) == 1 else None
         gid = bytes(told["data"])
-        if gid not in self._publishers:
+        if gid not in known:
             self.look()
-        return self._publishers[gid][0] if gid in self._publishers else None
+        found = self._publishers.get(gid)
+        return None if found is None else found[0]
 
 
 def _type(name: str) -> str:
-    """Return a type's name without ROS 2's middle word."""
     return current_name(name.replace("/msg/", "/"))
 
 
@@ -218,7 +185,7 @@ class _Rosout(logging.Handler):
 
     def __init__(self, node: Any) -> None:
         super().__init__(logging.INFO)
-        self._node, self._publisher = node, node.create_publisher(Log, "/rosout", _profile(1000, True, True))
+        self._node, self._publisher = node, node.create_publisher(Log, "/rosout", _profile(1000, _LATCHED))
 
     def emit(self, record: logging.LogRecord) -> None:
         where = {"file": record.pathname, "function": record.funcName or "", "line": record.lineno}
@@ -246,6 +213,7 @@ class RclpyTransport(Transport):
         except (RuntimeError, ValueError) as error:
             raise TransportError(f"rclpy: {error}") from error
         self._left_out: set[str] = set()
+        self._clients: dict[str, Any] = {}  # by the service that they call
         self._rosout = _Rosout(self.node)
         logging.getLogger("catenary").addHandler(self._rosout)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -260,12 +228,12 @@ class RclpyTransport(Transport):
         while not self.inbox.closed:
             came = False
             try:
-                heard = [one for one in tuple(self._heard.values()) if isinstance(one, _ReadTopic)]
-                for topic in heard:
+                topics = [one for one in tuple(self._heard.values()) if isinstance(one, _ReadTopic)]
+                for topic in topics:
                     came |= topic.take()
                 if time.monotonic() > looked + _LOOK:
                     looked = time.monotonic()
-                    for one in (*heard, *tuple(self._publishers.values())):
+                    for one in (*topics, *tuple(self._publishers.values())):
                         if isinstance(one, _ReadTopic | _Publisher):
                             one.look()
             except Exception:  # one message, or one program, must not end it
@@ -293,54 +261,43 @@ class RclpyTransport(Transport):
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher:
         kind = self._kind(type_name, "msg")
         if kind is None:
-            return _LeftOut(topic, type_name)
-        quality = _profile(1 if latch else queue, latch or self.sending.is_reliable, latch)
-        return _Publisher(self.node, kind, topic, type_name, quality)
+            return Publisher(topic, type_name)  # to nobody
+        quality = _LATCHED if latch else _USUAL if self.sending.is_reliable else _POOR
+        return _Publisher(self.node, kind, topic, type_name, _profile(1 if latch else queue, quality))
 
     def _hear(self, topic: str, type_name: str) -> HeardTopic:
         kind = self._kind(type_name, "msg")
         return HeardTopic(type_name, lambda: None) if kind is None else _ReadTopic(self, kind, topic, type_name)
 
-    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+    def _serve(self, name: str, type_name: str, answer: Answer) -> None:
         kind = self._kind(type_name, "srv")
         if kind is None:
             return
         if self.node.count_services(self.node.resolve_service_name(name)):
             raise TransportError(f"service {name} is offered already")
-        asked, answer = codec(f"{type_name}Request", CDR), codec(f"{type_name}Response", CDR)
 
-        async def serve(request: Any, _: Any) -> Any:
-            sent, answered = asked.decode(serialize_message(request)), Future(executor=self._executor)
-
-            def run() -> None:
-                try:
-                    answered.set_result(handler(sent))
-                except Exception as error:  # ROS 2 says so by the answer's own text
-                    _logger.error("service %s failed: %s", name, error)
-                    empty = message_class(f"{type_name}Response")()
-                    answered.set_result(empty._replace(message=str(error)) if hasattr(empty, "message") else empty)
-                self._executor.wake()
-
-            self.inbox.put(run)
-            return deserialize_message(answer.encode(await answered), kind.Response)
+        def serve(request: Any, response: Any) -> Any:
+            try:
+                return deserialize_message(self._polled(answer, serialize_message(request)), kind.Response)
+            except Exception as error:  # ROS 2 says so by the answer's own text
+                _logger.error("service %s failed: %s", name, error)
+                if hasattr(response, "message"):
+                    response.message = str(error)
+                return response
 
         self.node.create_service(kind, name, serve)
 
-    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
-        asked, answer = codec(f"{type_name}Request", CDR), codec(f"{type_name}Response", CDR)
-        data, kind = asked.encode(request), self._kind(type_name, "srv")
+    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
+        kind = self._kind(type_name, "srv")
         if kind is None:
             raise TransportError(f"service {name}: this ROS 2 has no type {type_name}")
-        client = self.node.create_client(kind, name)
-        try:
-            if not client.wait_for_service(min(timeout, _WAIT)):
-                raise TransportError(f"service {name}: nobody offers it")
-            coming = client.call_async(deserialize_message(data, kind.Request))
-            waiting = Request(lambda: answer.decode(serialize_message(coming.result())))
-            coming.add_done_callback(lambda _: waiting.run())
-            return answer_of(name, waiting, timeout)
-        finally:
-            self.node.destroy_client(client)
+        client = self._clients[name] = self._clients.get(name) or self.node.create_client(kind, name)
+        if not client.wait_for_service(min(timeout, _WAIT)):
+            raise TransportError(f"service {name}: nobody offers it")
+        coming = client.call_async(deserialize_message(data, kind.Request))
+        called = Request(lambda: serialize_message(coming.result()))
+        coming.add_done_callback(lambda _: called.run())
+        return called
 
     def _published(self) -> Iterator[tuple[str, str, str]]:
         for topic, _ in self.node.get_topic_names_and_types():

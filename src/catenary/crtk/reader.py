@@ -14,17 +14,17 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
-from catenary.crtk.gravity_topic import ImuTopic, MeasuredGravity
+from catenary.crtk.gravity_topic import PublishedGravity
 from catenary.crtk.message import Message
 from catenary.crtk.message_values import joint_state, joint_values
 from catenary.crtk.message_values import operating_state as operating_state_of
 from catenary.crtk.raven_telemetry import RavenTelemetry
 from catenary.crtk.topic_names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, DialectName, find_topic
 from catenary.crtk.transport import Latest, Transport
-from catenary.errors import InputError, TransportError, UnsupportedCommandError
-from catenary.plant import JOINT_UNITS, Column, JointState, OperatingState, StateCommand
+from catenary.errors import TransportError, UnsupportedCommandError
+from catenary.plant import Column, JointState, OperatingState, StateCommand
 from catenary.raven2.topics import JOINTS, Arm
 from catenary.raven2.transmission import joint_torques
 from catenary.robots.catalog import load_robot
@@ -51,26 +51,7 @@ def raven_joints(arm: Arm = "gold") -> RobotJoints:
 
 def model_joints(model: RobotModel) -> RobotJoints:
     """Return the joints of a model, for a robot whose messages have the same names."""
-    return checked_joints(RobotJoints(model.joint_names, model.joint_units, model.lower, model.upper))
-
-
-def checked_joints(joints: RobotJoints) -> RobotJoints:
-    """Refuse joints that no robot has; return them with arrays of their own."""
-    names, units = tuple(joints.names), tuple(joints.units)
-    n = len(names)
-    if n == 0 or len(set(names)) < n or len(units) != n or any(unit not in JOINT_UNITS for unit in units):
-        raise InputError(
-            f"joints: expected different names, each in rad or m; "
-            f"got {', '.join(names) or 'none'} in {', '.join(units)}"
-        )
-    lower, upper = (
-        as_array(f"{which} limits", values, (n,), finite=False).copy()
-        for which, values in (("lower", joints.lower), ("upper", joints.upper))
-    )
-    wrong = [names[j] for j in np.flatnonzero(~(lower < upper))]
-    if wrong:
-        raise InputError(f"joints: {', '.join(wrong)}: expected a lower limit below the upper one")
-    return RobotJoints(names, units, lower, upper)
+    return RobotJoints(model.joint_names, model.joint_units, model.lower, model.upper)
 
 
 STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
@@ -120,7 +101,7 @@ class CrtkReader(NeverMoved):
         namespace: str | None = None,
         joints: RobotJoints | None = None,
         period: float = 0.001,
-        imu: ImuTopic | None = None,
+        gravity: str | None = None,
         stale_after: float = STALE_AFTER,
         connect_timeout: float = CONNECT_TIMEOUT,
         simulated: bool = False,
@@ -134,17 +115,12 @@ class CrtkReader(NeverMoved):
             namespace: In front of the verbs, such as /PSM1, of a robot that speaks `crtk`; a RAVEN-II's when None.
             joints: Names as in its messages, units and limits; a RAVEN-II's when None.
             period: Of a tick [s].
-            imu: Topic that gravity is read from; nominal gravity when None.
+            gravity: Topic of `catenary gravity-node`; nominal gravity when None.
             stale_after: Age [s] at which a state is refused.
             connect_timeout: [s].
             simulated: The robot behind the topics is a simulation, which they do not say.
         """
-        if not 0.0 < period < np.inf or not 0.0 < stale_after < np.inf or not connect_timeout >= 0.0:
-            raise InputError(
-                f"client: expected positive times, got period {period}, stale_after {stale_after}, "
-                f"connect_timeout {connect_timeout}"
-            )
-        found = checked_joints(raven_joints(arm) if joints is None else joints)
+        found = raven_joints(arm) if joints is None else joints
         self.joint_names, self.joint_units = found.names, found.units
         self._lower, self._upper = found.lower, found.upper
         self.transport, self.dialect, self.arm, self.namespace = transport, dialect, arm, namespace
@@ -156,7 +132,7 @@ class CrtkReader(NeverMoved):
         self._diagnostics: Latest | None = None
         # what is in front of the arm's commands, /arm1 or /PSM1: by it /diagnostics names the arm
         self.command_place = find_topic(dialect, "setpoint_js", arm, namespace).name.rpartition("/")[0]
-        self._gravity: MeasuredGravity | None = None
+        self._gravity: PublishedGravity | None = None
         self._tracker: Latest | None = None
         # of telemetry: raven_state's fields, and encoders that were published when this began
         self.columns: tuple[Column, ...] = ()
@@ -170,7 +146,7 @@ class CrtkReader(NeverMoved):
             elif namespace is not None:
                 self._tracker = Latest(transport, f"/{namespace.strip('/')}/{TRACKER}", JOINT_STATE)
             self._diagnostics = Latest(transport, DIAGNOSTICS, DIAGNOSTICS_TYPE)
-            self._gravity = None if imu is None else MeasuredGravity(transport, imu)
+            self._gravity = None if gravity is None else PublishedGravity(transport, gravity)
             self._begin()
             self._connect(connect_timeout)
             self._position(self._latest["measured_js"].message())  # refuses other joints here and now
@@ -204,8 +180,8 @@ class CrtkReader(NeverMoved):
 
     def state_of(self, message: Message) -> JointState:
         """Return the joint state of a message of measured_js, with the latest torques and gravity."""
-        gravity, age = (LEVEL.copy(), np.inf) if self._gravity is None else self._gravity.now()
-        state = joint_state(message, self.joint_names, gravity=gravity, gravity_age=age)
+        down, age = (LEVEL.copy(), np.inf) if self._gravity is None else self._gravity.now()
+        state = joint_state(message, self.joint_names, gravity=down, gravity_age=age)
         tau, q_motor = state.tau, state.q_motor
         if self._state is not None:
             tau, q_motor = joint_torques(self._state.arm_values("tau")), self._state.arm_values("mpos")

@@ -1,8 +1,7 @@
-"""Press a RAVEN-II's silver button: on ROS 1 by its service, on ROS 2 by the topic of that name."""
+"""Press a RAVEN-II's silver button, by its topic, which every network carries."""
 
 from catenary.crtk.message import message_class
-from catenary.crtk.message_bytes import ROS1
-from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, NAMESPACES, SIGNAL, TEXT, WARNING
+from catenary.crtk.topic_names import BUTTON, NAMESPACES, SIGNAL, TEXT, WARNING
 from catenary.crtk.transport import Transport
 from catenary.errors import TransportError
 
@@ -16,9 +15,6 @@ def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]
     Raises:
         TransportError: Nobody has one, or it did not answer within `timeout` [s].
     """
-    if transport.has_services and transport.encoding is ROS1:
-        answer = transport.call(BUTTON, BUTTON_TYPE, timeout=timeout)
-        return answer.success, answer.message
     publisher = transport.publisher(BUTTON, SIGNAL)
     heard = transport.subscribe(f"{NAMESPACES['gold']}/{WARNING}", TEXT)
     try:

@@ -201,10 +201,10 @@ def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespac
         arm: Which one.
         namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.
     """
-    listed = _listed(dialect, arm, namespace)
-    found = next((topic for topic in listed if topic.verb == verb and topic.arm == arm), None)
+    listed = topics_of(dialect, arm, namespace)
+    found = next((topic for topic in listed if topic.verb == verb), None)
     if found is None:
-        verbs = sorted({topic.verb for topic in listed if topic.arm == arm})
+        verbs = sorted(topic.verb for topic in listed)
         raise InputError(
             f'dialect {dialect}, {"the robot" if arm is None else f"{arm} arm"}: no topic for "{verb}"; '
             f"there are {', '.join(verbs) or 'none'}"
@@ -212,14 +212,10 @@ def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespac
     return found
 
 
-def topics_of(dialect: DialectName, arm: Arm, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
-    """Return the topics of one arm; arguments and errors as `find_topic`."""
-    return tuple(topic for topic in _listed(dialect, arm, namespace) if topic.arm == arm)
-
-
-def _listed(dialect: DialectName, arm: Arm | None, namespace: str | None) -> tuple[CrtkTopic, ...]:
+def topics_of(dialect: DialectName, arm: Arm | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
+    """Return the topics of one arm, or of the whole robot; arguments as of `find_topic`."""
     if namespace is None:
-        return topics(dialect)
+        return tuple(topic for topic in topics(dialect) if topic.arm == arm)
     if dialect == "raven":
         raise InputError(
             f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '

@@ -19,14 +19,16 @@ from typing import Any, NamedTuple, Self
 from catenary.crtk.clock import SECOND, Clock, Rate
 from catenary.crtk.inbox import Inbox, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_bytes import ANY, ROS1, codec
+from catenary.crtk.message_bytes import ANY, ROS1, Codec, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
 Handler = Callable[[Message], Message]
+Answer = Callable[[bytes], bytes]  # to a request
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 DEPTH = 1000  # messages that wait for the program: 1 s
+UNNAMED = "participant_"  # before the number of a program of DDS whose node is not known, or not yet
 SETTLE = 0.5  # [s] without news of other programs, until those of ROS 2 that are there count as known
 _LONGEST_SETTLE = 3.0  # [s] to wait for that
 
@@ -45,14 +47,15 @@ class Connections(NamedTuple):
     subscribers: tuple[str, ...]  # who get its messages
 
 
-class Publisher(ABC):
-    """Sends messages of one type to one topic."""
+class Publisher:
+    """Sends messages of one type to one topic; as it is here, to nobody."""
 
     def __init__(self, topic: str, type_name: str) -> None:
         self.topic, self.type_name = topic, current_name(type_name)
         self.is_closed = False
         self._encode = codec(type_name).encode
         self._sent = 0  # messages so far: `seq` in their headers
+        self._listeners: tuple[str, ...] = ()
 
     @property
     def missed(self) -> Mapping[str, int]:
@@ -65,12 +68,7 @@ class Publisher(ABC):
         return sum(self.missed.values())
 
     def publish(self, message: Message) -> None:
-        """Send a message; it never waits for a peer.
-
-        Raises:
-            InputError: It is not of the publisher's type, or a value does not fit its field.
-            TransportError: The publisher or its transport is closed.
-        """
+        """Send a message; it never waits for a peer. One that is not of the type raises InputError."""
         if self.is_closed:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._sent += 1
@@ -78,7 +76,11 @@ class Publisher(ABC):
 
     def subscribers(self) -> tuple[str, ...]:
         """Return the names of the nodes that listen."""
-        return ()
+        return self._listeners
+
+    def is_heard(self) -> bool:
+        """Return whether anybody listens; cheap enough for a tick."""
+        return bool(self.subscribers())
 
     def close(self) -> None:
         """Publish no more."""
@@ -86,11 +88,11 @@ class Publisher(ABC):
             self.is_closed = True
             self._end()
 
-    @abstractmethod
-    def _send(self, message: Message) -> None: ...
+    def _send(self, message: Message) -> None:
+        """Send it."""
 
-    @abstractmethod
-    def _end(self) -> None: ...
+    def _end(self) -> None:
+        """End the topic."""
 
 
 class HeardTopic:
@@ -130,7 +132,11 @@ class HeardTopic:
 
 
 class Transport(ABC):
-    """Carries messages and calls under one name."""
+    """Carries messages and calls under one name.
+
+    A name that is none and a type that is unknown raise InputError. What is closed, a topic that carries another type,
+    and a topic or service that is there already raise TransportError.
+    """
 
     encoding = ROS1  # of the bytes that its subscriptions are given
     sending = Sending()
@@ -138,11 +144,6 @@ class Transport(ABC):
     lapses: tuple[int, ...] = (0,)  # [ns] from the end of a program until it is no longer connected: these, about
 
     def __init__(self, name: str, clock: Clock | None = None) -> None:
-        """Check the name.
-
-        Raises:
-            InputError: A program cannot have this name.
-        """
         if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
             raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
         self.name = name
@@ -158,10 +159,6 @@ class Transport(ABC):
         Args:
             latch: Give the last message to whoever subscribes later.
             queue: Messages that wait for a peer that does not keep up; `sending.depth` when None.
-
-        Raises:
-            InputError: The name is invalid or the type unknown.
-            TransportError: The topic carries another type, or this transport publishes it already, or is closed.
         """
         self.require_open()
         topic = absolute(topic)
@@ -175,15 +172,7 @@ class Transport(ABC):
         return made
 
     def subscribe(self, topic: str, type_name: str, *, depth: int = DEPTH, largest: int = ANY) -> Subscription:
-        """Begin to receive: the subscription's `take` gives what has come.
-
-        Args:
-            largest: Bytes beyond which a message is dropped and counted, undecoded.
-
-        Raises:
-            InputError: The name is invalid, the type unknown, or `depth` below 1.
-            TransportError: The topic carries another type, or the transport is closed.
-        """
+        """Begin to receive: the subscription's `take` gives what has come; beyond `largest` bytes it is dropped."""
         self.require_open()
         topic = absolute(topic)
         decode = codec(type_name, self.encoding).decode
@@ -192,29 +181,22 @@ class Transport(ABC):
         return subscription
 
     def service(self, name: str, type_name: str, handler: Handler) -> None:
-        """Offer a service; `handler` makes the response from the request, in `poll`.
-
-        Raises:
-            InputError: The name is invalid or the type unknown.
-            TransportError: The name is taken, or the transport is closed.
-        """
-        self._require_services()
-        name = absolute(name)
-        service_md5_sum(type_name)  # refuses unknown types
-        self._serve(name, type_name, handler)
+        """Offer a service; `handler` makes the response from the request, in `poll`."""
+        name, (asked, answer) = absolute(name), self._codecs(type_name)
+        self._serve(name, type_name, lambda data: answer.encode(handler(asked.decode(data))))
 
     def call(self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0) -> Message:
-        """Call a service and return its response.
-
-        Raises:
-            InputError: The type is unknown, or the request is not of it.
-            TransportError: Nobody offers it, it failed, or it did not answer within `timeout` [s].
-        """
-        self._require_services()
-        name = absolute(name)
-        service_md5_sum(type_name)  # refuses unknown types
-        asked = message_class(f"{type_name}Request")() if request is None else request
-        return self._call(name, type_name, asked, timeout)
+        """Call a service and return its response, which comes within `timeout` [s], or TransportError is raised."""
+        name, (asked, answer) = absolute(name), self._codecs(type_name)
+        data = asked.encode(message_class(f"{type_name}Request")() if request is None else request)
+        end = time.monotonic() + timeout
+        called = self._call(name, type_name, data, timeout)
+        if not called.wait(end - time.monotonic()):
+            raise TransportError(f"service {name}: no answer within {timeout} s")
+        try:
+            return answer.decode(called.result())
+        except Exception as error:
+            raise TransportError(f"service {name} failed: {error}") from error
 
     def poll(self, timeout: float = 0.0) -> int:
         """Run services for calls that have come; wait for the first up to `timeout` [s]; return how many ran."""
@@ -268,10 +250,22 @@ class Transport(ABC):
         if self.inbox.closed:
             raise TransportError(f'transport "{self.name}" is closed')
 
-    def _require_services(self) -> None:
+    def _codecs(self, type_name: str) -> tuple[Codec, Codec]:
+        """Return the codecs of a service's requests and of its answers, where there can be one."""
         self.require_open()
         if not self.has_services:
             raise TransportError(f'transport "{self.name}" carries no services: programs of ROS 2 differ in theirs')
+        service_md5_sum(type_name)  # refuses unknown types
+        return codec(f"{type_name}Request", self.encoding), codec(f"{type_name}Response", self.encoding)
+
+    def _polled(self, answer: Answer, data: bytes) -> bytes:
+        """Return a service's answer, which `poll` finds in its own thread."""
+        request = Request(lambda: answer(data))
+        self.inbox.put(request.run)
+        while not request.wait(0.1):
+            if self.inbox.closed:
+                raise TransportError("the server was closed")
+        return request.result()
 
     def close(self) -> None:
         """End all publishers, subscriptions and services."""
@@ -330,10 +324,11 @@ class Transport(ABC):
 
     # of those that have services
 
-    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+    def _serve(self, name: str, type_name: str, answer: Answer) -> None:
         raise NotImplementedError
 
-    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
+    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
+        """Return a call that is under way, and within `timeout` [s] has an answer, or failed."""
         raise NotImplementedError
 
 
@@ -376,16 +371,6 @@ def wait_until_settled(seen: Callable[[], object], settle: float) -> None:
         if (found := seen()) != known:
             known, last = found, now
         time.sleep(0.02)
-
-
-def answer_of(name: str, waiting: Request, timeout: float, serve: Callable[[], object] | None = None) -> Message:
-    """Return the answer of a service, waiting up to `timeout` [s] and calling `serve` meanwhile."""
-    if not waiting.wait(timeout, serve):
-        raise TransportError(f"service {name}: no answer within {timeout} s")
-    try:
-        return waiting.result()
-    except Exception as error:
-        raise TransportError(f"service {name} failed: {error}") from error
 
 
 def absolute(name: str) -> str:

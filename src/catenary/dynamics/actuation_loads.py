@@ -1,6 +1,6 @@
 """What friction, rotors, springs and known torques ask of the actuators, as columns of a regressor."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -107,36 +107,44 @@ def actuation_columns(
 def term_load(
     term: ActuationTerm, q: Floats, qd: Floats, qdd: Floats, coulomb_velocity: float, carried: Floats | None = None
 ) -> Floats:
-    """Return the load f(s) (N,) of one term along s = c . q, per unit; friction as in steady sliding.
+    """Return the load f(s) (N,) of one term along s = c . q, per unit; friction as in steady sliding."""
+    c = term.combination
+    along = 0.0 if carried is None else carried @ c
+    load = load_along(term, q @ c, qd @ c, qdd @ c, along, coulomb_velocity)
+    return np.broadcast_to(np.asarray(load, dtype=np.float64), len(q))
+
+
+def load_along(
+    term: ActuationTerm, s: Any, rate: Any, acceleration: Any, carried: Any, coulomb_velocity: float, f: Any = np
+) -> Any:
+    """Return the load of one term per unit, in plain arithmetic on numbers, or on symbols with functions f of these.
 
     Coulomb friction by the sign of the rate (tanh(rate / v0) with `coulomb_velocity` v0 above zero), and so the other
     kinds that have its direction; viscous friction by the rate, a rotor by the second derivative, a linear spring by
     s itself.
     """
-    c = term.combination
-    if term.kind in ("coulomb", "stribeck", "load", "presliding"):
-        rate = qd @ c
-        load = np.tanh(rate / coulomb_velocity) if coulomb_velocity > 0.0 else np.sign(rate)
-        if term.kind == "stribeck":
-            load = load * np.exp(-((rate / term.scale) ** 2))
-        elif term.kind == "load":
-            load = load * (0.0 if carried is None else np.abs(carried @ c) / (c @ c))
-        return np.asarray(load, dtype=np.float64)
     if term.kind == "offset":
-        return np.ones(len(q))
+        return 1.0
     if term.kind == "motor_inertia":
-        return np.asarray(qdd @ c)
+        return acceleration
+    if term.kind == "spring":
+        return s if term.lever is None else lever_load(term.lever, s, f)
     if term.kind in ("viscous", "asymmetric"):
-        return np.asarray(qd @ c if term.kind == "viscous" else np.abs(qd @ c))
-    return lever_load(term.lever, q @ c) if term.lever is not None else np.asarray(q @ c)
+        return rate if term.kind == "viscous" else f.abs(rate)
+    direction = f.tanh(rate * (1.0 / coulomb_velocity)) if coulomb_velocity > 0.0 else f.sign(rate)
+    if term.kind == "stribeck":
+        slow = rate * (1.0 / term.scale)
+        return direction * f.exp(-(slow * slow))
+    if term.kind == "load":
+        return direction * f.abs(carried) * (1.0 / float(term.combination @ term.combination))
+    return direction  # Coulomb's, and presliding friction in steady sliding
 
 
-def lever_load(lever: LeverSpring, s: Floats) -> Floats:
+def lever_load(lever: LeverSpring, s: Any, f: Any = np) -> Any:
     """Return the torque along s of a spring of stiffness 1 N/m at the end of a lever [Nm], s in rad."""
-    t = lever.angle + s
-    length = np.sqrt(lever.arm**2 + lever.anchor**2 - 2.0 * lever.arm * lever.anchor * np.cos(t))
-    load: Floats = lever.arm * lever.anchor * np.sin(t) / length * (length - lever.rest)
-    return load
+    t = s + lever.angle
+    length = f.sqrt(lever.arm**2 + lever.anchor**2 - 2.0 * lever.arm * lever.anchor * f.cos(t))
+    return lever.arm * lever.anchor * f.sin(t) * (1.0 - lever.rest / length)
 
 
 def known_torque(actuation: Actuation, q: Floats) -> Floats:

@@ -12,7 +12,7 @@ from catenary.arrays import Floats, as_array, as_positive
 from catenary.dynamics.kinematics import Configuration
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
-from catenary.robots.model import Frame, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, as_rotation, rotation_vector
 
 Match = Literal["pose", "position"]
@@ -79,7 +79,8 @@ def inverse_kinematics(
     as_positive("orientation_tolerance", orientation_tolerance)
 
     tip = model.frame()
-    if model.closed_form == "raven2" and match == own_match and _tip_follows(wanted, tip, match):
+    same_point = match == "pose" or np.array_equal(wanted.pose.position, tip.pose.position)
+    if model.closed_form == "raven2" and match == own_match and wanted.link == tip.link and same_point:
         tip_in_frame = wanted.pose.inverse() @ tip.pose
         goal = target @ tip_in_frame
         path = raven_path(model, goal.rotation[np.newaxis], goal.position[np.newaxis], start)
@@ -187,12 +188,6 @@ def _damped_least_squares(
         else:
             damping *= 5.0
     return Approach(q, float(np.linalg.norm(e[:3])), float(np.linalg.norm(e[3:])))
-
-
-def _tip_follows(wanted: Frame, tip: Frame, match: Match) -> bool:
-    """Return whether the wanted frame's target says where the tip must be: a position alone does so for the tip."""
-    same_point = match == "pose" or np.array_equal(wanted.pose.position, tip.pose.position)
-    return wanted.link == tip.link and same_point
 
 
 def _search_range(model: RobotModel) -> tuple[Floats, Floats]:

@@ -3,14 +3,13 @@
 What `ActuationLoads.torque` and `forward_dynamics` compute on numbers, traced for other systems.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads
+from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads, load_along
 from catenary.dynamics.lines import Placed, Terms, mass_matrix_terms, newton_euler_terms, placed, total
 from catenary.errors import InputError
-from catenary.kernels.tracing import Line, Term, Trace
-from catenary.robots.actuation import ActuationTerm
+from catenary.kernels.tracing import Line, Term, Trace, TracedFunctions
 from catenary.robots.model import RobotModel
 
 Rates = Sequence[Term] | Terms
@@ -52,10 +51,10 @@ def forward_dynamics_line(model: RobotModel, loads: ActuationLoads | None) -> Li
         D.append(M[j][j] - total(L[j][k] * scaled[k] for k in range(j)))
         for i in range(j + 1, n):
             rest = M[i][j] - total(L[i][k] * scaled[k] for k in range(j))
-            L[i][j] = rest * p.trace.apply("inverse", D[j])
+            L[i][j] = rest / D[j]
     for i in range(n):
         x[i] = x[i] - total(L[i][k] * x[k] for k in range(i))
-    x = [x[i] * p.trace.apply("inverse", D[i]) for i in range(n)]
+    x = [x[i] / D[i] for i in range(n)]
     for i in reversed(range(n)):
         x[i] = x[i] - total(L[k][i] * x[k] for k in range(i + 1, n))
     return p.trace.line(x)
@@ -88,58 +87,29 @@ def _drive_terms(trace: Trace, loads: ActuationLoads, q: Terms, qdd: Rates) -> l
         for coefficient in known.polynomial:
             load = load * s + float(coefficient)
         _add(out, known.along, load)
-    for term, value in _numbered(loads):
-        if term.kind == "motor_inertia":
-            _add(out, term.combination, value * _along(term.combination, qdd))
-        elif term.kind == "spring":
-            _add(out, term.combination, value * _spring(trace, term, _along(term.combination, q)))
+    for term, value in zip(loads.terms, map(float, loads.values), strict=True):
+        if term.kind in ("motor_inertia", "spring"):
+            c = term.combination
+            along = load_along(term, _along(c, q), 0.0, _along(c, qdd), 0.0, 0.0, TracedFunctions(trace))
+            _add(out, c, value * along)
     return out
 
 
 def _friction_terms(trace: Trace, loads: ActuationLoads, qd: Terms, carried: Rates) -> list[Term]:
     out: list[Term] = [0.0] * loads.n
-    for term, value in _numbered(loads):
+    smooth = loads.actuation.coulomb_velocity
+    for term, value in zip(loads.terms, map(float, loads.values), strict=True):
         if term.kind in (*SLIDING, "offset"):
-            rate = _along(term.combination, qd)
-            load = _friction(trace, term, rate, carried, loads.actuation.coulomb_velocity)
-            _add(out, term.combination, value * load)
+            c = term.combination
+            along = load_along(term, 0.0, _along(c, qd), 0.0, _along(c, carried), smooth, TracedFunctions(trace))
+            _add(out, c, value * along)
     return out
-
-
-def _numbered(loads: ActuationLoads) -> Iterable[tuple[ActuationTerm, float]]:
-    return zip(loads.terms, map(float, loads.values), strict=True)
 
 
 def _add(out: list[Term], along: Floats, load: Term) -> None:
     for k, factor in enumerate(along):
         if factor != 0.0:
             out[k] = out[k] + load * float(factor)
-
-
-def _friction(trace: Trace, term: ActuationTerm, rate: Term, carried: Rates, smooth: float) -> Term:
-    if term.kind == "offset":
-        return 1.0
-    if term.kind == "viscous":
-        return rate
-    if term.kind == "asymmetric":
-        return trace.apply("abs", rate)
-    direction = trace.apply("tanh", rate * (1.0 / smooth)) if smooth > 0.0 else trace.apply("sign", rate)
-    if term.kind == "stribeck":
-        slow = rate * (1.0 / term.scale)
-        return direction * trace.apply("exp", -(slow * slow))
-    if term.kind == "load":
-        c = term.combination
-        return direction * trace.apply("abs", _along(c, carried)) * (1.0 / float(c @ c))
-    return direction  # Coulomb's, and presliding friction in steady sliding
-
-
-def _spring(trace: Trace, term: ActuationTerm, s: Term) -> Term:
-    if term.lever is None:
-        return s
-    r, h = term.lever.arm, term.lever.anchor
-    sine, cosine = trace.sine_cosine(s + term.lever.angle)
-    length = trace.apply("sqrt", r**2 + h**2 - 2.0 * r * h * cosine)
-    return r * h * sine * (1.0 - term.lever.rest * trace.apply("inverse", length))
 
 
 def _along(combination: Floats, values: Rates) -> Term:

@@ -1,4 +1,4 @@
-"""Inverse kinematics of the RAVEN-II in closed form: every solution, the nearest one, and a whole path of poses.
+"""Inverse kinematics of the RAVEN-II in closed form: the nearest solution of each of a path of poses.
 
 The first three axes meet in the remote centre (RCM): two angles point the shaft, the third joint slides along
 it. The last three turn the tool; joint 6 sits L = 13 mm beyond the wrist, in the plane of shaft and tool.
@@ -18,7 +18,6 @@ from catenary.dynamics.vectors import Vector, column, dot, row, scale, times, tr
 from catenary.errors import InputError, UnreachablePoseError, UnsupportedModelError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel
-from catenary.spatial import Pose, as_rotation
 
 # The robot's own software refuses a wrist this near the RCM, where small motions of the tool need large ones
 # of the joints: r2_kinematics.cpp, Lw
@@ -190,27 +189,6 @@ def _wrapped(angle: float) -> float:
 _METRE_IN_RADIANS = 100.0  # the robot's software weighs insertion so when it compares solutions
 
 
-def raven_solutions(model: RobotModel, pose: Pose) -> Floats:
-    """Return all configurations that reach a pose, whatever the joint limits.
-
-    Of an arm with three joints (the position counts) up to 4, with six up to 8: (k, n) [rad or m], angles in (-pi, pi].
-    """
-    arm = _arm(model)
-    rotations, positions = _in_frame_0(
-        model,
-        as_rotation("pose rotation", pose.rotation)[np.newaxis],
-        as_array("pose position", pose.position, (3,))[np.newaxis],
-    )
-    solutions = np.empty((8, model.n))
-    count, distance = raven_candidates(arm, rotations, positions, 0, solutions)
-    if distance <= REFUSED_RADIUS:
-        raise UnreachablePoseError(
-            f'robot "{model.name}": the wrist would lie {1e3 * distance:.2f} mm from the remote centre; '
-            f"expected more than {1e3 * REFUSED_RADIUS:.0f} mm, where the robot's software refuses too"
-        )
-    return solutions[:count]
-
-
 def raven_path(
     model: RobotModel, rotations: ArrayLike, positions: ArrayLike, q_start: ArrayLike | None = None
 ) -> Floats:
@@ -221,21 +199,26 @@ def raven_path(
     positions (N, 3) of the tip in the base [m], q_start (n,) the configuration before the first pose, the middle of the
     limits when None; the result is (N, n) [rad or m].
     """
-    arm = _arm(model)
+    arm, frame_0 = _arm(model), model.frame("frame0").pose
     R = as_array("rotations", rotations, (None, 3, 3))
     p = as_array("positions", positions, (len(R), 3))
     deviation = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-    not_rotations = np.flatnonzero((deviation > 1e-6) | (np.linalg.det(R) < 0.0))
-    if len(not_rotations):
-        raise InputError(f"rotations[{not_rotations[0]}]: expected a rotation matrix")
+    if len(wrong := np.flatnonzero((deviation > 1e-6) | (np.linalg.det(R) < 0.0))):
+        raise InputError(f"rotations[{wrong[0]}]: expected a rotation matrix")
     middle = 0.5 * (model.lower + model.upper)
     start = middle if q_start is None else as_array("q_start", q_start, (model.n,))
     out = np.empty((len(R), model.n))
-    solved = nearest_within_limits(arm, *_in_frame_0(model, R, p), np.array(start), out)
+    poses = (
+        np.ascontiguousarray(frame_0.rotation.T @ R),
+        np.ascontiguousarray((p - frame_0.position) @ frame_0.rotation),
+    )
+    solved = nearest_within_limits(arm, *poses, np.array(start), out)
     if solved < len(R):
         where = f"pose {solved} of {len(R)}: " if len(R) > 1 else ""
+        solutions = np.empty((8, model.n))
+        count, distance = raven_candidates(arm, *poses, solved, solutions)
         near = start if solved == 0 else out[solved - 1]
-        raise UnreachablePoseError(where + _refusal(model, arm, Pose(R[solved], p[solved]), near))
+        raise UnreachablePoseError(where + _refusal(model, arm, solutions[:count], distance, near))
     return out
 
 
@@ -260,23 +243,15 @@ def _arm(model: RobotModel) -> RavenArm:
     )
 
 
-def _in_frame_0(model: RobotModel, rotations: Floats, positions: Floats) -> tuple[Floats, Floats]:
-    """Take poses from the base to the mechanism's frame 0."""
-    frame_0 = model.frame("frame0").pose
-    return (
-        np.ascontiguousarray(frame_0.rotation.T @ rotations),
-        np.ascontiguousarray((positions - frame_0.position) @ frame_0.rotation),
-    )
-
-
-def _refusal(model: RobotModel, arm: RavenArm, pose: Pose, near: Floats) -> str:
-    """Return the message that says what refuses a pose; the remote centre is checked first."""
-    try:
-        solutions = raven_solutions(model, pose)
-    except UnreachablePoseError as error:
-        return str(error)
+def _refusal(model: RobotModel, arm: RavenArm, solutions: Floats, distance: float, near: Floats) -> str:
+    """Return the message that says what refuses a pose with some configurations and a wrist so far from the RCM."""
+    if distance <= REFUSED_RADIUS:
+        return (
+            f'robot "{model.name}": the wrist would lie {1e3 * distance:.2f} mm from the remote centre; '
+            f"expected more than {1e3 * REFUSED_RADIUS:.0f} mm, where the robot's software refuses too"
+        )
     if len(solutions) == 0:
-        return _cone_message(model, arm)
+        return f'robot "{model.name}": out of reach: the shaft would lie too near the shoulder\'s axis'
     for q in solutions:
         for j in range(model.n):
             q[j] = turned_within_limits(arm, j, q[j], near[j])
@@ -289,15 +264,3 @@ def _refusal(model: RobotModel, arm: RavenArm, pose: Pose, near: Floats) -> str:
         if excess[best, j] > arm.weight[j] * LIMIT_TOLERANCE
     ]
     return f'robot "{model.name}": the joint limits refuse the pose; nearest to them: {"; ".join(refusals)}'
-
-
-def _cone_message(model: RobotModel, arm: RavenArm) -> str:
-    """Return the message for a shaft nearer to the shoulder's axis than the mechanism lets it lie."""
-    twists = np.rad2deg(arm.twist)
-    total = abs(twists[1] + twists[2])
-    least, most = abs(twists[1] - twists[2]), min(total, 360.0 - total)
-    low = min(least, 180.0 - most)
-    return (
-        f'robot "{model.name}": out of reach: the shaft would lie too near the shoulder\'s axis; '
-        f"expected at {low:.0f} deg from it or more"
-    )

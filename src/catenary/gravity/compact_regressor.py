@@ -143,9 +143,18 @@ class CompactRegressor:
             _require_same_structure(self.model, robot)
         return self.compress(gravity_parameters(robot).values)
 
-    def entries(self) -> list[list[str]]:
+    def entries(self, *, latex: bool = False) -> list[list[str]]:
         """Return Z on a level base in units of g_c, (n, p) texts; "Zr,c" where one is longer than three terms."""
-        return self._entries(latex=False)
+        name = "Z_{{{},{}}}" if latex else "Z{},{}"
+        return [
+            [
+                terms_text(terms, latex=latex)
+                if terms is not None and len(terms) <= SHORT
+                else name.format(r + 1, c + 1)
+                for c, terms in enumerate(row)
+            ]
+            for r, row in enumerate(self._terms(DOWN))
+        ]
 
     def latex(self) -> str:
         """Return the regressor on a level base, its entries of more than three terms, and its parameters, for LaTeX.
@@ -153,7 +162,7 @@ class CompactRegressor:
         Entries that take more than 64 terms on the way are written in terms that they share, gamma and u, which stand
         before them (`SharedTerms`).
         """
-        rows = r" \\ ".join(" & ".join(row) for row in self._entries(latex=True))
+        rows = r" \\ ".join(" & ".join(row) for row in self.entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
         lines = [rf"g = g_c \begin{{bmatrix}} {rows} \end{{bmatrix}} \begin{{bmatrix}} {vector} \end{{bmatrix}}"]
         table, shared = self.written(DOWN)
@@ -173,13 +182,10 @@ class CompactRegressor:
         shared = SharedTerms(self.model, down)
         table: list[list[Terms]] = []
         for r, entries in enumerate(self._terms(down)):
-            written = []
-            for c, terms in enumerate(entries):
-                total = terms
-                if total is None:
-                    parts = [shared.entry(r, *self.columns[k]) for k in self._of(c)]
-                    total = reduce(sum_of, parts)
-                written.append(total)
+            written = [
+                reduce(sum_of, [shared.entry(r, *self.columns[k]) for k in self._of(c)]) if terms is None else terms
+                for c, terms in enumerate(entries)
+            ]
             table.append(written)
         return table, shared.definitions
 
@@ -194,18 +200,6 @@ class CompactRegressor:
         if any("Z" in cell for row in table for cell in row):
             lines.append("Zr,c: an entry of more than three terms, -gravity . (z_r x e), e the axis of column c")
         return "\n".join(lines)
-
-    def _entries(self, *, latex: bool) -> list[list[str]]:
-        name = "Z_{{{},{}}}" if latex else "Z{},{}"
-        return [
-            [
-                terms_text(terms, latex=latex)
-                if terms is not None and len(terms) <= SHORT
-                else name.format(r + 1, c + 1)
-                for c, terms in enumerate(row)
-            ]
-            for r, row in enumerate(self._terms(DOWN))
-        ]
 
     def _of(self, column: int) -> list[int]:
         """Return which columns are merged in one."""
@@ -236,9 +230,7 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     apart, and a centre of mass that happens to be zero stays. Beyond the paper, parameters that load no joint under
     any gravity (a first moment along the first joint's axis) are deleted as well.
 
-    Args:
-        model: The robot; it needs no inertia. Turns that are quarter turns to within 1e-6 rad are taken for such
-            (`with_quarter_turns`).
+    The robot needs no inertia; turns that are quarter turns to within 1e-6 rad are taken for such.
     """
     model = with_quarter_turns(model)
     tree = model.tree
@@ -278,16 +270,11 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
         sources[merged[key]] += places
         columns.append(RegressorColumn(link, along))
         targets.append(merged[key])
+    merged_in = tuple(tuple(entries) for entries in sources)
     return CompactRegressor(
-        model=model,
-        expressions=tuple(expressions),
-        units=tuple(units),
-        columns=tuple(columns),
-        targets=tuple(targets),
-        sources=tuple(tuple(entries) for entries in sources),
-        zeros=tuple(zeros),
-        ineffective=tuple(ineffective),
-    )
+        model, tuple(expressions), tuple(units), tuple(columns), tuple(targets), merged_in, tuple(zeros),
+        tuple(ineffective),
+    )  # fmt: skip
 
 
 def _compact_line(model: RobotModel, columns: Sequence[RegressorColumn], targets: Sequence[int], width: int) -> Line:

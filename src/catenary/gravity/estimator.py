@@ -1,7 +1,5 @@
 """On-line estimation of gravity parameters: the gravity-regressor paper's pseudo-inverse law, and least squares.
 
-The paper's law:
-
 s_hat(t) = s_0 + integral of Z^+(q) Omega (Kp (q_d - q) - Kd qd) dt [gravity-regressor paper, section II]: with
 tau = Kp (q_d - q) - Kd qd + Z s_hat, what the spring still has to hold is what s_hat lacks, and at rest s_hat moves
 until the spring is slack.
@@ -70,7 +68,7 @@ class EstimatedGravity:
             raise InputError(f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints')
         self.model = model
         self.labels = compact.labels if form == "compact" else FullRegressor(model).labels
-        self._s = self._start(s0)
+        self._s = np.array(require_parameters("s0", np.zeros(len(self.labels)) if s0 is None else s0, self.labels))
         self._kernel: Callable[[Floats, Floats], Floats] = (
             compact.kernel() if form == "compact" else FullRegressor(model).kernel()
         )
@@ -85,14 +83,9 @@ class EstimatedGravity:
         torque: Floats = self._kernel(q, gravity) @ self._s
         return torque
 
-    def _start(self, s0: ArrayLike | None) -> Floats:
-        size = len(self.labels)
-        return np.zeros(size) if s0 is None else np.array(require_parameters("s0", s0, self.labels))
-
     def _require_sizes(self, *arrays: Floats) -> None:
-        n = self.model.n
-        if any(len(array) != n for array in arrays):
-            raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(arrays[0])}")
+        if any(len(array) != self.model.n for array in arrays):
+            raise InputError(f"gravity estimator: is for {self.model.n} joints, the robot has {len(arrays[0])}")
 
 
 @explained
@@ -105,9 +98,8 @@ class GravityEstimator(EstimatedGravity):
     forms are two laws: on the full Z each joint has parameters of its own and learns by itself, on the compact one
     joints share them, and what one learns changes what the others hold.
 
-    In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop` it takes
-    what the torque sent has beyond Z s_hat in place of the PD's torque: with the paper's controller that is the same
-    thing, and with any other one the estimate settles as well.
+    In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop`, beside any
+    controller, it takes what the torque sent has beyond Z s_hat in place of the PD's.
 
     Z^+ is Z^T (Z Z^T + lambda 1)^-1 with lambda = `damping` times the mean square of Z's rows: the pseudo-inverse,
     but for directions in which gravity hardly loads the joints, where that would take torques for huge parameters;
@@ -138,10 +130,6 @@ class GravityEstimator(EstimatedGravity):
             max_speed: Of joints that count as resting [rad/s|m/s], one for all or (n,).
             damping: Positive; see above.
             form: Of the regressor; the full one is not compiled: a millisecond a tick for 19 joints.
-
-        Raises:
-            InputError: Another shape, not finite, a negative gain, an Omega that is not positive definite, no such
-                form, or a robot on which gravity has no effect.
         """
         super().__init__(model, s0, form)
         n = model.n
@@ -151,10 +139,6 @@ class GravityEstimator(EstimatedGravity):
             raise InputError(f"damping: expected a positive number, got {damping}")
         self.max_speed, self.damping = as_positive("max_speed", one_for_all(max_speed, n), (n,)), damping
         self._time = np.nan
-
-    def reset(self, s0: ArrayLike | None = None) -> None:
-        """Begin anew, from parameters (p,) or from zero."""
-        self._s, self._time = self._start(s0), np.nan
 
     def update(self, q: Floats, qd: Floats, q_desired: Floats, gravity: Floats, dt: float) -> Floats:
         """Let dt [s] pass at a measured state, and return the gravity torque (n,) [Nm|N] now estimated there.
@@ -232,8 +216,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
       forgets nothing.
 
     Older torques count less by `forgetting` with each one taken. With `carriers`, a surprise is first looked for in
-    what they carry. Works beside any controller, as an observer of
-    `run_loop`; friction that holds a resting arm is noise to it.
+    what they carry. Works beside any controller, as an observer of `run_loop`; friction at rest is noise to it.
     """
 
     def __init__(
@@ -290,7 +273,8 @@ class RecursiveGravityEstimator(EstimatedGravity):
         self._unloaded: Floats | None = None  # s_hat before the load changed
         self._last_pose = np.zeros(n), np.zeros(3)  # configuration and gravity of the last torque taken
         self._information = np.zeros((p, p))  # A
-        self._resting_since, self._last_taken, self._taken = np.nan, np.nan, 0
+        self._resting_since, self._last_taken = np.nan, np.nan
+        self.taken = 0  # torques that passed the gate
 
     @property
     def standard_deviations(self) -> Floats:
@@ -305,11 +289,6 @@ class RecursiveGravityEstimator(EstimatedGravity):
             return None
         return self._hypotheses.beliefs(*self._last_pose, self._noise, CHANGE)
 
-    @property
-    def taken(self) -> int:
-        """Torques that passed the gate."""
-        return self._taken
-
     def update(self, q: Floats, qd: Floats, tau: Floats, gravity: Floats, time: float) -> bool:
         """Update from a state and the torque tau (n,) [Nm|N] that acts at a time [s]; return whether it was taken.
 
@@ -322,16 +301,15 @@ class RecursiveGravityEstimator(EstimatedGravity):
             return False
         if not self._resting_since <= time:  # also when it is NaN
             self._resting_since = time
-        if time - self._resting_since < self._settle:
-            return False
-        if self._last_taken <= time < self._last_taken + self._interval:
+        is_soon = self._last_taken <= time < self._last_taken + self._interval
+        if is_soon or time - self._resting_since < self._settle:
             return False
         Z = self._kernel(q, gravity)
         if not np.isfinite(Z).all():
             return False
         if not self._learn(Z / self._noise[:, None], (tau - Z @ self._s) / self._noise):
             return False
-        self._last_taken, self._taken = time, self._taken + 1
+        self._last_taken, self.taken = time, self.taken + 1
         self._last_pose = q.copy(), gravity.copy()
         return True
 
@@ -343,27 +321,20 @@ class RecursiveGravityEstimator(EstimatedGravity):
             tells |= bool((variance > self._novelty**2).any())
             surprise = float((np.abs(missing) / np.sqrt(1.0 + variance)).max())
             if surprise > SURPRISE:
-                if self._loads.size and self._begins_anew(surprise):
+                none_so_far = self._unloaded is None or self._hypotheses.shares(CHANGE)[0] > 0.5
+                if self._loads.size and (none_so_far or surprise > ANOTHER):  # a load that is not yet looked for
                     self._hypotheses.restart(self._information + self._prior)
                     self._unloaded = self._s.copy()
-                self._doubt_loads()
+                # the covariance is widened by V V^T; from now on nothing is known beforehand of what a load changes
+                widened = _widened(self._information + self._prior, self._loads)
+                self._prior = self._prior_of_loaded
+                self._information = widened - self._prior
         if tells:
             if self._unloaded is not None:
                 self._hypotheses.take(Z, missing + Z @ (self._s - self._unloaded))
             self._information = self._forgetting * self._information + Z.T @ Z
             self._s += np.linalg.solve(self._information + self._prior, Z.T @ missing)
         return tells
-
-    def _begins_anew(self, surprise: float) -> bool:
-        """Return whether a surprise is of a load that is not yet looked for."""
-        none_so_far = self._unloaded is None or self._hypotheses.shares(CHANGE)[0] > 0.5
-        return none_so_far or surprise > ANOTHER
-
-    def _doubt_loads(self) -> None:
-        """Widen the covariance by V V^T; from now on nothing is known beforehand of what a load changes."""
-        widened = _widened(self._information + self._prior, self._loads)
-        self._prior = self._prior_of_loaded
-        self._information = widened - self._prior
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
         """Update from a robot's state and the torque it reports, and return the gravity torque (n,) [Nm|N] there."""

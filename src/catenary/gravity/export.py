@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 from catenary.arguments import explained
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
@@ -28,12 +28,6 @@ ExportedQuantity = Literal[
 WITH_LOADS = ("feedforward", "forward_dynamics")
 ExportTarget = Literal["jax", "casadi", "sympy", "c99"]
 _log = logging.getLogger(__name__)
-
-
-class _Traced(NamedTuple):
-    line: Line
-    shape: tuple[int, ...]
-    result: str  # name of the output
 
 
 @explained
@@ -94,18 +88,12 @@ def export_function(
             'robot "%s": inverse_dynamics is of its links alone; feedforward has friction and rotors', model.name
         )
     line, shape, result = _traced(model, quantity, frame, known if loads is None else loads)
-    if to == "jax":
-        from catenary.kernels.jax_casadi_sympy import jax_function
+    if to != "c99":
+        from catenary.kernels.jax_casadi_sympy import casadi_function, jax_function, sympy_function
 
-        return jax_function(line, shape)
-    if to == "casadi":
-        from catenary.kernels.jax_casadi_sympy import casadi_function
-
-        return casadi_function(quantity, line, shape, result)
-    if to == "sympy":
-        from catenary.kernels.jax_casadi_sympy import sympy_function
-
-        return sympy_function(line, shape)
+        if to == "casadi":
+            return casadi_function(quantity, line, shape, result)
+        return (jax_function if to == "jax" else sympy_function)(line, shape)
     from catenary.kernels.c99 import c_function, c_name, c_sines
 
     name = c_name(model.name)
@@ -114,19 +102,22 @@ def export_function(
     return f"{sines}\n{c_function(name, quantity, line)}"
 
 
-def _traced(model: RobotModel, quantity: ExportedQuantity, frame: str | None, loads: ActuationLoads | None) -> _Traced:
+def _traced(
+    model: RobotModel, quantity: ExportedQuantity, frame: str | None, loads: ActuationLoads | None
+) -> tuple[Line, tuple[int, ...], str]:
+    """Return a quantity as a line, its shape, and the name of the output."""
     n, links = model.n, len(model.link_names)
     if quantity == "forward_kinematics":
-        return _Traced(forward_kinematics_line(model, frame), (3, 4), "pose")
+        return forward_kinematics_line(model, frame), (3, 4), "pose"
     if quantity in WITH_LOADS:
         forward = quantity == "forward_dynamics"
         traced = forward_dynamics_line if forward else feedforward_line
-        return _Traced(traced(model, loads), (n,), "qdd" if forward else "tau")
+        return traced(model, loads), (n,), "qdd" if forward else "tau"
     if quantity == "gravity_regressor":
-        return _Traced(gravity_regressor_line(model), (n, 4 * links), "Z")
+        return gravity_regressor_line(model), (n, 4 * links), "Z"
     if quantity == "compact_regressor":
         regressor = compact_regressor(model)
-        return _Traced(regressor.line(), (n, len(regressor.labels)), "Z")
+        return regressor.line(), (n, len(regressor.labels)), "Z"
     traces: dict[str, Callable[[RobotModel], Line]] = {
         "gravity": gravity_line,
         "holding": holding_line,
@@ -135,4 +126,4 @@ def _traced(model: RobotModel, quantity: ExportedQuantity, frame: str | None, lo
         "inverse_dynamics_on_moving_base": inverse_dynamics_line,
     }
     square = quantity == "mass_matrix"
-    return _Traced(traces[quantity](model), (n, n) if square else (n,), "M" if square else "tau")
+    return traces[quantity](model), (n, n) if square else (n,), "M" if square else "tau"

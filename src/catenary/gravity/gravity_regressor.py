@@ -48,16 +48,8 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
     whose joints are stacked in the tree's order (body, arm 1, arm 2, as the paper does); coordinates that move
     several joints, by coupling^T; prismatic joints, each with one more column, for the mass it carries.
 
-    Args:
-        model: The robot; it needs no inertia.
-        q: (n,) or (N, n) coordinates [rad or m].
-        gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-
-    Returns:
-        (n, p) or (N, n, p), p = 3 n_tree (n_tree + 1) + number of prismatic joints.
-
-    Raises:
-        InputError: An argument has another shape or is not finite.
+    For q (n,) or (N, n) [rad or m] and gravity (3,) or (N, 3), free-fall acceleration in base axes [m/s2]: (n, p) or
+    (N, n, p), p = 3 n_tree (n_tree + 1) + number of prismatic joints. The robot needs no inertia.
     """
     rows, single = as_batch("q", q, model.n)
     out = _full(model, rows, gravity_rows(gravity, len(rows)))
@@ -187,9 +179,8 @@ def carried_links(tree: Tree, joint: int) -> set[int]:
 def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:
     """Return a parameter vector as an array."""
     array = as_array(name, values, (len(labels),), finite=False)
-    bad = np.flatnonzero(~np.isfinite(array))
-    if len(bad):
-        raise InputError(f"{name}[{bad[0]}] ({labels[bad[0]]}) is {array[bad[0]]}: expected a finite number")
+    for k in np.flatnonzero(~np.isfinite(array)).tolist():
+        raise InputError(f"{name}[{k}] ({labels[k]}) is {array[k]}: expected a finite number")
     return array
 
 
@@ -209,23 +200,13 @@ def _placed(model: RobotModel, q: Floats, gravity: Floats) -> _Placed:
     return _Placed(rotation, pull, -np.sum(axes * gravity[:, None, :], axis=2) * slides)
 
 
-def _shares(model: RobotModel) -> Floats:
-    """Return the shares (n_tree, n, n_tree) of a coordinate in what a joint holds of a link; 0 if it carries it not."""
+def _columns(model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, arm: _Placed) -> Floats:
     n = len(model.tree.parent)
     carries = np.array([[link in carried_links(model.tree, joint) for link in range(n)] for joint in range(n)])
-    shares: Floats = model.coupling[:, :, None] * carries.reshape(n, 1, n)
-    return shares
-
-
-def _moments(model: RobotModel, arm: _Placed) -> Floats:
-    """Return the columns (N, n, n_tree, 3) of every link's first moment along the axes of its frame."""
-    of_tree = np.einsum("Nka,Njab->Nkjb", arm.pull, arm.rotation)
-    moments: Floats = np.einsum("krj,Nkjb->Nrjb", _shares(model), of_tree)
-    return moments
-
-
-def _columns(model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, arm: _Placed) -> Floats:
-    moments = _moments(model, arm)
+    # (n_tree, n, n_tree) of a coordinate in what a joint holds of a link; 0 if it carries it not
+    shares = model.coupling[:, :, None] * carries.reshape(n, 1, n)
+    # (N, n, n_tree, 3) of every link's first moment along the axes of its frame
+    moments = np.einsum("krj,Nkjb->Nrjb", shares, np.einsum("Nka,Njab->Nkjb", arm.pull, arm.rotation))
     out = np.empty((*q.shape, len(columns)))
     for c, (link, along) in enumerate(columns):
         if along != CARRIED_MASS:

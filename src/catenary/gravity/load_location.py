@@ -93,20 +93,16 @@ class LoadHypotheses:
         self._products += Z.T @ y
 
     def beliefs(self, q: Floats, gravity: Floats, noise: Floats, beforehand: float | None = None) -> LoadBeliefs:
-        """Return probabilities and masses; every frame is as likely beforehand.
+        """Return probabilities and masses; q (n,) is where the arm stands, from where a joint may move to tell more.
 
-        q (n,) is where the arm stands, from where a joint may move to tell more; beforehand is the probability that
-        there is a load: when None, none is as likely as each of the frames.
+        Every frame is as likely beforehand, which is the probability of a load; when None, of none as well.
         """
-        bodies = []
-        for J, b in self._tests():
-            body, deviation = _body(J, b)
-            body = self._sizes * body
-            bodies.append((float(body[0]), float(self._sizes[0] * deviation), body[1:]))
         none, *shares = self.shares(beforehand)
-        carriers = [
-            CarrierBelief(frame, share, *body) for frame, share, body in zip(self.frames, shares, bodies, strict=True)
-        ]
+        carriers = []
+        for frame, share, (J, b) in zip(self.frames, shares, self._tests(), strict=True):
+            body, deviation = _body(J, b)
+            mass, *moment = self._sizes * body
+            carriers.append(CarrierBelief(frame, share, float(mass), self._sizes[0] * deviation, np.array(moment)))
         carriers.sort(key=lambda one: -one.probability)
         joint = None
         if len(likely([one.frame for one in carriers], [one.probability for one in carriers])) > 1:
@@ -153,10 +149,6 @@ def locate_load(
         frames: That may carry it; every moving link that is not massless when none are named.
         load: Standard deviations of a large load's mass [kg], and of its moment about the frame's origin [kg m];
             smaller ones, down to a 64th, are as likely.
-
-    Raises:
-        InputError: Another shape, not finite, no such frame, or one of the base.
-        MissingInertiaError: Links without inertia.
     """
     rows, _ = as_batch("q", q, model.n)
     torques, _ = as_batch("tau", tau, model.n)

@@ -38,7 +38,7 @@ class NamedSymbol(NamedTuple):
 def moment_expression(model: RobotModel, link: int, axis: int) -> Expression:
     """Return the first moment, along an axis of its frame, of a link with all it carries lumped at its joints."""
     products = []
-    for child in children(model, link):
+    for child in np.flatnonzero(model.tree.parent == link).tolist():
         masses = carried_masses(model, child)
         if masses and abs(model.tree.origin[child, axis]) > NO_LENGTH:
             products.append(Product(_step_name(model, child, axis), masses))
@@ -105,11 +105,6 @@ def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str
     return table
 
 
-def children(model: RobotModel, link: int) -> list[int]:
-    """Return the links that hang on a link."""
-    return [int(k) for k in np.flatnonzero(model.tree.parent == link)]
-
-
 def carried_masses(model: RobotModel, joint: int) -> tuple[int, ...]:
     """Return the links with mass that a joint carries."""
     return tuple(sorted(link for link in carried_links(model.tree, joint) if _has_mass(model, link)))
@@ -122,7 +117,7 @@ def _has_mass(model: RobotModel, link: int) -> bool:
 
 def _step_name(model: RobotModel, child: int, axis: int) -> str:
     parent = int(model.tree.parent[child])
-    others = len(children(model, parent)) > 1
+    others = np.count_nonzero(model.tree.parent == parent) > 1
     several = np.count_nonzero(np.abs(model.tree.origin[child]) > NO_LENGTH) > 1
     return f"l{parent + 1}{f',{child + 1}' if others else ''}{'xyz'[axis] if several else ''}"
 

@@ -82,17 +82,8 @@ def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the potential energy of the links, zero with all mass in the base's origin: U = -sum_k m_k gravity . r_k.
 
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        gravity: (3,) or (N, 3) free-fall acceleration in base axes [m/s2].
-
-    Returns:
-        () or (N,) [J].
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: An argument has another shape or is not finite.
+    For q (n,) or (N, n) [rad or m] and gravity (3,) or (N, 3), free-fall acceleration in base axes [m/s2]: () or (N,)
+    [J]. Needs inertia.
     """
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
@@ -104,18 +95,8 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
 def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the centre of mass of all moving links, p_com = sum m_i p_i / M.
 
-    [gravity-regressor paper, section II] Links fixed to the base do not count.
-
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-
-    Returns:
-        (3,) or (N, 3) in the base frame [m].
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: q has another shape or is not finite; a robot without mass.
+    [gravity-regressor paper, section II] Links fixed to the base do not count. For q (n,) or (N, n) [rad or m]: (3,) or
+    (N, 3) in the base frame [m].
     """
     mass = _total_mass(model)
     rows, single = as_batch("q", q, model.n)
@@ -128,18 +109,8 @@ def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the Jacobian of the centre of mass, J_com qd = its velocity in base axes.
 
     Gravity acts on a robot as on one mass at its centre of mass, g(q) = -M J_com^T gravity [gravity-regressor paper,
-    section II]: row r of J_com is what a unit of gravity along axis r asks of the joints, over -M.
-
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-
-    Returns:
-        (3, n) or (N, 3, n) [m/rad or 1].
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: q has another shape or is not finite; a robot without mass.
+    section II]: row r of J_com is what a unit of gravity along axis r asks of the joints, over -M. For q (n,) or (N, n)
+    [rad or m]: (3, n) or (N, 3, n) [m/rad or 1].
     """
     mass = _total_mass(model)
     rows, single = as_batch("q", q, model.n)

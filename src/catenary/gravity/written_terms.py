@@ -8,6 +8,7 @@ to, and of e turned back as far as there: each sine and cosine comes at most onc
 Entries that are too long are written in terms that several share, `SharedTerms`.
 """
 
+from functools import reduce
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -66,25 +67,21 @@ def angle_atom(kind: str, factors: Floats) -> tuple[Atom, float]:
     return (kind, tuple((k, round(sign * f, 12)) for k, f in nonzero)), sign
 
 
-def named_atom(name: str) -> Atom:
-    """Return an atom that stands for what is written elsewhere under this name."""
-    return name, ()
-
-
 def constant_vector(v: Floats) -> SymbolicVector:
     """Return a vector (3,) of numbers."""
-    return cleaned({(): float(v[0])}), cleaned({(): float(v[1])}), cleaned({(): float(v[2])})
+    x, y, z = (cleaned({(): float(part)}) for part in v)
+    return x, y, z
 
 
 def times(matrix: Floats, v: SymbolicVector) -> SymbolicVector:
     """Return a matrix (3, 3) of numbers times a vector."""
-    rows = []
-    for r in range(3):
-        total: Terms = {}
-        for k in range(3):
-            total = sum_of(total, scaled(v[k], float(matrix[r, k])))
-        rows.append(total)
-    return rows[0], rows[1], rows[2]
+    x, y, z = (weighted(row, v) for row in matrix)
+    return x, y, z
+
+
+def weighted(weights: Floats, v: SymbolicVector) -> Terms:
+    """Return the scalar product of numbers (3,) and a vector."""
+    return reduce(sum_of, (scaled(terms, float(weight)) for weight, terms in zip(weights, v, strict=True)))
 
 
 def crossed(a: Floats, v: SymbolicVector) -> SymbolicVector:
@@ -299,17 +296,11 @@ class SharedTerms:
             return moment[along]
         tree = self._model.tree
         axis = tree.axis[link]
-        arm = self._along(axis, moment)
+        arm = weighted(axis, moment)
         x, sign = angle_atom("q", self._model.coupling[link])
         turning = sum_of(scaled(multiplied(arm, x), sign), scaled(arm, float(self._model.offset[link])))
-        sliding = self._along(axis, self._gravity_at(link))
+        sliding = weighted(axis, self._gravity_at(link))
         return sum_of(turning, scaled(sliding, -float(self._model.coupling[link, row])))
-
-    def _along(self, axis: Floats, vector: SymbolicVector) -> Terms:
-        total: Terms = {}
-        for part, terms in zip(axis, vector, strict=True):
-            total = sum_of(total, scaled(terms, float(part)))
-        return total
 
     def _gravity_at(self, link: int) -> SymbolicVector:
         if link < 0:
@@ -347,7 +338,7 @@ class SharedTerms:
         for letter, terms in zip("xyz", vector, strict=True):
             if len(terms) > 1:
                 self.definitions[name % letter] = terms
-                parts.append({(named_atom(name % letter),): 1.0})
+                parts.append({((name % letter, ()),): 1.0})  # an atom that stands for what is written elsewhere
             else:
                 parts.append(terms)
         return parts[0], parts[1], parts[2]

@@ -60,10 +60,6 @@ def drive_gains(
         free: Recordings of the arm alone; their torques are currents [A].
         loaded: Recordings with the load fixed to the robot's tip, likewise.
         load: Its mass [kg].
-
-    Raises:
-        InputError: No recording with or without load, or a load that is not above zero.
-        ExcitationError: The recordings do not show a gain.
     """
     model = base.parameters.model
     if not free or not loaded:

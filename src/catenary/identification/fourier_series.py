@@ -36,11 +36,6 @@ class FourierSeries:
         """(n,) what no acceleration exceeds [rad/s2 or m/s2]: the sum of the harmonics' amplitudes."""
         return np.asarray(self.frequencies @ np.hypot(self.a, self.b))
 
-    @property
-    def jerk_bound(self) -> Floats:
-        """(n,) what no derivative of an acceleration exceeds [rad/s3 or m/s3]."""
-        return np.asarray(self.frequencies**2 @ np.hypot(self.a, self.b))
-
     def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return positions, velocities, accelerations, (N, n) each, at times (N,) [s]."""
         w = self.frequencies
@@ -65,7 +60,7 @@ class FourierSeries:
         h = times[1]
         q, qd, _ = self.sample(times)
         slack = h**2 / 8.0 * self.acceleration_bound
-        faster = h**2 / 8.0 * self.jerk_bound
+        faster = h**2 / 8.0 * (self.frequencies**2 @ np.hypot(self.a, self.b))  # the jerk's bound
         return q.min(axis=0) - slack, q.max(axis=0) + slack, np.abs(qd).max(axis=0) + faster
 
     def scaled(self, factor: Floats | float) -> "FourierSeries":

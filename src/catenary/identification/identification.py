@@ -252,12 +252,7 @@ def identify_samples(samples: Sequence[Samples], model: RobotModel, options: Ide
 def gains_of(
     free: Sequence[Samples], loaded: Sequence[Samples], model: RobotModel, options: IdentifyOptions, load: float
 ) -> DriveGains:
-    """Find the drive gains [Nm/A] from currents of an arm alone, and with a load of known mass [kg]; see drive_gains.
-
-    Raises:
-        InputError: Torques that are known beforehand: these are no currents.
-        ExcitationError: The recordings do not show the base parameters, or a gain.
-    """
+    """Find the drive gains [Nm/A] from currents of an arm alone, and with a load of known mass [kg]."""
     actuation = replace(actuation_of(model), values=None)
     if options.rotors is not None or actuation.known_torques:
         raise InputError("currents: torques of known rotors, cables or springs are in Nm: leave them out")
@@ -322,7 +317,8 @@ def _fit(
         base=_base_in(samples),
     )
     weights = None if like is None else like.weights
-    beta = None if like is None else _as_in(base, like)
+    known = {} if like is None else dict(zip(like.base.names, like.beta, strict=True))
+    beta = None if like is None else np.array([known.get(name, 0.0) for name in base.names])  # of other friction: 0
     loaded = any(term.kind == "load" for term in base.parameters.actuation)
     for _ in range(ROUNDS if loaded else 1):
         if loaded and beta is not None:
@@ -384,12 +380,6 @@ def _base_in(samples: Sequence[Samples]) -> Base:
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     spread = float(np.sqrt(np.mean(np.sum((directions - directions.mean(axis=0)) ** 2, axis=1))))
     return "tilted" if spread > TILTING else "still"
-
-
-def _as_in(base: BaseParameters, like: Identification) -> Floats:
-    """Return the parameters of a fit with other friction, zero where it has none of the name."""
-    known = dict(zip(like.base.names, like.beta, strict=True))
-    return np.array([known.get(name, 0.0) for name in base.names])
 
 
 def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats) -> str:

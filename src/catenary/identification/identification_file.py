@@ -88,11 +88,7 @@ def identification_card(
 
 
 def save_identification(result: Identification, card: Card, path: Path) -> None:
-    """Write an identification to `path` and a readable copy of its card beside it, as `write_with_card` does.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write an identification to `path` and a readable copy of its card beside it, as `write_with_card` does."""
     own = {name: getattr(result, name) for name in OWN}
     structure = plain_data(IdentificationRecord(FORMAT, robot_record(result.model), **own))
     arrays: dict[str, Any] = {
@@ -110,11 +106,7 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
 
 
 def load_identification(path: Path) -> tuple[Identification, Card]:
-    """Read an identification and its card.
-
-    Raises:
-        FileFormatError: No such file, not an identification, of another version, or damaged.
-    """
+    """Read an identification and its card."""
     arrays = read_arrays(path)
     if not {"structure", "card", "beta", "combination"} <= set(arrays):
         raise FileFormatError(
@@ -124,7 +116,7 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
     try:
         found = json_table(str(arrays["structure"]), "structure")
         if found.get("format") != FORMAT:
-            raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}")
+            raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}: identify it again")
         record = parse_settings(found, IdentificationRecord, "structure")
         parameters = Parameters(robot_from_record(record.robot), record.options.terms)
         b, k, n = len(arrays["beta"]), len(parameters.names), parameters.model.n

@@ -98,7 +98,8 @@ class Parameters:
         """
         place = {(t.kind, t.name): self._first + k for k, t in enumerate(self.actuation)}
         rows = [
-            {self._first + k: 1.0} | _one(place.get((term.kind, same_elsewhere(term))) if term.recording else None)
+            {self._first + k: 1.0}
+            | _one(place.get((term.kind, term.name.removesuffix(f"{IN}{term.recording}"))) if term.recording else None)
             for k, term in enumerate(self.actuation)
             if term.kind in NEVER_NEGATIVE
         ]
@@ -171,11 +172,6 @@ def friction_of(friction: Friction, recording: str) -> Friction:
         f"{friction.name}{IN}{recording}", friction.combination, friction.coulomb, friction.viscous, friction.offset,
         recording=recording,
     )  # fmt: skip
-
-
-def same_elsewhere(term: ActuationTerm) -> str:
-    """Return the name of the friction of all recordings beside which one recording has a term."""
-    return term.name.removesuffix(f"{IN}{term.recording}")
 
 
 def _one(column: int | None) -> dict[int, float]:

@@ -7,22 +7,19 @@ import numpy as np
 
 from catenary.errors import InputError
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
-from catenary.robots.cut import held_actuation
+from catenary.robots.cut import lock_joints
 from catenary.robots.model import RobotModel
 
 STILL = {"rad": 0.02, "m": 0.005}  # by which a joint may move that is held
 
 
-def part_of_arm(model: RobotModel, joints: Sequence[str], logs: Sequence[MotionLog]) -> tuple[RobotModel, list[str]]:
-    """Return the robot of some joints alone, and a note on where the others are held.
+def part_of_arm(
+    model: RobotModel, joints: Sequence[str], logs: Sequence[MotionLog]
+) -> tuple[RobotModel, dict[str, float]]:
+    """Return the robot of some joints alone, and where the others are held.
 
-    Args:
-        joints: Their names.
-        logs: Recordings; those that have the other joints too must hold them, all at one place. Where none has them
-            they are at zero, or at the limit next to it.
-
-    Raises:
-        InputError: An unknown joint, or a recording that moves one that is not named.
+    Recordings that have the other joints too must hold them, all at one place. Where none has them they are at zero,
+    or at the limit next to it.
     """
     places_of(Joints(tuple(joints)), model, whose=f'robot "{model.name}"', of="--joints are")
     held: dict[str, float] = {}
@@ -36,9 +33,23 @@ def part_of_arm(model: RobotModel, joints: Sequence[str], logs: Sequence[MotionL
                 f"joint {name} is not among --joints, and moves from {where.min():.4g} to {where.max():.4g} {unit} "
                 f"in the recordings: name it too, or take recordings that hold it (within {STILL[unit]:g} {unit})"
             )
-        held[name] = float(np.mean(where))
-    told = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
-    return _held(model, held), [f"{', '.join(joints)} are identified; held: {told}"] if held else []
+        held[name] = float(np.clip(np.mean(where), model.lower[i], model.upper[i]))
+    if not held:
+        return model, held
+    if model.actuation is not None:  # its numbers are what is sought
+        model = replace(model, actuation=replace(model.actuation, values=None))
+    return lock_joints(model, held), held
+
+
+def require_held(logs: Sequence[MotionLog], held: Mapping[str, float]) -> None:
+    """Refuse recordings that move joints which were held when an arm was identified, or hold them elsewhere."""
+    for log in logs:
+        for name, unit, q in zip(log.joint_names, log.joint_units, log.q_nominal.T, strict=True):
+            if name in held and np.abs(q - held[name]).max() > STILL[unit]:
+                raise InputError(
+                    f'recording "{log.name}": joint {name} goes from {q.min():.4g} to {q.max():.4g} {unit}, and was '
+                    f"held at {held[name]:.4g} when others were identified: expected it there, within {STILL[unit]:g}"
+                )
 
 
 def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
@@ -56,24 +67,5 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
         joint_names=model.joint_names,
         joint_units=model.joint_units,
         notes=(*log.notes, f"joints left out: {joints_text(Joints(tuple(left)))}"),
-        **arrays,
-    )
-
-
-def _held(model: RobotModel, held: Mapping[str, float]) -> RobotModel:
-    """Return a robot without the coordinates that are held: each link stays, on a joint that stands still."""
-    kept = [k for k, name in enumerate(model.joint_names) if name not in held]
-    at = np.array([held.get(name, 0.0) for name in model.joint_names])
-    actuation = model.actuation
-    arrays = {key: getattr(model, key)[kept] for key in ("lower", "upper", "velocity_limit", "effort_limit")}
-    return replace(
-        model,
-        joint_names=tuple(model.joint_names[k] for k in kept),
-        joint_units=tuple(model.joint_units[k] for k in kept),
-        coupling=model.coupling[:, kept],
-        offset=model.offset + model.coupling @ at,
-        closed_form=None,
-        actuation=None if actuation is None else replace(held_actuation("--joints", actuation, kept, at), values=None),
-        notes=(*model.notes, f"joints held: {', '.join(held)}"),
         **arrays,
     )

@@ -111,7 +111,8 @@ def payload_candidates(
     rows, n = sum(len(part.q) for part in loaded), result.model.n
     best = min(fit.misfit for fit in fits)
     # residuals are weighted by those of the training; where even the best link leaves more, that is the noise
-    counted = _independent_share(result, rows, _rate(result, loaded)) / max(1.0, best / (rows * n))
+    repeated = _lags(result, rows, _rate(result, loaded)) * _repeats(result, rows)
+    counted = 1.0 / repeated / max(1.0, best / (rows * n))
     # every link has the same four unknowns, so that what each leaves decides
     shares = probabilities([-0.5 * counted * (fit.misfit - best) for fit in fits])
     order = sorted(range(len(fits)), key=lambda k: (-shares[k], -fits[k].estimate.explained))
@@ -308,8 +309,3 @@ def _repeats(result: Identification, rows: int) -> float:
     """Return how often the recordings repeat the excitation's period."""
     period = filter_of(result.model, result.options).period_samples
     return 1.0 if period is None or result.options.terms == "static" else max(1.0, rows / period)
-
-
-def _independent_share(result: Identification, rows: int, rate: float) -> float:
-    """Return which share of the rows counts as independent of each other."""
-    return 1.0 / (_lags(result, rows, rate) * _repeats(result, rows))

@@ -15,7 +15,6 @@ from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
 JaxFunction = Callable[..., Any]
 READABLE = 60  # operations up to which expressions are multiplied out: a RAVEN's three joints
 ROUNDING = 1e-12  # of a coefficient, beside the largest one
-WRITTEN = {"qd": r"\dot{q}", "qdd": r"\ddot{q}", "gravity": "g", "omega": r"\omega", "alpha": r"\alpha"}
 VECTORS = ("gravity", "omega", "alpha")  # whose parts are x, y, z
 
 
@@ -91,19 +90,11 @@ class SymbolicFunction(NamedTuple):
     inputs: dict[str, tuple[Any, ...]]  # SymPy symbols of each input array
     result: Any  # sympy.Matrix; a vector is a column
 
-    def latex(self) -> str:
-        """Return the result for LaTeX, numbers to six digits."""
-        from sympy import latex
-
-        names = {}
-        for array, symbols in self.inputs.items():
-            for symbol in symbols:
-                index = symbol.name.removeprefix(array).lstrip("_")
-                names[symbol] = f"{WRITTEN.get(array, array)}_{{{index}}}"
-        return str(latex(_to_six_digits(self.result), symbol_names=names))
-
     def __str__(self) -> str:
-        rows = _to_six_digits(self.result).tolist()
+        from sympy import Float
+
+        digits = {number: Float(f"{float(number):.6g}") for number in self.result.atoms(Float)}
+        rows = self.result.xreplace(digits).tolist()
         return "\n".join(str(row[0]) if len(row) == 1 else f"[{', '.join(map(str, row))}]" for row in rows)
 
 
@@ -138,9 +129,3 @@ def _multiplied_out(entry: Any) -> Any:
     terms = sympy.expand(TR8(sympy.expand(entry))).as_coefficients_dict()
     largest = max((abs(float(value)) for value in terms.values()), default=0.0)
     return sympy.Add(*(v * term for term, v in terms.items() if abs(float(v)) > ROUNDING * largest))
-
-
-def _to_six_digits(result: Any) -> Any:
-    from sympy import Float
-
-    return result.xreplace({number: Float(f"{float(number):.6g}") for number in result.atoms(Float)})

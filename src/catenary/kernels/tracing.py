@@ -16,6 +16,7 @@ none that does not; the plain recursion spreads it to all.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple, Union
 
 import numpy as np
@@ -29,6 +30,8 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "tanh": np.tanh, "sign": np.sign, "exp": np.exp, "abs": np.abs, "sqrt": np.sqrt, "inverse": np.reciprocal,
 }  # fmt: skip
 ODD = ("tanh", "sign", "inverse")
+ANGLES = ("sin", "cos")
+QUARTERS = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))  # sine and cosine of quarter turns
 
 
 class Operation(NamedTuple):
@@ -86,6 +89,12 @@ class Symbol:
     def __mul__(self, other: Term) -> Term:
         return self.trace.multiply(self, other)
 
+    def __truediv__(self, other: Term) -> Term:
+        return self.trace.multiply(self, self.trace.apply("inverse", other))
+
+    def __rtruediv__(self, other: float) -> Term:
+        return self.trace.multiply(self.trace.apply("inverse", self), other)  # type: ignore[arg-type]  # a symbol
+
     __radd__ = __add__
     __rmul__ = __mul__
 
@@ -109,7 +118,8 @@ class Trace:
     def add(self, x: Symbol, y: Term) -> Term:
         """Return x + y."""
         if not isinstance(y, Symbol):
-            return self._add_constant(x, float(y))
+            x, k = self._without_constant(x)
+            return self._plus(x, float(y) + k)
         x, k = self._without_constant(x)
         y, l = self._without_constant(y)
         return self._plus(self._add_symbols(x, y), k + l)
@@ -127,18 +137,15 @@ class Trace:
     def sine_cosine(self, x: Term) -> tuple[Term, Term]:
         """Return the sine and cosine of an angle; quarter turns that are added to it are taken exactly."""
         if not isinstance(x, Symbol):
-            return _of_constant(float(x))
+            exact = _quarters(float(x))
+            return (math.sin(x), math.cos(x)) if exact is None else QUARTERS[exact % 4]
         x, k = self._without_constant(x)
-        quarters = round(k / (0.5 * math.pi))
-        if abs(k - quarters * 0.5 * math.pi) < 1e-15 * max(1.0, abs(k)):
-            k = 0.0
-        else:
-            quarters = 0
-        angle = self._plus(x, k)
+        quarters = _quarters(k)
+        angle = self._plus(x, k if quarters is None else 0.0)
         assert isinstance(angle, Symbol)
         sine: Term = self._symbol("sin", angle.step, 0, angle.sign)
         cosine: Term = self._symbol("cos", angle.step, 0)
-        for _ in range(quarters % 4):
+        for _ in range((quarters or 0) % 4):
             sine, cosine = cosine, -sine
         return sine, cosine
 
@@ -183,10 +190,6 @@ class Trace:
             x, y = y, x
         return self._symbol("+" if x.sign == y.sign else "-", x.step, y.step, x.sign)
 
-    def _add_constant(self, x: Symbol, k: float) -> Term:
-        x, l = self._without_constant(x)
-        return self._plus(x, k + l)
-
     def _plus(self, x: Term, k: float) -> Term:
         if not isinstance(x, Symbol):
             return x + k
@@ -221,17 +224,29 @@ class Trace:
         return Symbol(self, step.a, x.sign), step.b
 
 
+class TracedFunctions:
+    """Functions of symbols by the names that NumPy has for numbers."""
+
+    def __init__(self, trace: Trace) -> None:
+        """Record on a trace."""
+        self._trace = trace
+
+    def __getattr__(self, name: str) -> Callable[[Term], Term]:
+        if name in ANGLES:
+            return lambda x: self._trace.sine_cosine(x)[ANGLES.index(name)]
+        return partial(self._trace.apply, name)
+
+
 def _operands(step: Operation) -> tuple[int, ...]:
     if step.kind == "in":
         return ()
     return (step.a, int(step.b)) if step.kind in ("+", "-", "*") else (step.a,)
 
 
-def _of_constant(angle: float) -> tuple[float, float]:
+def _quarters(angle: float) -> int | None:
+    """Return how many quarter turns an angle is; None where it is no multiple of one."""
     quarters = round(angle / (0.5 * math.pi))
-    if abs(angle - quarters * 0.5 * math.pi) < 1e-15 * max(1.0, abs(angle)):
-        return ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[quarters % 4]
-    return math.sin(angle), math.cos(angle)
+    return quarters if abs(angle - quarters * 0.5 * math.pi) < 1e-15 * max(1.0, abs(angle)) else None
 
 
 def evaluate(
@@ -259,9 +274,6 @@ def evaluate(
             other = b if kind.endswith("k") else values[int(b)]
             values.append(values[a] * other if "*" in kind else values[a] - other if kind == "-" else values[a] + other)
     return [r if isinstance(r, float) else r[0] * values[r[1]] for r in line.results]
-
-
-ANGLES = ("sin", "cos")
 
 
 def widths_of(line: Line) -> dict[str, int]:

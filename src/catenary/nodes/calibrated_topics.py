@@ -26,7 +26,6 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.clock import SECOND
-from catenary.crtk.gravity_topic import ImuTopic
 from catenary.crtk.inbox import Received
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import pose_message
@@ -45,76 +44,6 @@ from catenary.robots.model import RobotModel
 
 _BOOL = "std_msgs/Bool"
 _NONE = np.empty(0)
-
-
-class CalibratedMessages:
-    """Publishes a corrected arm below a namespace of topics."""
-
-    def __init__(
-        self,
-        transport: Transport,
-        place: str,
-        names: tuple[str, ...],
-        robot: RobotModel,
-        *,
-        pose_type: str,
-        positioning: RobotModel | None = None,
-        with_intervals: tuple[str, ...] = (),
-    ) -> None:
-        """Begin to publish.
-
-        Args:
-            robot: Its kinematics; both jaws may be one joint of it.
-            positioning: Arm of the first joints whose gravity torques are published; None publishes none.
-            with_intervals: Joints whose intervals are published; none publishes none.
-        """
-        self._names = names
-        self._child = "calibrated_tool" if pose_type == TRANSFORM else None
-        self._tool = ToolPose(robot, names)
-        self._positioning = names[: 0 if positioning is None else positioning.n]
-        self._gravity = None if positioning is None else gravity_kernel(positioning)
-        types = {"measured_js": JOINT_STATE, "measured_cp": pose_type, "is_valid": _BOOL}
-        self._with_intervals = with_intervals
-        self._places = [names.index(name) for name in with_intervals]
-        if with_intervals:
-            types["interval"] = JOINT_STATE
-        if positioning is not None:
-            types["gravity_torque"] = JOINT_STATE
-        self._publishers = {verb: transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()}
-        # what is compiled on first use is compiled here, not when messages wait
-        rest = np.zeros(len(names))
-        self._tool.pose(rest)
-        self._torque(rest, rest[:3])
-
-    def publish(self, stamp: int, q: Floats, interval: Floats, state: JointState, *, is_valid: bool) -> None:
-        """Publish a state.
-
-        Args:
-            stamp: [ns] the robot's.
-            q: (n,) corrected positions [rad|m].
-            interval: (n,) half-widths of intervals about them [rad|m].
-            state: What the robot reported: velocities and torques, NaN where it reports none, and gravity.
-        """
-        publishers, joint_state = self._publishers, message_class(JOINT_STATE)
-        qd, tau = (row if np.isfinite(row).all() else _NONE for row in (state.qd, state.tau))
-        publishers["measured_js"].publish(joint_state(header(stamp), self._names, q, qd, tau))
-        base = self._tool.model.base
-        publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, base, child=self._child))
-        publishers["is_valid"].publish(message_class(_BOOL)(is_valid))
-        if self._with_intervals:
-            widths = interval[self._places]
-            publishers["interval"].publish(joint_state(header(stamp), self._with_intervals, widths))
-        if self._gravity is not None:
-            torque = self._torque(q, state.gravity)
-            publishers["gravity_torque"].publish(joint_state(header(stamp), self._positioning, effort=torque))
-
-    def _torque(self, q: Floats, gravity: Floats) -> Floats:
-        return _NONE if self._gravity is None else self._gravity(q[: len(self._positioning)], gravity)
-
-    def close(self) -> None:
-        """Publish no more."""
-        for publisher in self._publishers.values():
-            publisher.close()
 
 
 DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
@@ -171,25 +100,33 @@ class CalibratedTopics:
             client: Of a RAVEN-II's arm, or of a dVRK PSM.
             rate_hz: At which the robot publishes; matters to models with previous positions.
         """
-        self._client = client
-        self._model = model
+        self._client, self._model = client, model
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
-        self._places = [client.joint_names.index(name) for name in model.joint_names]
+        self._names = names = client.joint_names
+        self._places = [names.index(name) for name in model.joint_names]
         kinematics, weight = _robots(client, gravity_torque=gravity_torque)
+        self._tool = ToolPose(kinematics, names)
+        self._child = "calibrated_tool" if client.dialect == "raven" else None
+        types = {
+            "measured_js": JOINT_STATE,
+            "measured_cp": TRANSFORM if client.dialect == "raven" else POSE,
+            "is_valid": _BOOL,
+        }
+        if model.intervals is not None:
+            types["interval"] = JOINT_STATE
+        self._gravity = None if weight is None else gravity_kernel(weight)
+        self._positioning = names[: 0 if weight is None else weight.n]
+        if weight is not None:
+            types["gravity_torque"] = JOINT_STATE
         place = calibrated_namespace(client.arm, client.namespace)
-        self._publisher = CalibratedMessages(
-            client.transport,
-            place,
-            client.joint_names,
-            kinematics,
-            pose_type=TRANSFORM if client.dialect == "raven" else POSE,
-            positioning=weight,
-            with_intervals=() if model.intervals is None else model.joint_names,
-        )
+        self._publishers = {verb: client.transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()}
         n = len(client.joint_names)
         self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+        # what is compiled on first use is compiled here, not when messages wait
         rest = np.zeros(n)
+        self._tool.pose(rest)
+        self._torque(rest, rest[:3])
         self._corrector.correct_state(
             JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside, self._interval
         )
@@ -255,7 +192,8 @@ class CalibratedTopics:
     def close(self) -> None:
         """End its topics; the client stays."""
         self._messages.close()
-        self._publisher.close()
+        for publisher in self._publishers.values():
+            publisher.close()
 
     def _note_silence(self, now: int) -> bool:
         """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
@@ -291,9 +229,27 @@ class CalibratedTopics:
         inside = self._inside[self._places]
         self._outside += ~inside
         is_valid = bool(inside.all()) and not self.stale
-        self._publisher.publish(stamp, self._out, self._interval, state, is_valid=is_valid)
+        self._publish(stamp, state, is_valid=is_valid)
         self._published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
+
+    def _publish(self, stamp: int, state: JointState, *, is_valid: bool) -> None:
+        """Publish what the corrector has made of a state, stamped as the robot did [ns]."""
+        publishers, joint_state, q = self._publishers, message_class(JOINT_STATE), self._out
+        qd, tau = (row if np.isfinite(row).all() else _NONE for row in (state.qd, state.tau))  # NaN: it reports none
+        publishers["measured_js"].publish(joint_state(header(stamp), self._names, q, qd, tau))
+        base = self._tool.model.base
+        publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, base, child=self._child))
+        publishers["is_valid"].publish(message_class(_BOOL)(is_valid))
+        if "interval" in publishers:
+            widths = self._interval[self._places]
+            publishers["interval"].publish(joint_state(header(stamp), self._model.joint_names, widths))
+        if self._gravity is not None:
+            torque = self._torque(q, state.gravity)
+            publishers["gravity_torque"].publish(joint_state(header(stamp), self._positioning, effort=torque))
+
+    def _torque(self, q: Floats, gravity: Floats) -> Floats:
+        return _NONE if self._gravity is None else self._gravity(q[: len(self._positioning)], gravity)
 
     def _is_homed(self) -> bool:
         try:
@@ -322,7 +278,7 @@ def reader_of(
     *,
     dialect: str | None = None,
     namespace: str | None = None,
-    imu: ImuTopic | None = None,
+    gravity: str | None = None,
 ) -> CrtkReader:
     """Return the robot that a model of some joints is deployed beside.
 
@@ -334,4 +290,4 @@ def reader_of(
     kind = kind_with_joints(joints, arm) or KINDS[ROBOT[arm]]
     if kind is not PSM and namespace is not None:
         raise InputError("--namespace: the model is none of a PSM; a RAVEN-II's arms are chosen by --arm")
-    return open_robot(kind.robot, OverTopics(transport, dialect, namespace, imu=imu, only_read=True))
+    return open_robot(kind.robot, OverTopics(transport, dialect, namespace, gravity=gravity, only_read=True))

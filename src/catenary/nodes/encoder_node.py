@@ -1,10 +1,6 @@
 """The encoders at the joints as topics: counts, and positions once they are registered."""
 
-import time
-from collections.abc import Callable
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message_values import Stamps, joint_state_message, operating_state
@@ -15,7 +11,7 @@ from catenary.errors import InputError
 from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 
 STATE_TOPIC = topic_name("raven", "operating_state", "gold")
-_STEP = 0.005  # [s] between looks at the board, which sends on its own
+RATE = 200.0  # [Hz] of looks at the board, which sends on its own
 
 
 class EncoderStatus(NamedTuple):
@@ -79,23 +75,3 @@ class EncoderNode:
         listeners = {name for topic in self.published for name in connections(topic).subscribers}
         reading, is_up = self.board.reading(), self.transport.is_up()
         return EncoderStatus(seconds, reading, self.robot, dict(self.published), len(listeners), is_up)
-
-
-def publish_encoders(
-    node: EncoderNode, *, duration: float | None = None, show: Callable[[EncoderStatus], None] = lambda status: None
-) -> EncoderStatus:
-    """Publish until the duration [s] is over or Ctrl-C; return the last status. `show` gets one every second."""
-    if duration is not None and not duration > 0.0:
-        raise InputError(f"duration: expected more than 0 s, got {duration}")
-    begin = shown = time.monotonic()
-    end = np.inf if duration is None else begin + duration
-    try:
-        while time.monotonic() < end:
-            node.step()
-            if time.monotonic() - shown >= 1.0:
-                shown = time.monotonic()
-                show(node.status(shown - begin))
-            time.sleep(_STEP)
-    except KeyboardInterrupt:
-        pass  # somebody ended it
-    return node.status(time.monotonic() - begin)

@@ -12,7 +12,6 @@ from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
 from catenary.crtk.transport import Latest, Publisher, Transport
 from catenary.dynamics.robot_kernels import gravity_kernel, holding_kernel
-from catenary.errors import InputError
 from catenary.gravity.vendors import vendor_command
 from catenary.robots.model import RobotModel
 from catenary.sensing.checks import Fault
@@ -98,12 +97,15 @@ class GravityNode:
         frame_id: str | None = None,
         urscript: str | None = None,
         arm: LevelBaseArm | None = None,
+        link: Callable[[], dict[str, Any]] = dict,
     ) -> None:
         """Publish on `topic`, of the frame that the sensor's mounting leads to where no other name is given.
 
-        What is live goes also to `urscript`, as programs of set_gravity, and as torques to add for an `arm`.
+        What is live goes also to `urscript`, as programs of set_gravity, and as torques to add for an `arm`; `link`
+        gives counts of the sensor's line or topic.
         """
-        self.transport, self.source = transport, source
+        self.transport, self.source, self._link = transport, source, link
+        self._reading: GravityReading | None = None
         self.frame_id = source.mounting.base if frame_id is None else frame_id
         self.tally, self.published = GravityTally(), 0
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")
@@ -122,7 +124,7 @@ class GravityNode:
         """Read the source now, and publish."""
         time = now_of(self.transport)
         stamp = self._stamps.next(self.transport.steady())
-        reading = self.source.read(time)
+        reading = self._reading = self.source.read(time)
         self.tally.add(reading)
         if reading.status is not ReadingStatus.STOP:
             x, y, z = reading.gravity.tolist()
@@ -164,42 +166,9 @@ class GravityNode:
         program = f"sec catenary_gravity():\n  {vendor_command('ur', reading.gravity)}\nend\n"
         script.publish(message_class("std_msgs/String")(program))
 
-    def subscribers(self) -> int:
-        """Return the number of programs that listen."""
-        return len(self.transport.connections(self._vector.topic).subscribers)
-
-
-def publish_gravity(
-    node: GravityNode,
-    *,
-    rate_hz: float = 100.0,
-    duration: float | None = None,
-    link: Callable[[], dict[str, Any]] = dict,
-    show: Callable[[GravityStatus], None] = lambda status: None,
-) -> GravityStatus:
-    """Publish at a rate until the duration [s] is over, the transport closed, or Ctrl-C; return the last status.
-
-    `show` gets a status every second.
-    """
-    if duration is not None and not duration > 0.0:
-        raise InputError(f"duration: expected more than 0 s, got {duration}")
-    transport = node.transport
-    rate = transport.rate(rate_hz)
-    begin = shown = now_of(transport)
-    reading = node.step()
-
-    def status(now: float) -> GravityStatus:
-        counts = node.published, node.subscribers(), transport.is_up(), link()
-        return GravityStatus(now - begin, reading, *counts, node.frame_id, node.source.remedy, node.complaint)
-
-    now = begin
-    try:
-        while duration is None or now - begin < duration:
-            rate.sleep()
-            reading, now = node.step(), now_of(transport)
-            if now - shown >= 1.0:
-                shown = now
-                show(status(now))
-    except KeyboardInterrupt:
-        pass  # somebody ended it
-    return status(now)
+    def status(self, seconds: float) -> GravityStatus:
+        """Return the status, `seconds` after the begin."""
+        listeners = len(self.transport.connections(self._vector.topic).subscribers)
+        reading = self._reading or self.source.read(now_of(self.transport))
+        counts = self.published, listeners, self.transport.is_up(), self._link()
+        return GravityStatus(seconds, reading, *counts, self.frame_id, self.source.remedy, self.complaint)

@@ -47,7 +47,6 @@ class Serving:
     simulated: Simulated = field(default_factory=lambda: Simulated(homed=False))  # the robot that is served
     with_green: bool = False  # a green arm that moves, in place of a parked one
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
-    torque_arm: str | None = None  # dialect raven: whose servo_jp carries torques of its motors [mNm]
     namespace: str = "/PSM1"  # of a PSM
 
     def __post_init__(self) -> None:
@@ -55,8 +54,6 @@ class Serving:
             raise InputError(f'robot "{self.robot}": expected {" or ".join(SERVED)}, the robots that can be served')
         spoken_dialect(self.robot, self.dialect)
         refuse_unsupported(self.robot, self.simulated)
-        if self.torque_arm is not None and self.dialect != "raven":
-            raise InputError("torques in place of positions go with dialect raven; crtk has servo_jf")
         if self.is_psm:
             if self.with_green:
                 raise InputError(f"robot {self.robot}: has no green arm, which is a RAVEN-II's")
@@ -112,9 +109,7 @@ def make_server(
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
     place = serving.namespace
     listed = (*crtk_topics(place, *arms), *console_topics(place)) if serving.is_psm else None
-    speaker: Dialect = (
-        RavenDialect(arms, torque_arm=serving.torque_arm) if serving.dialect == "raven" else CrtkDialect(arms, listed)
-    )
+    speaker: Dialect = RavenDialect(arms) if serving.dialect == "raven" else CrtkDialect(arms, listed)
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:

@@ -80,20 +80,14 @@ def _state_columns() -> tuple[TopicColumn, ...]:
     )
 
 
-RAVENSTATE = Topic(
-    "/ravenstate", "raven_2/raven_state", 30.0, _state_columns(), "ravenstate", "record_ravenstate", "hdr"
-)
-RAVENSTATE_100HZ = replace(RAVENSTATE, name="ravenstate_100hz", rate=100.0, stem="ravenstate_100hz")
+RAVENSTATE = Topic("/ravenstate", "raven_2/raven_state", 30.0, _state_columns(), "record_ravenstate", "hdr")
+RAVENSTATE_100HZ = replace(RAVENSTATE, name="ravenstate_100hz", rate=100.0)
 STATE_COLUMNS: Mapping[str, TopicColumn] = {column.name: column for column in RAVENSTATE.columns}
-GOLD_MEASURED_JS = joint_topic(
-    MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0, stem="measured_js_gold", bag="record_CRTKmeasurejs"
-)
-GREEN_MEASURED_JS = replace(GOLD_MEASURED_JS, name=MEASURED_JS["green"], stem="measured_js_green")
-EXT_JPOS = joint_topic(
-    "/ext_jpos", "ext_jpos", JOINTS[:3], rate=100.0, stem="ext_jpos", bag="record_ext_jenc"
-)  # fmt: skip
+GOLD_MEASURED_JS = joint_topic(MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0, bag="record_CRTKmeasurejs")
+GREEN_MEASURED_JS = replace(GOLD_MEASURED_JS, name=MEASURED_JS["green"])
+EXT_JPOS = joint_topic("/ext_jpos", "ext_jpos", JOINTS[:3], rate=100.0, bag="record_ext_jenc")
 JOINT_ENC = joint_topic(  # its type is not published; a JointState of counts is taken
-    "/joint_enc", "joint_enc", JOINTS[:3], rate=100.0, stem="joint_enc", bag="record_joint_enc", unit="count"
+    "/joint_enc", "joint_enc", JOINTS[:3], rate=100.0, bag="record_joint_enc", unit="count"
 )
 RAVEN_TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, GOLD_MEASURED_JS, GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
 

@@ -43,9 +43,8 @@ class Block:
         """Return one block of all messages of several."""
         if len(blocks) == 1:
             return blocks[0]
-        return cls(
-            np.concatenate([block.data for block in blocks]), np.concatenate([block.lengths for block in blocks])
-        )
+        every = [cls.of([]), *blocks]
+        return cls(np.concatenate([block.data for block in every]), np.concatenate([block.lengths for block in every]))
 
 
 def chunk_records(chunk: bytes) -> Records:

@@ -2,26 +2,20 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.archives import unpacked
 from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_search import most_unpacked
-from catenary.recording.bag_stream import BagConnection, BagStream, whole_text
-from catenary.recording.journal import About, JournalTopic
-from catenary.recording.journal_reader import JournalReader, is_journal
-from catenary.recording.layout import Encoding
-from catenary.recording.losses import Hole
+from catenary.recording.bag_stream import BagStream, whole_text
+from catenary.recording.journal_reader import FilesInARow, JournalReader, is_journal
+from catenary.recording.losses import Rescue
 from catenary.recording.sqlite_bag import SqliteBag
-from catenary.recording.topic_samples import require_topics
 
 METADATA = "metadata.yaml"
 FILES = (".mcap", ".db3")  # that a ROS 2 bag consists of
@@ -30,47 +24,11 @@ _LISTED = re.compile(r"""(?m)^\s*-\s+(?:&\w+\s+)?["']?([^\s"']+\.(?:mcap|db3)(?:
 _COUNTED = re.compile(r"(?m)^  message_count:\s*(\d+)\s*$")
 
 
-class Source(Protocol):
-    """Messages of a recording, in the order of arrival."""
-
-    @property
-    def path(self) -> Path: ...  # noqa: D102
-    @property
-    def topics(self) -> tuple[JournalTopic, ...]: ...  # noqa: D102
-    @property
-    def connections(self) -> Mapping[str, BagConnection]: ...  # noqa: D102  by topic
-    @property
-    def counts(self) -> Mapping[str, int]: ...  # noqa: D102  of messages, by topic
-    @property
-    def first(self) -> int | None: ...  # noqa: D102  [ns] arrival of the first message
-    @property
-    def about(self) -> About | None: ...  # noqa: D102  None where the file does not say
-    @property
-    def encoding(self) -> Encoding: ...  # noqa: D102
-    @property
-    def problems(self) -> list[str]: ...  # noqa: D102  complete once all messages were read
-    @property
-    def damage(self) -> list[str]: ...  # noqa: D102  those of them that are no mere remarks
-    @property
-    def holes(self) -> list[Hole]: ...  # noqa: D102  where messages are missing that were there
-    @property
-    def ends_early(self) -> bool: ...  # noqa: D102  it was cut off
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all."""
-        ...
-
-    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        """Yield topic, arrival stamps [ns] (N,) and messages, thousands at once."""
-        ...
-
-
-class BagFolder:
+class BagFolder(FilesInARow):
     """A ROS 2 bag (folder): its files in the order of time, what is whole of each."""
 
     def __init__(self, path: Path, *, any_types: bool = False) -> None:
         """Open its files; `any_types` as of `BagStream`."""
-        self.path = path
         stated = _metadata(path)
         listed = listed_files(stated)
         there = sorted(file.name for file in path.iterdir() if file.suffix in FILES)
@@ -78,7 +36,7 @@ class BagFolder:
         missing = [name for name in listed if not (path / name).is_file()]
         is_listed = bool(listed) and not missing
         chosen = [name for name in there if name in listed] if is_listed else there
-        self.damage = [f"{path / name}: is listed in {METADATA} and missing" for name in missing]
+        damage = [f"{path / name}: is listed in {METADATA} and missing" for name in missing]
         self.warnings = list[str]()
         if (path / METADATA).is_file() and not listed:
             read = ", ".join(chosen)
@@ -89,33 +47,23 @@ class BagFolder:
             if name not in chosen
         ]
         self._unpacked = TemporaryDirectory() if packed else None
-        self.parts: list[BagStream | SqliteBag] = []
+        parts = list[BagStream | SqliteBag]()
         for file in (*(path / name for name in chosen), *packed):
             try:
-                self.parts.append(_file(self._plain(file), any_types=any_types))
+                parts.append(_file(self._plain(file), any_types=any_types))
             except FileFormatError as error:
-                self.damage.append(str(error))
-        if not self.parts:
-            raise FileFormatError("; ".join(self.damage) or f"{path}: cannot be read: has no file of a bag")
-        self.parts.sort(key=_start)
-        self.first, self.encoding = self.parts[0].first, self.parts[0].encoding
-        self.about = next((part.about for part in self.parts if part.about is not None), None)
-        self.connections: dict[str, BagConnection] = {}
+                damage.append(str(error))
+        if not parts:
+            raise FileFormatError("; ".join(damage) or f"{path}: cannot be read: has no file of a bag")
+        super().__init__(path, sorted(parts, key=_start))
+        self.damage = [*damage, *(problem for part in self.parts for problem in part.damage)]
         self.counts = Counter[str]()
-        types: dict[str, JournalTopic] = {}
         for part in self.parts:
             self.counts.update(part.counts)
-            self.connections |= part.connections
-            self.damage += part.damage
-            for topic in part.topics:
-                if types.setdefault(topic.name, topic) != topic:
-                    raise FileFormatError(f"{part.path}: topic {cut(topic.name)}: is of another type than before")
-        self.topics = tuple(types.values())
         held = sum(self.counts.values()) + sum(part.about is not None for part in self.parts)
         counted = _COUNTED.search(stated)
         if counted and held < int(counted[1]) and not self.damage:
             self.warnings.append(f"{path}: {METADATA} counts {counted[1]} messages, its files hold {held}")
-        self.holes = list[Hole]()
         self.ends_early = self.parts[-1].ends_early or listed[-1:] == missing[-1:] != []
 
     @property
@@ -123,26 +71,12 @@ class BagFolder:
         """What was said of the folder, and what is missing."""
         return [f"warning: {problem}" for problem in dict.fromkeys([*self.warnings, *self.damage])]
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, file by file."""
-        for part, here in self._read(topics):
-            yield from part.messages(here)
-
-    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        """Yield topic, arrival stamps [ns] (N,) and messages, file by file."""
-        for part, here in self._read(topics):
-            yield from part.blocks(here)
-
-    def _read(self, topics: Collection[str] | None) -> Iterator[tuple[BagStream | SqliteBag, list[str]]]:
-        """Yield the files with the topics that are wanted of them, each to be read to its end."""
-        require_topics(self.path, topics, [topic.name for topic in self.topics])
-        holes: list[Hole] = []
-        for part in self.parts:
-            here = [t.name for t in part.topics if topics is None or t.name in topics]
-            if here:
-                yield part, here
-            holes += [*part.holes, *([(part.last if here else None, None)] if self.damage else [])]
-        self.holes = holes
+    def _each(self) -> Iterator[tuple[BagStream | SqliteBag, list[str]]]:
+        """Yield the files; where one is missing or damaged, nobody knows what lies between it and the next."""
+        self.holes = []
+        for part, topics in super()._each():
+            yield part, topics
+            self.holes += [*part.holes, *([(part.last, None)] if self.damage else [])]
 
     def _plain(self, file: Path) -> Path:
         """Return a file, or one that was packed as a whole in a folder of its own, unpacked."""
@@ -155,6 +89,9 @@ class BagFolder:
             why = f"is packed, and was not read: {cut(str(error))}"
             raise FileFormatError(f"{file}: {why}; `zstd -d {file.name}` unpacks it") from error
         return plain
+
+
+Source = BagStream | SqliteBag | BagFolder | JournalReader  # of messages, in the order of arrival
 
 
 def _start(source: Source) -> int:
@@ -195,10 +132,8 @@ def _file(path: Path, *, any_types: bool) -> BagStream | SqliteBag:
 def open_recording(path: Path, *, salvage: bool = False, any_types: bool = False) -> Source:
     """Open a journal (folder or file), a ROS 1 bag, an MCAP file, a SQLite file or a ROS 2 bag (folder).
 
-    Args:
-        path: Of the recording.
-        salvage: Open a bag, too, that was cut off or is damaged, to read what is whole.
-        any_types: Types that bear the names of ours may differ from them.
+    `salvage` opens a bag, too, that was cut off or is damaged, to read what is whole; with `any_types` types that bear
+    the names of ours may differ from them.
     """
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
@@ -221,12 +156,20 @@ def open_recording(path: Path, *, salvage: bool = False, any_types: bool = False
 
 
 def open_recordings(paths: Sequence[Path], *, salvage: bool = False) -> tuple[Source, ...]:
-    """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them.
-
-    `salvage` as in `open_recording`.
-    """
+    """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them."""
     found = [bag for path in paths for bag in bags_in(path)]
     if not found:
         raise FileFormatError("recording: expected at least one file, got none")
     sources = [open_recording(path, salvage=salvage) for path in found]
     return tuple(sorted(sources, key=_start) if len(sources) > 1 else sources)
+
+
+def rescue_of(sources: Sequence[Source]) -> Rescue:
+    """Read when all messages of a recording's files arrived, and what is missing; the files' `damage` is then known."""
+    arrivals = {topic.name: [np.zeros(0, dtype=np.int64)] for source in sources for topic in source.topics}
+    for source in sources:
+        for topic, arrived, _ in source.blocks([topic.name for topic in source.topics]):
+            arrivals[topic].append(arrived)
+    holes = [hole for source in sources for hole in source.holes]
+    each = {topic: np.concatenate(there) for topic, there in arrivals.items()}
+    return Rescue.of(each, holes, ends_early=any(source.ends_early for source in sources))

@@ -1,4 +1,4 @@
-"""The records of a bag, read within bounds, and in a damaged one the next chunk and the next message.
+"""The records of a bag, read within bounds, and in a damaged one the next chunk.
 
 [wiki.ros.org/Bags/Format/2.0, mcap.dev/spec]
 """
@@ -21,7 +21,6 @@ _REACH = 128  # [B] of a chunk's head; more than any has
 _ROS1_CHUNK = re.compile(rb"op=\x05")
 # op 6, length, times, size, checksum, then the name of the compression [mcap.dev/spec]
 _MCAP_CHUNK = re.compile(rb"\x06(?=.{36}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd))", re.DOTALL)
-_MESSAGE_HEAD = 38  # [B] of a message's header: conn, op, time [wiki.ros.org/Bags/Format/2.0]
 _PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a message in CDR begins with 0
 # what reading damaged bytes raises
 DAMAGE = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
@@ -35,18 +34,6 @@ def next_chunk(file: BinaryIO, position: int, size: int) -> int | None:
 def next_mcap_chunk(file: BinaryIO, position: int, size: int) -> int | None:
     """Return where the next chunk of an MCAP file begins, or None; the file is left anywhere."""
     return _found(file, position, size, _MCAP_CHUNK, _mcap_chunk)
-
-
-def next_message(chunk: bytes, position: int) -> int | None:
-    """Return where the next message of a ROS 1 bag's chunk begins, or None."""
-    mark = _U32.pack(_MESSAGE_HEAD)
-    while (position := chunk.find(mark, position)) >= 0:
-        head = _fields(chunk[position + 4 : position + 4 + _MESSAGE_HEAD])
-        end = position + 4 + _MESSAGE_HEAD
-        if head.get(b"op") == b"\x02" and head.keys() == {b"op", b"conn", b"time"} and end + 4 <= len(chunk):
-            return position
-        position += 1
-    return None
 
 
 def _found(

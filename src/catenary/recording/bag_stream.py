@@ -35,14 +35,13 @@ from catenary.recording.bag_search import (
     header_fields,
     next_chunk,
     next_mcap_chunk,
-    next_message,
     sized,
     text_at,
 )
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, PASS, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
-from catenary.recording.messages import check_ros1_type, check_type, current_name
+from catenary.recording.messages import check_type, current_name
 from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -53,7 +52,7 @@ _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _METADATA, _DATA_END = (1, 2, 3, 4, 5, 6, 12, 15)
 LONGEST_REMARK = 500  # characters
 _LAST_KIND = 15  # of MCAP's records
-_MOST_PROBLEMS, _MOST_PIECES = 1000, 100  # that are told one by one; that a chunk is read in
+_MOST_PROBLEMS = 1000  # that are told one by one
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
 
@@ -95,9 +94,7 @@ class BagStream:
                 begin = file.read(len(ROS1_MAGIC))
         except OSError as problem:
             raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
-        self.is_journal = self.is_last = (
-            False  # messages are numbered; it says that it is the last file of its recording
-        )
+        self.is_journal = self.is_last = False  # messages are numbered; it is the last file of its recording
         self.lost = 0  # numbered messages that are missing
         self.remarks: list[str] = []  # of the recorder
         self._following: dict[str, int] = {}  # number of the next message, by topic
@@ -111,14 +108,14 @@ class BagStream:
         self.encoding: Encoding = "ros1" if self.is_ros1 else "cdr"
         self.about: About | None = None
         self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
-        self._types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         for name, number, first in self._guarded(self._counts):
             if name == ABOUT_TOPIC:
                 self.about = about_of(path, first, self.encoding)
             else:
                 self.counts[name] = self.counts.get(name, 0) + number
-        self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
+        types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
+        self.topics = tuple(JournalTopic(*each) for each in types.items())
 
     @property
     def problems(self) -> list[str]:
@@ -127,7 +124,7 @@ class BagStream:
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
-        require_topics(self.path, topics, self._types)
+        require_topics(self.path, topics, self.connections)
         for message in self._guarded(self._messages):
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
@@ -234,31 +231,20 @@ class BagStream:
             self.damage.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
     def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
-        """Yield every chunk with the records of its messages; again, with those behind it, where it is damaged."""
+        """Yield every chunk with the records of its messages; of one that is damaged those before the damage."""
         for chunk in self._unpacked(file, size):
-            position: int | None = 0
-            for _ in range(_MOST_PIECES):
-                records = chunk_records(chunk[position:] if position else chunk)
-                records[:, HEADER:] += position or 0
-                damaged = np.flatnonzero(records[:, KIND] < 0)
-                whole = records[: damaged[0]] if len(damaged) else records  # what comes before it can be read
-                end = int(whole[-1, END]) if len(whole) else position or 0
-                for row in whole[whole[:, KIND] == _CONNECTION].tolist():
-                    self._bag_connection(chunk, row, file)
-                messages = whole[whole[:, KIND] == _MESSAGE]
-                known = np.isin(messages[:, CONNECTION], list(self._names))
-                if not known.all():
-                    self._damaged(f"before byte {file.tell()}: {(~known).sum()} messages of no known topic")
-                    messages = messages[known]
-                if len(messages):
-                    self._heard(int(messages[0, TIME]), int(messages[-1, TIME]))
-                yield chunk, messages
-                position = next_message(chunk, end + 1) if end < len(chunk) else None
-                if position is None:
-                    if end < len(chunk) and not self.ends_early:
-                        self._damaged(f"before byte {file.tell()}: {len(chunk) - end} bytes of a chunk")
-                    break
-                self._damaged(f"before byte {file.tell()}: {position - end} bytes of a chunk")
+            records = chunk_records(chunk)
+            damaged = np.flatnonzero(records[:, KIND] < 0)
+            whole = records[: damaged[0]] if len(damaged) else records
+            for row in whole[whole[:, KIND] == _CONNECTION].tolist():
+                with self._damage_told(file.tell()):
+                    about = header_fields(chunk[row[HEADER] : row[DATA] - 4])
+                    topic = field_of(about, b"topic")
+                    self._connection(row[CONNECTION], topic, header_fields(chunk[row[DATA] : row[END]]))
+            yield chunk, whole[whole[:, KIND] == _MESSAGE]
+            left = len(chunk) - (int(whole[-1, END]) if len(whole) else 0)
+            if left and not self.ends_early:
+                self._damaged(f"before byte {file.tell()}: the last {left} bytes of a chunk")
 
     def _heard(self, first: int, last: int) -> None:
         """Note when messages arrived [ns]."""
@@ -267,7 +253,18 @@ class BagStream:
         self._last, self.first = last, first if self.first is None else self.first
 
     def _chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
-        return (self._bag_chunks if self.is_ros1 else self._mcap_chunks)(file, size)
+        """Yield every chunk with the records of the messages of known topics in it."""
+        for chunk, messages in (self._bag_chunks if self.is_ros1 else self._mcap_chunks)(file, size):
+            known = np.isin(messages[:, CONNECTION], list(self._names))
+            strange = ~known & ~np.isin(messages[:, CONNECTION], list(self._unread))
+            if strange.any():
+                self._damaged(f"before byte {file.tell()}: {strange.sum()} messages of no known topic")
+            messages = messages if known.all() else messages[known]
+            if self.is_journal:
+                self._numbered(chunk, messages)
+            if len(messages):
+                self._heard(int(messages[0, TIME]), int(messages[-1, TIME]))
+            yield chunk, messages
 
     def _messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records in self._chunks(file, size):
@@ -292,16 +289,6 @@ class BagStream:
             if self.is_journal:  # whose topics all stand before its first message; it is not read twice
                 return
 
-    def _bag_connection(self, chunk: bytes, row: list[int], file: BinaryIO) -> None:
-        """Keep a connection's topic."""
-        try:
-            values = header_fields(chunk[row[HEADER] : row[DATA] - 4])
-            self._connection(row[CONNECTION], field_of(values, b"topic"), header_fields(chunk[row[DATA] : row[END]]))
-        except FileFormatError:
-            raise
-        except DAMAGE as problem:
-            self._damaged(f"before byte {file.tell()}: a topic's record: {problem!r}")
-
     def _connection(self, number: int, topic: bytes, about: dict[bytes, bytes]) -> None:
         """Check and keep the type of a connection's topic."""
         name, kind = topic.decode(), field_of(about, b"type").decode()
@@ -310,21 +297,18 @@ class BagStream:
             field_of(about, b"message_definition").decode(errors="replace"),
         )
         if not self._any_types:
-            check_ros1_type(self.path, name, kind, md5, text)
+            check_type(self.path, name, kind, text, ros=1)
         self._keep(number, BagConnection(name, kind, md5, text))
 
     def _keep(self, number: int, connection: BagConnection) -> None:
         """Keep a topic and its type."""
         name, kind = connection.topic, current_name(connection.type)
-        if name not in self._types and len(self._types) >= MOST_TOPICS:
+        known = current_name(self.connections.setdefault(name, connection).type)
+        if len(self.connections) > MOST_TOPICS:
             raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
-        known = self._types.setdefault(name, kind)
         if known != kind:
-            raise FileFormatError(
-                f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(connection.type)}"
-            )
+            raise FileFormatError(f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(kind)}")
         self._names[number] = name
-        self.connections.setdefault(name, connection)
 
     def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk of MCAP with the records of its messages."""
@@ -349,11 +333,11 @@ class BagStream:
                     for row in records[np.isin(records[:, KIND], (_SCHEMA, _CHANNEL))].tolist():
                         with self._damage_told(start):
                             self._mcap_record(row[KIND], inside[row[HEADER] : row[END]], schemas)
-                    yield inside, self._numbered(inside, records[records[:, KIND] == _MCAP_MESSAGE])
+                    yield inside, records[records[:, KIND] == _MCAP_MESSAGE]
                     if is_whole and len(inside) != (records[-1, END] if len(records) else 0):
                         raise ValueError("its records do not fill it")
             elif kind == _MCAP_MESSAGE and is_whole and not is_over:
-                yield head + data, self._numbered(head + data, mcap_chunk_records(head + data))
+                yield head + data, mcap_chunk_records(head + data)
             elif is_whole and (not is_over or kind in (_SCHEMA, _CHANNEL)):
                 with self._damage_told(start):
                     self._mcap_record(kind, data, schemas)
@@ -383,27 +367,17 @@ class BagStream:
             raise ValueError("its checksum is another: none of it is read")
         return inside
 
-    def _numbered(self, chunk: bytes, messages: Records) -> Records:
-        """Return messages of known topics; notice numbers that are missing, or come again, and when they arrived."""
-        known = np.isin(messages[:, CONNECTION], list(self._names))
-        if not known.all():
-            strange = ~known & ~np.isin(messages[:, CONNECTION], list(self._unread))
-            if strange.any():
-                self._damaged(f"{strange.sum()} messages of no known topic")
-            messages = messages[known]
-        if self.is_journal:
-            for channel in dict.fromkeys(messages[:, CONNECTION].tolist()):
-                own, name = messages[messages[:, CONNECTION] == channel], self._names[channel]
-                places = own[:, HEADER, None] + np.arange(2, 6)
-                numbers = np.frombuffer(chunk, dtype=np.uint8)[places].view("<u4")[:, 0].astype(np.int64)
-                if numbers[0] == self._following.get(name, 0) and (np.diff(numbers) == 1).all():
-                    self._following[name] = int(numbers[-1]) + 1
-                    continue
-                for number, arrival in zip(numbers.tolist(), own[:, TIME].tolist(), strict=True):
-                    self._count(name, number, arrival)
-        if len(messages):
-            self._heard(int(messages[0, TIME]), int(messages[-1, TIME]))
-        return messages
+    def _numbered(self, chunk: bytes, messages: Records) -> None:
+        """Notice a journal's numbers that are missing, or come again, and when they arrived."""
+        for channel in dict.fromkeys(messages[:, CONNECTION].tolist()):
+            own, name = messages[messages[:, CONNECTION] == channel], self._names[channel]
+            places = own[:, HEADER, None] + np.arange(2, 6)
+            numbers = np.frombuffer(chunk, dtype=np.uint8)[places].view("<u4")[:, 0].astype(np.int64)
+            if numbers[0] == self._following.get(name, 0) and (np.diff(numbers) == 1).all():
+                self._following[name] = int(numbers[-1]) + 1
+                continue
+            for number, arrival in zip(numbers.tolist(), own[:, TIME].tolist(), strict=True):
+                self._count(name, number, arrival)
 
     @contextlib.contextmanager
     def _damage_told(self, start: int) -> Iterator[None]:
@@ -483,7 +457,7 @@ def whole_text(counts: Mapping[str, int]) -> str:
     if not counts:
         return "no whole message is in it, nothing can be saved"
     found = ", ".join(f"{count} messages of {topic}" for topic, count in counts.items())
-    return f"{found} can be saved: extract(..., salvage=True) reads them"
+    return f"{found} can be saved: `catenary recover` writes them"
 
 
 def about_of(path: Path, data: bytes, encoding: Encoding) -> About:

@@ -8,6 +8,7 @@ in a bag for one of that topic.
 
 import contextlib
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -24,23 +25,18 @@ from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE, topic_name
 
 log = logging.getLogger(__name__)
 BagKind = Literal["ros1", "mcap"]
-MAX_MESSAGES = 500_000  # of a bag: readers hold about 170 bytes of index per message in memory
 ROS2_VERSION: Literal[8] = 8  # of metadata.yaml, as ROS 2 Jazzy reads it
 
 
 def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tuple[Path, ...]:
     """Write a recording as RAVEN's group does, one bag per topic, for programs that read all of a bag.
 
-    A bag is a `.bag` file, or a ROS 2 bag with MCAP in it, which is a folder. Beyond half a million messages further
-    bags follow, named `<name>_1` and so on. What is damaged in the source is left out; its `problems` say what, and
-    are logged.
+    A bag is a `.bag` file, or a ROS 2 bag with MCAP in it, which is a folder. What is damaged in the source is left
+    out; its `problems` say what, and are logged.
 
     They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc, with nothing in them but /ravenstate,
     measured_js and /ext_jpos [raven2_CRTK_Python_controller, r2_enc_CRTK_recorder.launch]; beside these
     record_joint_enc, record_other for other topics, and record_about, which says of which robot they are.
-
-    Returns:
-        What was written, in order.
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:
@@ -50,30 +46,29 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
             )
         )
     suffix = ".bag" if kind == "ros1" else ""
-    bags: dict[str, _Bag] = {}  # by name
-    of_topic: dict[str, _Bag] = {}
+    topics: dict[str, dict[str, str]] = {}  # of each bag, and their types
     for topic in source.topics:
         known = topic_named(topic.name)
-        name = "record_other" if known is None else known.bag
-        of_topic[topic.name] = bags.setdefault(name, _Bag(folder / f"{name}{suffix}", kind, source.encoding))
-        of_topic[topic.name].types[topic.name] = current_name(topic.type)
-    stated = None if source.about is None else _Bag(folder / f"record_about{suffix}", kind, "ros1")
-    if stated is not None:
-        stated.types[ABOUT_TOPIC] = ABOUT_TYPE
-        bags["record_about"] = stated
+        of_bag = topics.setdefault("record_other" if known is None else known.bag, {})
+        of_bag[topic.name] = current_name(topic.type)
+    if source.about is not None:
+        topics["record_about"] = {ABOUT_TOPIC: ABOUT_TYPE}
+    suffix = ".bag" if kind == "ros1" else ""
+    bags = list[_Bag]()
     try:
-        for bag in bags.values():
-            bag.open()
+        for name, types in topics.items():
+            bags.append(_Bag(folder / f"{name}{suffix}", kind, types))
+        of_topic = {topic: bag for bag in bags for topic in bag.types}
         for place, (topic_name, stamp, data) in enumerate(source.messages()):
-            if place == 0 and stated is not None and source.about is not None:
-                text = {"data": source.about.as_json()}
-                stated.write(ABOUT_TOPIC, stamp, blank_messages(ABOUT_TYPE, 1, text, {}).tobytes())
-            of_topic[topic_name].write(topic_name, stamp, data)
+            if place == 0 and source.about is not None:
+                text = blank_messages(ABOUT_TYPE, 1, {"data": source.about.as_json()}, {}).tobytes()
+                of_topic[ABOUT_TOPIC].write(ABOUT_TOPIC, stamp, text, "ros1")
+            of_topic[topic_name].write(topic_name, stamp, data, source.encoding)
         for problem in source.problems:
             log.warning("%s", problem)
-        return tuple(path for bag in bags.values() for path in bag.close())
+        return tuple(bag.close() for bag in bags)
     except BaseException as error:
-        for bag in bags.values():
+        for bag in bags:
             with contextlib.suppress(OSError):  # the disk may be full
                 bag.abort()
         if isinstance(error, OSError):
@@ -82,27 +77,18 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
 
 
 class _Bag:
-    """Writes a bag, and further ones when it grows too long."""
+    """Writes a bag."""
 
-    def __init__(self, path: Path, kind: BagKind, given: Encoding) -> None:
-        self.types: dict[str, str] = {}  # of messages, by topic
-        self._first, self._kind, self._given = path, kind, given
+    def __init__(self, path: Path, kind: BagKind, types: Mapping[str, str]) -> None:
+        self.types = types  # of messages, by topic
+        self._path, self._part = path, path.with_name(f"{path.name}.part")
         self._encoding: Encoding = "ros1" if kind == "ros1" else "cdr"
-        self._done: list[Path] = []
-        self._writer: Writer1 | Writer2 | None = None
-        self._messages = 0
-
-    def open(self) -> None:
-        number = len(self._done)
-        first = self._first
-        self._path = first if number == 0 else first.with_name(f"{first.stem}_{number}{first.suffix}")
-        self._part = self._path.with_name(f"{self._path.name}.part")
-        for path in (self._path, self._part):
-            if path.exists():
-                raise InputError(f"{path}: exists already, and is never overwritten")
+        for there in (self._path, self._part):
+            if there.exists():
+                raise InputError(f"{there}: exists already, and is never overwritten")
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._messages = 0
-        if self._kind == "ros1":
+        self._writer: Writer1 | Writer2
+        if kind == "ros1":
             self._writer, store = Writer1(self._part), typestore(1)
         else:
             self._writer = Writer2(self._part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP)
@@ -113,14 +99,9 @@ class _Bag:
             for topic, name in self.types.items()
         }
 
-    def write(self, topic: str, stamp: int, data: bytes) -> None:
-        if self._messages >= MAX_MESSAGES:
-            self._finish()
-            self.open()
-        if self._writer is None:
-            raise InputError(f"{self._path}: is closed")
+    def write(self, topic: str, stamp: int, data: bytes, given: Encoding) -> None:
         converted: bytes | memoryview = data
-        if self._given != self._encoding:
+        if given != self._encoding:
             store = typestore(2)  # its converters know that ROS 2's header lacks seq
             convert = store.cdr_to_ros1 if self._encoding == "ros1" else store.ros1_to_cdr
             try:
@@ -130,21 +111,11 @@ class _Bag:
                     f"{self._path}: topic {topic}: {len(data)} bytes are no {self.types[topic]}: {error!r}"
                 ) from error
         self._writer.write(self._connections[topic], stamp, converted)
-        self._messages += 1
 
-    def close(self) -> list[Path]:
-        self._finish()
-        return self._done
+    def close(self) -> Path:
+        self._writer.close()
+        return self._part.rename(self._path)
 
     def abort(self) -> None:
         """Leave what is whole; what is not keeps its other name."""
-        if self._writer is not None:
-            self._writer.abort()
-
-    def _finish(self) -> None:
-        if self._writer is None:
-            return
-        self._writer.close()
-        self._writer = None
-        self._part.rename(self._path)
-        self._done.append(self._path)
+        self._writer.abort()

@@ -34,7 +34,6 @@ MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
 _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA, _DATA_END = 7, 8, 11, 12, 15
 FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
-MAX_HEADER = 2**20  # [B] of what stands before each chunk; a recording of all topics has some 10 kB
 CHUNK = 2**16  # [B] from which on the next message begins another chunk: damage costs one
 MAX_BYTES = 64 * 2**20  # of a file
 MAX_PENDING = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
@@ -184,8 +183,6 @@ class JournalWriter:
         self._topics = b"".join(_topic_records(i, topic) for i, topic in enumerate(topics))
         self._begins = 0.0 if after is None else after.begins
         head = len(self._begin())
-        if head > MAX_HEADER:
-            raise InputError(f"{folder}: topics and configuration take {head} bytes, expected {MAX_HEADER} at most")
         if max_bytes < 2 * head:
             raise InputError(f"{folder}: files of {max_bytes} bytes, but each begins with {head}; allow more")
         self._max_bytes = max_bytes

@@ -1,19 +1,20 @@
 """A journal as it is found: whole, torn by a crash, or damaged; what is whole is read, what is not is counted."""
 
-from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.documents import cut
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_stream import BagConnection, BagStream
 from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, LeftOff, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
+from catenary.recording.sqlite_bag import SqliteBag
 from catenary.recording.topic_samples import require_topics
 
 
@@ -28,42 +29,75 @@ def is_journal(path: Path) -> bool:
     return LIBRARY.encode() in begin and begin.startswith(MAGIC)
 
 
-class JournalReader:
+class FilesInARow:
+    """A recording in several files, each read to its end before the next."""
+
+    def __init__(self, path: Path, parts: Sequence[BagStream | SqliteBag]) -> None:
+        """Take in what the files say of their topics."""
+        self.path, self.parts = path, parts
+        self.connections: dict[str, BagConnection] = {}
+        types: dict[str, JournalTopic] = {}
+        for part in parts:
+            self.connections |= part.connections
+            for topic in part.topics:
+                if types.setdefault(topic.name, topic) != topic:
+                    raise FileFormatError(f"{part.path}: topic {cut(topic.name)}: is of another type than before")
+        self.topics = tuple(types.values())
+        self.encoding: Encoding = parts[0].encoding if parts else "ros1"
+        self.about: About | None = next((part.about for part in parts if part.about is not None), None)
+        self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
+
+    @property
+    def first(self) -> int | None:
+        """Arrival of the first message [ns]."""
+        return next((part.first for part in self.parts if part.first is not None), None)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, file by file."""
+        require_topics(self.path, topics, [topic.name for topic in self.topics])
+        for part, there in self._each():
+            yield from part.messages([name for name in there if topics is None or name in topics])
+
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages, file by file."""
+        for part, there in self._each():
+            yield from part.blocks([name for name in there if name in topics])
+
+    def _each(self) -> Iterator[tuple[BagStream | SqliteBag, list[str]]]:
+        """Yield the files and their topics; a file is read to its end before the next is asked for."""
+        for part in self.parts:
+            yield part, [topic.name for topic in part.topics]
+
+
+class JournalReader(FilesInARow):
     """Reads a recording: its folder, or one of its files.
 
     What was missing or damaged is known when `messages` has been read to its end.
     """
 
-    encoding: Encoding = "ros1"
+    parts: Sequence[BagStream]
 
     def __init__(self, path: Path) -> None:
         """Find the topics."""
-        self.path = path
         files = sorted(filter(is_journal_name, path.glob("*.mcap"))) if path.is_dir() else [path]
         if not files or not files[0].is_file():
             raise FileFormatError(f"{path}: no journal there; expected a folder of .mcap files, or one")
-        self._parts, self._unread = list[BagStream](), list[str]()
+        parts, self._unread = list[BagStream](), list[str]()
         for file in files:
             if file.stat().st_size == 0:  # killed between making the file and writing to it
                 self._unread.append(f"{file}: is empty")
                 continue
             try:
-                self._parts.append(BagStream(file))
+                parts.append(BagStream(file))
             except FileFormatError as error:
                 if not str(error).endswith("nothing in it can be saved"):
                     raise
                 self._unread.append(str(error))
-        self.connections: dict[str, BagConnection] = {}
-        for part in self._parts:
-            self.connections |= part.connections
-        self.topics = tuple(JournalTopic(name, one.type) for name, one in self.connections.items())
+        super().__init__(path, parts)
         if not self.topics:
             raise FileFormatError(f"{path}: no whole topic in its {len(files)} file(s): nothing can be read")
-        self.about: About | None = next((part.about for part in self._parts if part.about is not None), None)
-        self.received = dict[str, int]()  # messages by topic
-        self.damage, self.remarks = list[str](), list[str]()  # in words, with places; of the recorder, of no loss
-        self.lost, self.holes = 0, list[Hole]()  # messages that are known to be missing, and where
-        self.ends_early = False  # the recording was not finished, but cut off
+        self.remarks = list[str]()  # of the recorder, of no loss
+        self.lost = 0  # messages that are known to be missing
 
     def left_off(self, *, in_passes: bool) -> LeftOff | None:
         """Return from where it goes on: from its last whole pass, or its last message; None where nothing is kept.
@@ -71,8 +105,8 @@ class JournalReader:
         A pass is whole when the next one has begun.
         """
         files = sorted(filter(is_journal_name, self.path.glob("*.mcap")))
-        last_pass = max((part.begins for part in self._parts if part.begins is not None), default=0.0)
-        kept = [part for part in self._parts if not in_passes or (part.begins is not None and part.begins < last_pass)]
+        last_pass = max((part.begins for part in self.parts if part.begins is not None), default=0.0)
+        kept = [part for part in self.parts if not in_passes or (part.begins is not None and part.begins < last_pass)]
         numbers: dict[str, int] = {}
         last: int | None = None
         for part in kept:
@@ -84,57 +118,33 @@ class JournalReader:
             return None
         dropped = tuple(file for file in files if in_passes and file not in [part.path for part in kept])
         part_number = int(dropped[0].stem if dropped else files[-1].stem) + (not dropped)
-        whole = [part for part in self._parts if part.begins == last_pass]
+        whole = [part for part in self.parts if part.begins == last_pass]
         first = next((part.first for part in whole if part.first is not None), last)
         begins = last_pass if in_passes else last_pass + (last - first) * 1e-9
         return LeftOff(begins, part_number, numbers, last, dropped)
 
-    @property
-    def first(self) -> int | None:
-        """Arrival of the first message [ns]."""
-        return next((part.first for part in self._parts if part.first is not None), None)
-
     @cached_property
     def counts(self) -> dict[str, int]:
         """Number of messages by topic."""
-        return dict(Counter(name for name, _, _ in self.messages()))
+        found = {topic.name: 0 for topic in self.topics}
+        for name, arrivals, _ in self.blocks(found):
+            found[name] += len(arrivals)
+        return found
 
     @property
     def problems(self) -> list[str]:
         """What was found missing or damaged so far, in words, and the recorder's own notes."""
         return [*self.damage, *self.remarks]
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
-
-        Args:
-            topics: Those to give; None for all. All are counted.
-        """
-        require_topics(self.path, topics, [topic.name for topic in self.topics])
-        for part in self._read():
-            for name, arrival, data in part.messages():
-                self.received[name] += 1
-                if topics is None or name in topics:
-                    yield name, arrival, data
-
-    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        """Yield topic, arrival stamps [ns] (N,) and messages of every chunk, no object for each."""
-        for part in self._read():
-            for name, arrivals, block in part.blocks({topic.name for topic in self.topics}):
-                self.received[name] += len(block)
-                if name in topics:
-                    yield name, arrivals, block
-
-    def _read(self) -> Iterator[BagStream]:
-        """Yield the files, each to be read to its end; then it is known what is missing."""
-        self.received = dict.fromkeys((topic.name for topic in self.topics), 0)
+    def _each(self) -> Iterator[tuple[BagStream, list[str]]]:
+        """Yield the files; behind the last one it is known what is missing."""
         self.damage, self.remarks, self.lost, self.holes = list(self._unread), [], 0, []
         self.ends_early = True
         following: dict[str, int] = {}  # number of the next message, by topic
         last: int | None = None  # [ns] arrival of the message before
-        for part in self._parts:
+        for part in self.parts:
             part.follow(following, last)
-            yield part
+            yield part, [topic.name for topic in part.topics]
             self.ends_early, last = not part.is_last, part.last
             self.lost += part.lost
             self.holes += part.holes

@@ -94,11 +94,8 @@ def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = 
 
     Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored.
 
-    Args:
-        name: Message type.
-        data: One serialised message.
-        encoding: ROS 1's own, or CDR with its four bytes in front, little-endian.
-        fields_of: What the types hold; those that catenary knows by default.
+    `data` is in ROS 1's encoding, or in CDR with its four bytes in front, little-endian; `fields_of` says what types
+    hold, by default those that catenary knows.
     """
 
     def size_of(path: str, offset: int) -> int:
@@ -156,11 +153,7 @@ def _blank(name: str, texts: tuple[tuple[str, str], ...], counts: tuple[tuple[st
 def blank_messages(name: str, number: int, texts: Mapping[str, str], counts: Mapping[str, int]) -> NDArray[np.void]:
     """Return ROS 1 messages with all numbers zero, to be filled field by field.
 
-    Args:
-        name: Message type.
-        number: How many.
-        texts: Strings by path, such as `name.0`; others are empty.
-        counts: Lengths of sequences by path; others are empty.
+    Strings and lengths of sequences are given by path, such as `name.0`; others are empty.
     """
     blank = _blank(name, tuple(texts.items()), tuple(counts.items()))
     return _records(bytearray(blank * number), layout_of(name, blank, "ros1"), number)

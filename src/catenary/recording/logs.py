@@ -226,12 +226,7 @@ def _columns(log: MotionLog) -> dict[str, tuple[NDArray[Any], str]]:
 
 
 def read_parquet(path: Path) -> MotionLog:
-    """Read a log that `write_parquet` or the extraction wrote.
-
-    Raises:
-        FileFormatError: Damaged, not a motion log, or a column is missing or of another type.
-        InputError: The numbers are not a log.
-    """
+    """Read a log that `write_parquet` wrote."""
     from catenary.recording.parquet_files import open_parquet, read_table
 
     try:

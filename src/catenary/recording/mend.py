@@ -119,7 +119,7 @@ def mends_of(logs: Sequence[MotionLog]) -> dict[str, tuple[str, ...]]:
 
 def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
     """Return the key of a step in `settled`, and its text as it holds for recordings in another order."""
-    array, words = _parts(text)
+    array, words = units_of(text)
     if step == "units":
         words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
     elif step in ("swap", "sign", "scale"):
@@ -140,18 +140,11 @@ def si_units(units: Sequence[str]) -> tuple[str, ...]:
 
 
 def units_of(text: str) -> tuple[str | None, tuple[str, ...]]:
-    """Return the array that `--units` names, if any, and the units."""
-    array, words = _parts(text)
-    return array, words
-
-
-def _parts(text: str) -> tuple[str | None, tuple[str, ...]]:
-    array, colon, rest = text.partition(":")
-    if not colon:
-        array, rest = "", text
-    words = tuple(word.strip() for word in rest.split(","))
+    """Return the array that an option such as `--units` names, if any, and the words behind it."""
+    array, _, rest = text.partition(":")
     # a joint's name may hold a colon of its own
-    return (array, words) if array in ARRAYS else (None, tuple(word.strip() for word in text.split(",")))
+    words = tuple(word.strip() for word in (rest if array in ARRAYS else text).split(","))
+    return (array if array in ARRAYS else None), words
 
 
 def _joint(log: MotionLog, name: str, option: str) -> int:
@@ -169,7 +162,7 @@ def _array(log: MotionLog, array: str | None, option: str) -> tuple[str, Floats]
 
 
 def _units(log: MotionLog, text: str) -> MotionLog:
-    array, units = _parts(text)
+    array, units = units_of(text)
     if any("=" in word for word in units):
         named = dict(word.rpartition("=")[::2] for word in units)
         units = tuple(named.get(n, u) for n, u in zip(log.joint_names, log.joint_units, strict=True))
@@ -187,7 +180,7 @@ def _units(log: MotionLog, text: str) -> MotionLog:
 
 
 def _swap(log: MotionLog, text: str) -> MotionLog:
-    array, names = _parts(text)
+    array, names = units_of(text)
     if len(names) != 2:
         raise InputError(f"--swap: expected two joints such as J1,J2, got {text!r}")
     i, j = (_joint(log, name, "--swap") for name in names)
@@ -197,64 +190,61 @@ def _swap(log: MotionLog, text: str) -> MotionLog:
 
 
 def _sign(log: MotionLog, text: str) -> MotionLog:
-    array, names = _parts(text)
-    key, values = _array(log, array, "--sign")
-    values[:, [_joint(log, name, "--sign") for name in names]] *= -1.0
-    return replace(log, **{key: values})  # type: ignore[arg-type]
+    array, names = units_of(text)
+    return _times(log, array, dict.fromkeys(names, -1.0), "--sign")
 
 
 def _scale(log: MotionLog, text: str) -> MotionLog:
-    array, parts = _parts(text)
-    key, values = _array(log, array, "--scale")
+    array, parts = units_of(text)
+    factors = {}
     for part in parts:
         name, _, number = part.rpartition("=")
         try:
-            factor = float(number)
+            factors[name] = float(number)
         except ValueError:
-            factor = np.nan
-        if not np.isfinite(factor) or factor == 0.0:
+            factors[name] = np.nan
+        if not np.isfinite(factors[name]) or factors[name] == 0.0:
             raise InputError(f"--scale: expected JOINT=FACTOR such as J3=0.5, got {part!r}")
-        values[:, _joint(log, name, "--scale")] *= factor
+    return _times(log, array, factors, "--scale")
+
+
+def _times(log: MotionLog, array: str | None, factors: Mapping[str, float], option: str) -> MotionLog:
+    key, values = _array(log, array, option)
+    for name, factor in factors.items():
+        values[:, _joint(log, name, option)] *= factor
     return replace(log, **{key: values})  # type: ignore[arg-type]
 
 
 def _shift(log: MotionLog, text: str) -> MotionLog:
     if not re.fullmatch(r"-?\d{1,9}", text):
         raise InputError(f"--shift: expected rows such as 4, got {text!r}")
-    rows = int(text)
-    if log.q_encoder is None:
-        raise InputError(f'recording "{log.name}": --shift: it has no measured joint positions')
-    measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)
-    for first, last in pairwise(sorted({*log.starts, *log.gaps(), len(log)})):
-        if abs(rows) < last - first:
-            target = slice(first + max(0, -rows), last - max(0, rows))
-            source = slice(target.start + rows, target.stop + rows)
-            measured[target], ok[target] = log.q_encoder[source], log.ok[source]
-    if not ok.any():
-        raise InputError(f'recording "{log.name}": --shift {rows}: no row of {len(log)} is left')
-    return replace(log, q_encoder=measured, ok=ok)
+    return _later(log, np.arange(float(len(log))), float(text), f"--shift {text}")
 
 
 def _delay(log: MotionLog, text: str) -> MotionLog:
+    if log.time is None:
+        raise InputError(f'recording "{log.name}": --delay: it has no time stamps: give --shift ROWS')
+    return _later(log, log.time, float(text), f"--delay {text}")
+
+
+def _later(log: MotionLog, time: Floats, by: float, option: str) -> MotionLog:
     """Read measurements that much later, between neighbouring rows that were measured."""
-    seconds, whose = float(text), f'recording "{log.name}": --delay'
-    if log.q_encoder is None or log.time is None:
-        lacks = "measured joint positions" if log.q_encoder is None else "time stamps: give --shift ROWS"
-        raise InputError(f"{whose}: it has no {lacks}")
+    whose = f'recording "{log.name}": {option}'
+    if log.q_encoder is None:
+        raise InputError(f"{whose}: it has no measured joint positions")
     measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)
     for first, last in pairwise(sorted({*log.starts, *log.gaps(), len(log)})):
-        t, at = log.time[first:last], log.time[first:last] + seconds
-        after = np.searchsorted(t, at)  # the row at or after that instant
-        inside = (at >= t[0]) & (at <= t[-1])
-        after = np.clip(after, 1, len(t) - 1) if len(t) > 1 else after * 0
-        both = inside & log.ok[first:last][after] & log.ok[first:last][after - 1]
-        rows = np.flatnonzero(both)
-        share = ((at - t[after - 1]) / np.maximum(t[after] - t[after - 1], 1e-12))[rows, None]
-        seen = log.q_encoder[first:last]
-        measured[first + rows] = seen[after[rows] - 1] * (1.0 - share) + seen[after[rows]] * share
+        t, seen, trusted = time[first:last], log.q_encoder[first:last], log.ok[first:last]
+        at = t + by
+        after = np.clip(np.searchsorted(t, at), min(1, len(t) - 1), len(t) - 1)  # the row at or after that instant
+        share = np.clip((at - t[after - 1]) / np.maximum(t[after] - t[after - 1], 1e-12), 0.0, 1.0)
+        before = np.where(share < 1.0, after - 1, after)
+        rows = np.flatnonzero((at >= t[0]) & (at <= t[-1]) & trusted[after] & trusted[before])
+        near = share[rows, None]
+        measured[first + rows] = seen[before[rows]] * (1.0 - near) + seen[after[rows]] * near
         ok[first + rows] = True
     if not ok.any():
-        raise InputError(f"{whose} {text}: no row of {len(log)} is left")
+        raise InputError(f"{whose}: no row of {len(log)} is left")
     return replace(log, q_encoder=measured, ok=ok)
 
 

@@ -166,16 +166,6 @@ def ros2_name(name: str) -> str:
     return f"{package}/msg/{message}"
 
 
-def check_ros1_type(path: Path, topic: str, name: str, found: str, definition: str) -> None:
-    """Check a type by its md5 sum; `*`, which some writers put there, is taken for unknown and not checked."""
-    known = current_name(name)
-    if known in MESSAGES and found not in ("*", md5_sum(known)):
-        raise FileFormatError(
-            f"{path}: topic {topic}: {name} has md5 sum {found}, expected {md5_sum(known)}; "
-            + _difference(path, topic, name, definition, ros=1)
-        )
-
-
 def check_type(path: Path, topic: str, name: str, definition: str, *, ros: int = 2) -> None:
     """Check a type by its definition and those that it contains."""
     if current_name(name) not in MESSAGES or not definition:

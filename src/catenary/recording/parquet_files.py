@@ -1,6 +1,5 @@
 """Parquet files of numbers, whose stated sizes are held against the file before their numbers are read."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pyarrow as pa
@@ -30,20 +29,17 @@ def open_parquet(path: Path) -> pq.ParquetFile:
     return file
 
 
-def read_table(
-    path: Path, file: pq.ParquetFile, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None
-) -> pa.Table:
-    """Read columns that all hold numbers or truth values; None for all."""
+def read_table(path: Path, file: pq.ParquetFile) -> pa.Table:
+    """Read columns that all hold numbers or truth values."""
     names = list(file.schema_arrow.names)
-    wanted = names if columns is None else list(columns)
-    for name in wanted:
+    for name in names:
         if names.count(name) != 1:
             raise FileFormatError(f"{path}: column {shortened(name)} is there {names.count(name)} times, expected once")
         kind = file.schema_arrow.field(name).type
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
             raise FileFormatError(f"{path}: column {cut(name)} holds {cut(str(kind))}, expected numbers")
     try:
-        table = file.read_row_groups(range(file.num_row_groups) if groups is None else groups, columns=wanted)
+        table = file.read()
         table.validate(full=True)
     except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
         raise FileFormatError(f"{path}: cannot be read as Parquet: {cut(str(error))}") from error

@@ -83,14 +83,11 @@ class Recorder:
         jitter: float = JITTER,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        """Begin a recording.
+        """Begin a journal of these topics.
 
         Args:
-            folder: Where the journal goes.
-            topics: What to record.
             available: Names of telemetry's columns.
             rng: Draws the instants of messages.
-            about: What the recording is of.
             start_ns: Stamp of time 0 [ns].
             jitter: Of the intervals, as a share of the period.
             max_bytes: Of a file, before the next one begins.

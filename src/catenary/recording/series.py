@@ -106,7 +106,6 @@ def clean_series(
     Steps of the clock that stamped them are taken out first, by `without_steps`.
 
     Args:
-        topic: Name, for the report.
         stamp: (M,) [ns].
         values: (M, k).
         max_gap: Intervals beyond it, and beyond three median intervals, are gaps [s].

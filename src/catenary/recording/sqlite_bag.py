@@ -5,6 +5,7 @@ import re
 import sqlite3
 from collections import Counter, deque
 from collections.abc import Collection, Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from catenary.recording.losses import Hole
 from catenary.recording.messages import check_type, current_name
 from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
-AT_ONCE = 8192  # messages of a topic that are in memory at once
+AT_ONCE = 2048  # messages that are in memory at once
 _ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
 
 
@@ -38,7 +39,7 @@ class SqliteBag:
         self.about: About | None = None
         self.first: int | None = None  # [ns] arrival of the first message
         self.last: int | None = None  # of the last one that was read
-        counts, types = Counter[str](), dict[str, str]()
+        counts = Counter[str]()
         try:
             self._size = path.stat().st_size
             self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
@@ -56,9 +57,7 @@ class SqliteBag:
             if isinstance(error, FileFormatError):
                 raise
             raise FileFormatError(f"{path}: cannot be read as SQLite: {error}") from error
-        for name, found in self.connections.items():
-            if name != ABOUT_TOPIC:
-                types[name] = current_name(found.type)
+        types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
         self.counts: dict[str, int] = {name: counts[name] for name in types}
         if self.damage and not counts:
             raise FileFormatError(f"{self.damage[0]}; nothing in it can be saved")
@@ -77,16 +76,12 @@ class SqliteBag:
                 yield message
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        """Yield topic, arrival stamps [ns] (N,) and messages, AT_ONCE of a topic at most."""
-        waiting: dict[str, list[tuple[int, bytes]]] = {name: [] for name in topics}
-        for name, stamp, data in self.messages(topics):
-            waiting[name].append((stamp, data))
-            if len(waiting[name]) == AT_ONCE:
-                yield name, *_block(waiting.pop(name))
-                waiting[name] = []
-        for name, rows in waiting.items():
-            if rows:
-                yield name, *_block(rows)
+        """Yield topic, arrival stamps [ns] (N,) and messages, some of every topic before more of one."""
+        messages = self.messages(topics)
+        while some := list(islice(messages, AT_ONCE)):
+            for name in dict.fromkeys(name for name, _, _ in some):
+                own = [(stamp, data) for topic, stamp, data in some if topic == name]
+                yield name, np.array([stamp for stamp, _ in own]), Block.of([data for _, data in own])
 
     def _topics(self, *, any_types: bool) -> dict[int, str]:
         """Keep the topics and return their names by number."""
@@ -161,10 +156,6 @@ class SqliteBag:
     def _hole(self, why: object) -> None:
         self.holes.append((self.last, None))
         self.damage.append(f"{self.path}: cannot be read as SQLite: {why}; it was read around the damage")
-
-
-def _block(rows: list[tuple[int, bytes]]) -> tuple[NDArray[np.int64], Block]:
-    return np.array([stamp for stamp, _ in rows]), Block.of([data for _, data in rows])
 
 
 def _require_plain_tables(path: Path, database: sqlite3.Connection) -> None:

@@ -1,9 +1,7 @@
-"""Thousands of messages of a topic at once: to its columns in SI, as it is extracted, and back to bytes."""
+"""Topics by their names, and thousands of messages of one at once: from its columns in SI to bytes."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +10,13 @@ from catenary.arrays import Floats, as_array
 from catenary.dvrk_psm import psm_topic_named
 from catenary.errors import FileFormatError, InputError
 from catenary.raven2.topics import RAVEN_TOPICS, RAVENSTATE
-from catenary.recording.bag_chunks import Block
-from catenary.recording.layout import COUNT, Encoding, blank_messages, read_messages
+from catenary.recording.layout import blank_messages
 from catenary.topics import SECOND, Topic, TopicColumn
 
 _INT32 = np.iinfo(np.int32)
 # where a recording's robot, seed and `simulated` travel in a bag, which has no other place for them
 ABOUT_TOPIC = "/catenary/recording"
 ABOUT_TYPE = "std_msgs/String"
-
-
-@dataclass(frozen=True)
-class TopicSamples:
-    """N messages of one topic, decoded."""
-
-    stamp: NDArray[np.int64]  # (N,) [ns] from the header
-    # (N, width), SI; NaN where a message has none
-    columns: Mapping[str, NDArray[np.float64] | NDArray[np.int32]]
 
 
 def columns_of_type(name: str) -> Mapping[str, TopicColumn]:
@@ -85,52 +73,9 @@ def encode(
     return messages
 
 
-def decode(topic: Topic, messages: Sequence[bytes] | Block, encoding: Encoding = "ros1") -> TopicSamples:
-    """Decode messages of a topic into SI."""
-    rows = len(messages)
-    stamp = np.zeros(rows, dtype=np.int64)
-    out: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
-        c.name: np.zeros((rows, c.width), dtype=np.int32) if c.whole else np.full((rows, c.width), np.nan)
-        for c in topic.columns
-    }
-    for places, records in read_messages(topic.type, messages, encoding):
-        where: Any = slice(None) if len(places) == rows else places
-        _same_joints(topic, records)
-        seconds = records[f"{topic.header}.stamp.sec"].astype(np.int64)
-        stamp[where] = seconds * SECOND + records[f"{topic.header}.stamp.nsec"]
-        for column in topic.columns:
-            if column.path == "dt":
-                out["dt"][where, 0] = records["dt.sec"] + records["dt.nsec"] / SECOND
-                continue
-            values = records[column.path].reshape(len(records), -1)
-            if values.shape[1] == 0 and not column.required:
-                continue
-            if values.shape[1] != column.width:
-                raise FileFormatError(
-                    f"topic {topic.name}: {column.path} has {values.shape[1]} numbers, expected {column.width}: "
-                    + ", ".join(column.labels)
-                )
-            if column.whole:
-                out[column.name][where] = values
-            else:
-                with np.errstate(invalid="ignore"):  # of NaN that signals; it stays NaN
-                    out[column.name][where] = np.multiply(values, column.to_si, dtype=np.float64)
-    return TopicSamples(stamp, out)
-
-
 def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterable[str]) -> None:
     """Refuse a topic that is not in a recording."""
     there = list(there)
     missing = [name for name in asked or () if name not in there]
     if missing:
         raise FileFormatError(f"{where}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")
-
-
-def _same_joints(topic: Topic, records: NDArray[np.void]) -> None:
-    """Refuse a JointState whose joints are ours in another order; other spellings are taken as they come."""
-    count = records[COUNT + "name"][0] if topic.joint_names else 0
-    names = [bytes(records[f"name.{i}"][0]).rstrip(b"\0").decode(errors="replace") for i in range(count)]
-    if sorted(names) == sorted(topic.joint_names) and tuple(names) != topic.joint_names:
-        raise FileFormatError(
-            f"topic {topic.name}: joints come as {', '.join(names)}, expected {', '.join(topic.joint_names)}"
-        )

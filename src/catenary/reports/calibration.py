@@ -19,7 +19,7 @@ from catenary.reports.joint_errors import (
     window_blocks,
 )
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text, write_page
-from catenary.reports.tip import TipErrors, arm_picture, kinematics_of, tip_blocks, tip_errors
+from catenary.reports.tip import TipErrors, arm_picture, kinematics_of, tip_blocks, tip_errors, tip_rmse
 from catenary.robots.model import RobotModel
 
 MOST_JOINTS = 6  # that a sentence can name with their numbers
@@ -60,19 +60,18 @@ def write_calibration_report(
     ]
     gains = [joint.raw_rmse / joint.rmse if joint.rmse > 0.0 else 1.0 for joint in evaluation.joints]
     first = pictures.pop(gains.index(max(gains)))  # what the correction does, before any table
+    note_blocks: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
+    validation_blocks: list[Block] = [Heading("Cross-validation"), spread_table(spread, name)] if spread else []
     blocks: list[Block] = [
         *first,
         *opening,
         *error_blocks(evaluation, name),
-        *note_blocks(notes),
+        *note_blocks,
         *tip_part(tip, evaluation, name),
         *coverage_blocks(evaluation),
-    ]
-    blocks += [block for picture in pictures for block in picture]
-    blocks += window_blocks(evaluation, name)
-    if spread:
-        blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread, name)]
-    blocks += [
+        *(block for picture in pictures for block in picture),
+        *window_blocks(evaluation, name),
+        *validation_blocks,
         *further,
         Heading("The model"),
         Facts([("model", model_name(model)), *card_facts(card)]),
@@ -86,11 +85,6 @@ def write_calibration_report(
     lead = f"Tested on {tested_on}: {len(evaluation.data):,} rows, {when}."
     verdict = headline(evaluation, unseen=unseen, spread=spread, tip=tip)
     write_page(path, title, lead, blocks, verdict=verdict, simulated=simulated)
-
-
-def note_blocks(notes: Sequence[str]) -> list[Block]:
-    """Return what a reader must know about the data, under a heading."""
-    return [Heading("Notes on the data"), Remarks(notes)] if notes else []
 
 
 def tip_part(tip: TipErrors | None, evaluation: Evaluation, name: str) -> list[Block]:
@@ -164,19 +158,17 @@ def gains_of(evaluation: Evaluation) -> list[JointGain]:
     """Return what the correction does for each joint: against it speaks an error near the fixed offset's or above."""
     gains = []
     for joint in evaluation.joints:
-        against = _against(joint.rmse, joint.offset_rmse)
-        if not against and joint.outside_valid_range > MUCH_OUTSIDE:
-            against = f"{joint.outside_valid_range:.0%} of rows are outside its trained range"
+        far = f"{joint.outside_valid_range:.0%} of rows are outside its trained range"
+        beyond = far if joint.outside_valid_range > MUCH_OUTSIDE else ""
+        against = _against(joint.rmse, joint.offset_rmse) or beyond
         gains.append(JointGain(joint.name, joint.unit, joint.raw_rmse, joint.rmse, against))
     return gains
 
 
 def gains_on_blocks(spread: Sequence[Spread]) -> list[JointGain]:
-    """Return what the correction does for each joint on blocks of time, as a cross-validation saw it."""
-    return [
-        JointGain(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean, _against(s.rmse_mean, s.offset_rmse_mean))
-        for s in spread
-    ]
+    """Return what the correction does for each joint, as a cross-validation saw it."""
+    errors = [(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean) for s in spread]
+    return [JointGain(*each, _against(each[3], each[2])) for each in errors]
 
 
 def headline(
@@ -187,12 +179,12 @@ def headline(
     A correction is recommended for a joint where its error is at least 3 % below the fixed offset's, by the factor
     that a simpler kind of model is preferred within, and its inputs lie in the trained range.
 
-    Of data that the model was fitted to, which `unseen` denies, the errors over blocks of time in `spread` count.
+    Of data that the model was fitted to, which `unseen` denies, the errors of the cross-validation in `spread` count.
     """
     on_blocks = not unseen and bool(spread)
     gains = gains_on_blocks(spread) if on_blocks else gains_of(evaluation)
     if on_blocks:
-        start = "On blocks of time that it did not see, the correction brings joints' RMS error after the fixed offset"
+        start = "On data that it did not see, the correction brings joints' RMS error after the fixed offset"
     else:
         start = "The" if unseen else "No test, since the model was fitted to this data: the"
         start += " correction brings the RMS error of joints as reported"
@@ -200,12 +192,9 @@ def headline(
     if not unseen and not on_blocks:
         return f"{sentence}; whether to use it, other data must show."
     if tip is not None and unseen:
-        sentence += f", and the tip's from {1e3 * tip.raw.rmse:.3f} to {1e3 * tip.model.rmse:.3f} mm"
-    narrow = [
-        joint.name
-        for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
-        if verdict == "too narrow"
-    ] if unseen and evaluation.level is not None else []  # fmt: skip
+        sentence += f", and the tip's from {tip_rmse(tip)[0]:.3f} to {tip_rmse(tip)[1]:.3f} mm"
+    verdicts = coverage_verdicts(evaluation) if unseen else ()  # none of a model without intervals either
+    narrow = [j.name for j, verdict in zip(evaluation.joints, verdicts, strict=False) if verdict == "too narrow"]
     intervals = f"; its intervals are too narrow for {_listed(narrow)}" if narrow else ""
     return f"{sentence}: {recommendation(gains)}{intervals}."
 
@@ -223,11 +212,8 @@ def recommendation(gains: Sequence[JointGain]) -> str:
     good = [gain for gain in gains if not gain.against]
     if len(good) == len(gains):
         return "recommended for every joint" if len(gains) > 1 else "recommended"
-    reasons: dict[str, list[str]] = {}
-    for gain in gains:
-        if gain.against:
-            reasons.setdefault(gain.against, []).append(gain.name)
-    said = "; ".join(f"{_listed(names)}: {reason}" for reason, names in reasons.items())
+    reasons = dict.fromkeys(gain.against for gain in gains if gain.against)
+    said = "; ".join(f"{_listed([g.name for g in gains if g.against == reason])}: {reason}" for reason in reasons)
     return f"recommended for {len(good) or 'none'} of {len(gains)} joints ({said})"
 
 

@@ -15,6 +15,7 @@ from catenary.reports.page import (
     TableColumn,
     Text,
     joint_columns,
+    joint_panels,
     picture,
     write_page,
 )
@@ -29,24 +30,15 @@ def drift_tables(found: DriftFound) -> list[Table]:
     joints = [(n, DISPLAY[u][0]) for n, u in zip(found.joint_names, found.joint_units, strict=True)]
     errors = joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
     if any(isinstance(stretch, CardStretch) for stretch in found.stretches):
-        card = [TableColumn("card", "recording"), TableColumn("date", "date")]
-        about = [TableColumn("instrument", "instrument"), TableColumn("tool", "tool")]
-        delay = TableColumn("delay [s]", "delay", "+.3f")
+        card = [TableColumn("card", "recording"), *(TableColumn(name, name) for name in ("date", "instrument", "tool"))]
+        delay, title = TableColumn("delay [s]", "delay", "+.3f"), "RMSE on data that each model did not see; ! beyond"
         zeros = joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
         return [
-            Table(
-                [*card, *about, delay, *errors], found.stretches, "RMSE on data that each model did not see; ! beyond"
-            ),
-            Table([*card, *zeros], found.stretches, "Zeros: what is added to each joint"),
+            Table([*card, delay, *errors], found.stretches, title),
+            Table([*card[:2], *zeros], found.stretches, "Zeros: what is added to each joint"),
         ]
-    columns = [
-        TableColumn("recording", "recording"),
-        TableColumn("homing", "homing"),
-        TableColumn("date", lambda stretch: stretch.date or "-"),
-        TableColumn("rows", "rows"),
-        *errors,
-    ]
-    return [Table(columns, found.stretches, "RMSE between homings; ! beyond")]
+    first = [TableColumn(name, name) for name in ("recording", "homing", "date", "rows")]
+    return [Table([*first, *errors], found.stretches, "RMSE between homings; ! beyond")]
 
 
 def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
@@ -68,12 +60,9 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
 
 def drift_picture(found: DriftFound) -> Picture:
     """Draw the RMSE of every joint, stretch after stretch, those beyond in another colour and shape."""
-    from matplotlib.figure import Figure
-
-    n, number = len(found.joint_names), np.arange(len(found.stretches))
-    figure = Figure(figsize=(10, 1.7 * n + 1.0), layout="constrained")
-    panels = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
-    for j, axes in enumerate(panels):
+    number = np.arange(len(found.stretches))
+    figure, panels = joint_panels(len(found.joint_names), 1.7, spare=1.0)
+    for j, (axes,) in enumerate(panels):
         rmse = np.array([stretch.rmse[j] for stretch in found.stretches])
         beyond = np.array([stretch.beyond[j] for stretch in found.stretches])
         axes.plot(number, rmse, color="#b8c0cc", linewidth=1.0, zorder=1)
@@ -86,9 +75,9 @@ def drift_picture(found: DriftFound) -> Picture:
         axes.set_ylabel(f"{found.joint_names[j]} [{DISPLAY[found.joint_units[j]][0]}]")
     shown = number[:: max(1, -(-len(number) // MOST_LABELS))]
     labels = [_place(found.stretches[k]) for k in shown]
-    panels[-1].set_xticks(shown, labels, rotation=30, ha="right", fontsize=8)
-    panels[-1].set_xlim(-0.5, len(number) - 0.5)
-    handles = {label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels())}  # noqa: B905
+    axes.set_xticks(shown, labels, rotation=30, ha="right", fontsize=8)
+    axes.set_xlim(-0.5, len(number) - 0.5)
+    handles = {label: handle for axes in panels.flat for handle, label in zip(*axes.get_legend_handles_labels())}  # noqa: B905
     figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=2, frameon=False)
     return picture(figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end.")
 

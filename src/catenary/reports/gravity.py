@@ -5,7 +5,18 @@ from pathlib import Path
 from typing import Any
 
 from catenary.control.loop_report import Holding, Tracking
-from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture, settings_facts, write_page
+from catenary.reports.page import (
+    Block,
+    Heading,
+    Picture,
+    Table,
+    TableColumn,
+    Text,
+    joint_panels,
+    picture,
+    settings_facts,
+    write_page,
+)
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
@@ -34,11 +45,8 @@ def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
 
     joints = result.as_data()["joints"]
     if isinstance(result, Holding):
-        columns = [
-            of("drift", "drift", ".4f"),
-            of("as reported", "reported_drift", ".4f"),
-            of("at the end", "moved", "+.4f"),
-        ]
+        told = {"drift": ("drift", ".4f"), "as reported": ("reported_drift", ".4f"), "at the end": ("moved", "+.4f")}
+        columns = [of(heading, *key) for heading, key in told.items()]
     else:
         share = dict(zip(result.joint_names, 100.0 * result.pd_share, strict=True))
         columns = [
@@ -101,11 +109,7 @@ def tracking_picture(result: Tracking) -> Picture:
 
 def _per_joint(result: Tracking | Holding, *, columns: int) -> tuple[Any, Any, slice]:
     """Return a figure, a row of axes over time for every joint, and which ticks to draw."""
-    from matplotlib.figure import Figure
-
-    n = len(result.joint_names)
-    figure = Figure(figsize=(10, 1.9 * n), layout="constrained")
-    rows = figure.subplots(n, columns, sharex=True, squeeze=False)
+    figure, rows = joint_panels(len(result.joint_names), 1.9, columns)
     for axes in rows.flat:
         axes.margins(x=0.01)
     for axes in rows[-1]:

@@ -21,6 +21,7 @@ from catenary.reports.page import (
     TableColumn,
     Text,
     joint_columns,
+    joint_panels,
     picture,
     write_page,
 )
@@ -135,14 +136,12 @@ def rotor_table(found: Identification) -> Table | None:
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:
     """Return rank, condition, weights and physical consistency."""
+    consistent = "not asked for" if found.phi is None else "yes: every link a body, no negative friction"
     return [
         ("rank", f"{found.rank} of {found.base.count} base parameters"),
         ("condition", f"{found.condition:.4g} (weighted rows, columns scaled to length one)"),
         ("weights of the axes", ", ".join(f"{w:.4g}" for w in found.weights)),
-        (
-            "physically consistent",
-            "not asked for" if found.phi is None else "yes: every link a body, no negative friction",
-        ),
+        ("physically consistent", consistent),
     ]
 
 
@@ -156,15 +155,11 @@ def poses_picture(found: Identification, samples: Samples) -> Picture:
 
 def torque_picture(found: Identification, samples: Samples) -> Picture:
     """Draw measured and predicted torque of every axis over time."""
-    from matplotlib.figure import Figure
-
-    n = found.model.n
     every = max(1, len(samples) // SHOWN)
     tau, time = samples.tau[::every], samples.time[::every]
     predicted = found.predict_samples(samples)[::every]
-    figure = Figure(figsize=(10.0, 1.7 * n), layout="constrained")
-    axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
-    for i, axis in enumerate(axes):
+    figure, panels = joint_panels(found.model.n, 1.7)
+    for i, (axis,) in enumerate(panels):
         for values, colour, label in (
             (tau[:, i], "#5b6675", "measured"),
             (predicted[:, i], "#c2410c", "predicted"),
@@ -172,8 +167,8 @@ def torque_picture(found: Identification, samples: Samples) -> Picture:
         ):
             axis.plot(time, values, color=colour, linewidth=0.8, label=label)
         axis.set_ylabel(f"{found.model.joint_names[i]} [{TORQUE_UNIT[found.model.joint_units[i]]}]")
-    axes[0].legend(loc="upper right", ncols=3, fontsize=8)
-    axes[-1].set_xlabel("row" if found.options.terms == "static" else "time [s]")
+    panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
+    axis.set_xlabel("row" if found.options.terms == "static" else "time [s]")
     return picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")
 
 

@@ -14,7 +14,6 @@ from catenary.calibration.left_out import LeftOut
 from catenary.calibration.model import CalibrationModel
 from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, joint_columns, picture
 from catenary.units import DISPLAY
-from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +21,7 @@ if TYPE_CHECKING:
 MOST_WINDOWS = 200  # rows of a page's table
 MOST_COLUMNS = 8  # joints side by side on a page
 RAW, OFFSET, MODEL, INTERVAL = "#8a94a3", "#4b6b94", "#d9622b", "#2a7f4f"
-MOST_POINTS = 2_000  # drawn one by one; more lines would hide each other
-STRETCHES = 300  # of a longer recording, each drawn as the range and the median of its errors
+MOST_POINTS = 10_000  # of a line; more would hide each other
 LONGEST_STEP = 5.0  # times the median step of a recording: beyond it rows are missing
 SHOWN_SHARE = 0.998  # of the errors, that a picture's range is made for
 LONGEST_LABEL = 32  # characters in a line of a legend
@@ -64,33 +62,7 @@ def error_blocks(evaluation: Evaluation, name: str) -> list[Block]:
             "the fixed offset's. Outside: share of rows whose inputs lie beyond what the model was trained on (its "
             "valid range); there it gives the fixed offset, and a wider interval."
         ),
-        Heading("Bias, spread and outliers"),
-        bias_table(evaluation, name),
-        Text(
-            "Bias: the mean error, that a new zero would take away. Spread: its standard deviation, that a zero "
-            "cannot; RMSE² = bias² + spread². Outliers: rows whose error lies more than "
-            f"{OUTLIER_SPREADS:g} robust standard deviations (1.4826 times the median absolute deviation) from the "
-            "median, likely measurement failures; they count in every number here."
-        ),
     ]
-
-
-def bias_table(evaluation: Evaluation, name: str = "model") -> Table:
-    """Return bias, spread and outliers of the errors per joint, raw and after the model."""
-    scale = np.array([DISPLAY[unit][1] for unit in evaluation.data.joint_units])
-    unit = in_units(joint.unit for joint in evaluation.joints)
-    both = (("raw", scale * evaluation.raw), (name, scale * evaluation.after_model))
-    columns = [
-        TableColumn("joint", lambda j: evaluation.joints[j].name),
-        TableColumn("unit", lambda j: evaluation.joints[j].unit),
-    ]
-    for kind, errors in both:
-        mean, sd = errors.mean(axis=0), errors.std(axis=0)
-        columns.append(TableColumn(f"bias {kind} {unit}", mean.__getitem__, "+.3f"))
-        columns.append(TableColumn(f"spread {kind} {unit}", sd.__getitem__, ".3f"))
-    for kind, errors in both:
-        columns.append(TableColumn(f"outliers {kind} [rows]", outliers(errors)[0].__getitem__, ","))
-    return Table(columns, range(len(evaluation.joints)))
 
 
 def percent(value: float, digits: int) -> str:
@@ -146,7 +118,7 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
     if all(s.held_low is not None for s in spread):
         shares = "in intervals [% of rows]"
         columns.append(TableColumn(shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
-    return Table(columns, spread, "RMSE on blocks of time that the fit did not see, and on a stretch to come")
+    return Table(columns, spread, "RMSE on data that the fit did not see, and on a stretch to come")
 
 
 def left_out_table(found: Sequence[LeftOut]) -> Table:
@@ -167,26 +139,25 @@ def left_out_table(found: Sequence[LeftOut]) -> Table:
 def coverage_table(evaluation: Evaluation) -> Table:
     """Return width and coverage of the intervals per joint, and whether they hold; for a model that has some."""
     unit = in_units(joint.unit for joint in evaluation.joints)
+    verdicts = dict(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
     columns = [
-        TableColumn("joint", lambda row: row[0].name),
-        TableColumn("unit", lambda row: row[0].unit),
-        TableColumn(f"half-width {unit}", lambda row: row[0].half_width, ".3f"),
-        TableColumn("held [% of rows]", lambda row: 100.0 * row[0].coverage, ".3g", " %"),
-        TableColumn("verdict", 1),
+        TableColumn("joint", "name"),
+        TableColumn("unit", "unit"),
+        TableColumn(f"half-width {unit}", "half_width", ".3f"),
+        TableColumn("held [% of rows]", lambda joint: 100.0 * joint.coverage, ".3g", " %"),
+        TableColumn("verdict", verdicts.__getitem__),
     ]
-    rows = list(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
     asked = 100.0 * (evaluation.level or 0.0)
-    return Table(columns, rows, f"Errors within the model's intervals, which are to hold {asked:.3g} %")
+    return Table(columns, evaluation.joints, f"Errors within the model's intervals, which are to hold {asked:.3g} %")
 
 
 def coverage_blocks(evaluation: Evaluation) -> list[Block]:
     """Return what a page says of a model's intervals."""
-    heading = Heading("Intervals")
     if evaluation.level is None:
         text = "The model has no intervals: they are estimated from a cross-validation of enough rows."
-        return [heading, Text(text)]
+        return [Heading("Intervals"), Text(text)]
     return [
-        heading,
+        Heading("Intervals"),
         coverage_table(evaluation),
         Text(
             f"Each corrected position comes with an interval that is to hold {100.0 * evaluation.level:.3g} % of "
@@ -239,20 +210,13 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, na
     for handle in legend.get_lines():
         handle.set_linewidth(3.0)
     joint = evaluation.joints[j]
-    caption = (
-        f"{joint.name}: RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed "
-        f"offset, {joint.rmse:.3f} {unit} after {shown}. Left: over time, no line where rows are missing; "
-        "right: how often each error occurs."
-    )
-    if beyond:
-        caption += f" Rows that lie beyond the picture: {beyond:,}."
-    if len(evaluation.data) > MOST_POINTS:
-        caption += f" Lines: the median over each of about {STRETCHES} stretches; bands: all errors in them."
+    errors = f"RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed offset"
+    caption = f"{joint.name}: {errors}, {joint.rmse:.3f} {unit} after {shown}. Left: over time, no line where rows are"
+    caption += " missing; right: how often each error occurs."
+    caption += f" Rows that lie beyond the picture: {beyond:,}." if beyond else ""
     if evaluation.level is not None:
-        caption += (
-            f" Dashed: the interval of {shown}, which is to hold {100.0 * evaluation.level:g} % of its errors; "
-            f"it holds {100.0 * joint.coverage:.1f} %."
-        )
+        level = f"which is to hold {100.0 * evaluation.level:g} % of its errors"
+        caption += f" Dashed: the interval of {shown}, {level}; it holds {100.0 * joint.coverage:.1f} %."
     return picture(figure, caption, f"Errors of joint {joint.name} over time, and their histogram.")
 
 
@@ -263,13 +227,9 @@ def wrapped(label: str) -> str:
 
 def row_breaks(evaluation: Evaluation) -> np.ndarray:
     """Return the rows before which rows are missing or another recording begins."""
-    data = evaluation.data
-    new = _new_recordings(evaluation)
-    size = np.array([source.rows for source in data.sources], dtype=float)[data.recording]
-    left_out = np.diff(np.rint(data.position * size)) > 1.0
-    step = np.diff(data.time)
+    new, step = _new_recordings(evaluation), np.diff(evaluation.data.time)
     usual = np.median(step[~new]) if (~new).any() else 0.0
-    return np.flatnonzero(new | left_out | (step > LONGEST_STEP * usual)) + 1
+    return np.flatnonzero(new | (step > LONGEST_STEP * usual)) + 1
 
 
 def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
@@ -288,77 +248,28 @@ def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
 
 def draw_errors_over_time(axes: "Axes", evaluation: Evaluation, j: int, series: Sequence[ErrorSeries]) -> int:
     """Draw a joint's errors over time with the model's interval; return how many rows lie beyond the picture."""
-    _draw_over_time(axes, evaluation, series)
-    if evaluation.level is not None:
-        scale = DISPLAY[evaluation.data.joint_units[j]][1]
-        _draw_interval(axes, evaluation, scale * evaluation.interval[:, j])
-    return _limit(axes, series)
-
-
-def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[ErrorSeries]) -> None:
     x, recordings = running_time(evaluation)
-    stretches, gaps = _stretches(x, row_breaks(evaluation))
-    first = np.array([rows[0] for rows in stretches])
+    shown = np.arange(0, len(x), len(x) // MOST_POINTS + 1)
+    gaps = np.unique(np.searchsorted(shown, row_breaks(evaluation)))
 
     def parted(values: Floats) -> Floats:
-        return np.insert(values, gaps, np.nan)
+        return np.insert(values[shown], gaps[gaps < len(shown)], np.nan)
 
-    at = parted(x[first])
-    alone = _alone(len(stretches), gaps)
-    for line in series:
-        if len(stretches) == len(x):
-            middle = line.values
-        else:
-            middle = np.array([np.median(line.values[rows]) for rows in stretches])
-            low = np.array([line.values[rows].min() for rows in stretches])
-            high = np.array([line.values[rows].max() for rows in stretches])
-            axes.fill_between(at, parted(low), parted(high), color=line.color, alpha=0.3, linewidth=0.0)
-        axes.plot(at, parted(middle), color=line.color, linewidth=0.9, label=line.label)
-        axes.plot(x[first][alone], middle[alone], ".", color=line.color, markersize=2.0)
+    at = parted(x)
+    for line in series:  # a row between two gaps has no line, but a dot
+        axes.plot(at, parted(line.values), ".-", color=line.color, linewidth=0.7, markersize=1.0, label=line.label)
     for row in recordings:
         axes.axvline(x[row], color=RAW, linewidth=0.8, linestyle=":")
     axes.axhline(0.0, color="#1c2430", linewidth=0.6)
+    if evaluation.level is not None:
+        width = parted(DISPLAY[evaluation.data.joint_units[j]][1] * evaluation.interval[:, j])
+        axes.fill_between(at, -width, width, color=INTERVAL, alpha=0.12, linewidth=0.0, zorder=0)
+        for edge, label in ((width, f"interval, {100.0 * evaluation.level:g} %"), (-width, None)):
+            axes.plot(at, edge, color=INTERVAL, linewidth=0.9, linestyle="--", label=label)
     unit = "time [s]" if evaluation.window_unit == "s" else "row"
     axes.set_xlabel(f"{unit}, {len(recordings) + 1} recordings one after the other" if len(recordings) else unit)
     axes.margins(x=0.01)
-
-
-def _draw_interval(axes: "Axes", evaluation: Evaluation, half_width: Floats) -> None:
-    """Draw the interval about zero error as a band; of a stretch of rows the median."""
-    x, _ = running_time(evaluation)
-    stretches, gaps = _stretches(x, row_breaks(evaluation))
-    middle = np.array([np.median(half_width[rows]) for rows in stretches])
-    first = np.array([rows[0] for rows in stretches])
-    at, width = (np.insert(values, gaps, np.nan) for values in (x[first], middle))
-    axes.fill_between(at, -width, width, color=INTERVAL, alpha=0.12, linewidth=0.0, zorder=0)
-    for edge, label in ((width, f"interval, {100.0 * (evaluation.level or 0.0):g} %"), (-width, None)):
-        axes.plot(at, edge, color=INTERVAL, linewidth=0.9, linestyle="--", label=label)
-
-
-def _stretches(x: Floats, breaks: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Rows to draw as one, and before which of these no line goes on.
-
-    Each row by itself, or about STRETCHES parts of a longer recording; then a break is a gap longer than a part, which
-    shorter ones vanish in.
-    """
-    rows = len(x)
-    if rows <= MOST_POINTS:
-        return [np.array([row]) for row in range(rows)], breaks
-    shortest = max(float(x[-1] - x[0]) / STRETCHES, 1e-12)
-    wide = breaks[(x[breaks] - x[breaks - 1] > shortest) | (x[breaks] <= x[breaks - 1])]
-    parts = [
-        np.array_split(part, min(len(part), round(STRETCHES * len(part) / rows) or 1))
-        for part in np.split(np.arange(rows), wide)
-    ]
-    return [stretch for part in parts for stretch in part], np.cumsum([len(part) for part in parts])[:-1]
-
-
-def _alone(count: int, gaps: np.ndarray) -> np.ndarray:
-    """Return which of `count` points no line reaches: those between two gaps."""
-    edge = np.zeros(count + 1, dtype=bool)
-    edge[[0, count]] = True
-    edge[gaps] = True
-    return np.asarray(edge[:-1] & edge[1:])
+    return _limit(axes, series)
 
 
 def draw_histograms(axes: "Axes", series: Sequence[ErrorSeries], unit: str) -> None:

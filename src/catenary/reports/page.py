@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 150
+LARGEST_SVG = 1_000_000  # [B] of a picture on a page
 Value = str | int | Callable[[Any], Any]
 
 
@@ -122,11 +123,12 @@ class Remarks(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """An image, as base64 of a PNG."""
+    """An image, as base64 of a PNG, and of an SVG for papers and talks."""
 
     png: str
     caption: str
     alt: str = ""  # what is seen, for who does not see it; the caption where empty
+    svg: str = ""  # empty where it would be large
 
 
 class Listing(NamedTuple):
@@ -153,11 +155,24 @@ def _told(value: object) -> str:
 
 def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     """Draw a matplotlib figure into a picture block, its axes open above and to the right."""
+    from matplotlib import rc_context
+
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH)
-    return Picture(base64.b64encode(buffer.getvalue()).decode(), caption, alt)
+    png, svg = io.BytesIO(), io.BytesIO()
+    figure.savefig(png, format="png", dpi=DOTS_PER_INCH)
+    with rc_context({"svg.hashsalt": "catenary"}):  # the same bytes each time
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+    drawn = svg.getvalue() if svg.tell() <= LARGEST_SVG else b""
+    return Picture(base64.b64encode(png.getvalue()).decode(), caption, alt, base64.b64encode(drawn).decode())
+
+
+def joint_panels(n: int, height: float, columns: int = 1, *, spare: float = 0.0) -> tuple["Figure", Any]:
+    """Return a figure with a row of axes for each of n joints, `height` [inch] each, and these axes (n, columns)."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, height * n + spare), layout="constrained")
+    return figure, figure.subplots(n, columns, sharex=True, squeeze=False)
 
 
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:

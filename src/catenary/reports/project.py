@@ -112,11 +112,7 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
         aside, reference = "the simulated arm's own step", "the joints' true positions"
     else:
         aside, reference = "the way to the robot and back", "the external encoders' latest reading"
-    times = {
-        "whole tick": deployment["compute_us"],
-        "of it the correction": deployment["correction_us"],
-        "period off its length": deployment["jitter_us"],
-    }
+    names = {"compute_us": "whole tick", "correction_us": "of it the correction", "jitter_us": "period off its length"}
     headings = {"median": "median", "p99": "99 % below", "p999": "99.9 % below", "max": "largest"}
     in_tick = [
         TableColumn("time in each tick", "what"),
@@ -128,7 +124,7 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
         TableColumn("unit", "unit"),
         TableColumn(f"raw RMSE {unit}", "raw_rmse", ".3f"),
         TableColumn(f"{name} RMSE {unit}", "rmse", ".3f"),
-        TableColumn("outside [% of ticks]", _outside, ".1f", " %"),
+        TableColumn("outside [% of ticks]", "outside", ".1f", " %"),
     ]
     # nobody counts them where time is not kept by this loop
     overruns = "" if deployment["overruns"] is None else f", {deployment['overruns']} overruns"
@@ -140,14 +136,15 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
             f"commands the arm; {aside} is not in it. The correction was timed within the same ticks. Period off its "
             "length: by how much the time from tick to tick differs from the one asked for."
         ),
-        Table(in_tick, [{"what": what, **time} for what, time in times.items() if time]),
+        Table(in_tick, [{"what": what, **deployment[key]} for key, what in names.items() if deployment[key]]),
         Text(f"Error against {reference} while the loop ran, as reported and as corrected in the tick:"),
-        Table(of_joint, deployment["joints"]),
+        Table(
+            of_joint, [{**joint, "outside": _percent(joint["outside_valid_range"])} for joint in deployment["joints"]]
+        ),
     ]
 
 
-def _outside(joint: Mapping[str, Any]) -> float | None:
-    share = joint["outside_valid_range"]
+def _percent(share: float | None) -> float | None:
     return None if share is None else 100.0 * share
 
 

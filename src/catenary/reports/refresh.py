@@ -8,7 +8,18 @@ import numpy as np
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model_refresh import JointChange, Refreshed
 from catenary.reports.joint_errors import in_units
-from catenary.reports.page import Block, Heading, Picture, Remarks, Table, TableColumn, Text, picture, write_page
+from catenary.reports.page import (
+    Block,
+    Heading,
+    Picture,
+    Remarks,
+    Table,
+    TableColumn,
+    Text,
+    joint_panels,
+    picture,
+    write_page,
+)
 from catenary.units import DISPLAY
 
 BEFORE, AFTER, PROMISED = "#b8c0cc", "#4b6b94", "#d9622b"
@@ -48,11 +59,9 @@ def write_refresh_report(
 
 def refresh_picture(refreshed: Refreshed, data: CalibrationData) -> Picture:
     """Draw each joint's error before the refresh, and after it on blocks that were not fitted to."""
-    from matplotlib.figure import Figure
-
-    n, row = len(refreshed.changes), np.arange(len(data))
-    figure = Figure(figsize=(10, 1.7 * n + 0.8), layout="constrained")
-    for j, axes in enumerate(figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]):
+    row = np.arange(len(data))
+    figure, panels = joint_panels(len(refreshed.changes), 1.7, spare=0.8)
+    for j, (axes,) in enumerate(panels):
         change = refreshed.changes[j]
         scale = DISPLAY[data.joint_units[j]][1]
         axes.plot(row, scale * refreshed.before[:, j], color=BEFORE, linewidth=1.0, label="before")

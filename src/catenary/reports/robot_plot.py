@@ -162,21 +162,10 @@ def _draw_robot(
 
 
 def _draw_legend(axes: Any) -> None:
-    """Name what is drawn below it: axes of frames first, then the rest, in columns of a frame's axis and another."""
-    handles, labels = axes.get_legend_handles_labels()
-    named = list(zip(handles, labels, strict=True))
-    triad = [one for one in named if one[1] in AXIS_COLORS]
-    rest = [one for one in named if one[1] not in AXIS_COLORS]
-    columns = max(2, len(triad))
-    shown = []
-    for k in range(columns):
-        shown += [*triad[k : k + 1], *rest[k::columns]]
-    if not shown:
+    """Name what is drawn, below it."""
+    if not axes.get_legend_handles_labels()[0]:
         return
-    legend = axes.legend(
-        *zip(*shown, strict=True), loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=columns, frameon=False,
-        fontsize=8,
-    )  # fmt: skip
+    legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, frameon=False, fontsize=8)
     for handle in legend.legend_handles:
         if hasattr(handle, "set_sizes"):
             handle.set_sizes([60.0])
@@ -225,24 +214,21 @@ def _draw_masses(axes: Any, model: RobotModel, rotations: Floats, origins: Float
     if not heavy.any():
         axes.plot([], [], " ", label="no masses in its description")
         return
+    if model.missing_inertia:
+        axes.plot([], [], " ", label=f"without mass in its description: {len(model.missing_inertia)} links")
     at = 1e3 * (origins + np.einsum("kij,kj->ki", rotations, tree.com))[heavy]
     across = LARGEST_MASS * np.cbrt(tree.mass[heavy] / tree.mass.max())
     axes.scatter(
         *at.T, s=across**2, color=MASS, alpha=0.55, linewidths=0.0, depthshade=False,
         label=f"centres of mass, {tree.mass.max():.3g} kg and less",
     )  # fmt: skip
-    if model.missing_inertia:
-        axes.plot([], [], " ", label=f"without mass in its description: {len(model.missing_inertia)} links")
 
 
 def _draw_gravity(axes: Any, gravity: Floats, middle: Floats, half: float) -> None:
     size = float(np.linalg.norm(gravity))
-    label = f"gravity, {size:.4g} m/s2"
-    if size == 0.0:
-        axes.plot([], [], " ", label=label)
-        return
-    along = ARROW * half * gravity / size
+    along = ARROW * half * gravity / max(size, 1e-12)
     start = middle + half * np.array([-0.8, 0.8, 0.7]) - 0.5 * along
+    label = f"gravity, {size:.4g} m/s2"
     axes.quiver(*start, *along, color=GRAVITY, linewidth=2.0, arrow_length_ratio=0.25, label=label)
 
 
@@ -310,19 +296,12 @@ def equal_axes(axes: Any, points: Floats) -> tuple[Floats, float]:
 
     middle: Floats = (points.max(axis=0) + points.min(axis=0)) / 2.0
     half = max(LEAST_EXTENT, float(np.ptp(points, axis=0).max())) * 0.52
-    for limits, label, name, at in zip(
-        (axes.set_xlim, axes.set_ylim, axes.set_zlim),
-        (axes.set_xlabel, axes.set_ylabel, axes.set_zlabel),
-        "xyz",
-        middle,
-        strict=True,
-    ):
-        limits(at - half, at + half)
-        label(f"{name} [mm]", fontsize=8)
+    for name, at in zip("xyz", middle, strict=True):
+        getattr(axes, f"set_{name}lim")(at - half, at + half)
+        getattr(axes, f"set_{name}label")(f"{name} [mm]", fontsize=8)
+        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4))
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.88)
     axes.tick_params(labelsize=7)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))
     return middle, half
 
 
@@ -344,7 +323,7 @@ def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: F
 def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, joints: Sequence[int]) -> None:
     rows = np.arange(len(joints))
     own, limits = tau[:, joints], model.effort_limit[list(joints)]
-    reach = max(float(np.abs(own).max(initial=0.0)), LEAST_TORQUE)
+    reach = max(float(np.abs(own).max()), LEAST_TORQUE)
     axes.barh(rows, own[0], height=0.5, color=BAR)
     if len(own) > 1:
         axes.hlines(rows, own.min(axis=0), own.max(axis=0), color=RANGE, linewidth=1.2)
@@ -352,19 +331,15 @@ def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, 
     for side in (-1.0, 1.0):
         axes.vlines(side * limits[shown], rows[shown] - 0.4, rows[shown] + 0.4, color=LIMIT, linewidth=1.5)
     # names of the values stand beside the bars, so that a short one can be read as well
-    for row, (value, limit, least, greatest) in enumerate(
-        zip(own[0], limits, own.min(axis=0), own.max(axis=0), strict=True)
-    ):
+    least, most = np.minimum(own.min(axis=0), 0.0), np.maximum(own.max(axis=0), 0.0)
+    for row, (value, limit) in enumerate(zip(own[0], limits, strict=True)):
         share = f" ({100.0 * abs(value) / limit:.0f} % of {limit:g})" if np.isfinite(limit) else ""
-        side = -1.0 if value < 0.0 else 1.0
-        axes.annotate(
-            f"{value:.3g}{share}" if abs(value) > LEAST_TORQUE else "0",
-            (min(least, 0.0) if side < 0.0 else max(greatest, 0.0), row), xytext=(4.0 * side, 0.0),
-            textcoords="offset points", fontsize=8, va="center", ha="left" if side > 0.0 else "right",
-            bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.8},
-        )  # fmt: skip
-    low = min(0.0, float(own.min(initial=0.0)), *(-limits[shown]))
-    high = max(0.0, float(own.max(initial=0.0)), *limits[shown])
+        text = f"{value:.3g}{share}" if abs(value) > LEAST_TORQUE else "0"
+        end, where, away = (least[row], "right", -4.0) if value < 0.0 else (most[row], "left", 4.0)
+        box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.8}
+        style = {"fontsize": 8, "va": "center", "ha": where, "bbox": box}
+        axes.annotate(text, (end, row), xytext=(away, 0.0), textcoords="offset points", **style)
+    low, high = min([*least, *-limits[shown]]), max([*most, *limits[shown]])
     # room for what is written at the ends, as a share of the whole width
     written = WIDE_TEXT if np.isfinite(limits).any() else SHORT_TEXT
     left = written if (own[0] < -LEAST_TORQUE).any() else 0.02

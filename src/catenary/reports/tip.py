@@ -1,7 +1,7 @@
 """How far the tip is off by reported and by corrected joints: a table, and a picture of the arm with its tip's path."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,28 +25,21 @@ LEAST_ROWS = 6  # of them
 FARTHEST = 12.0  # times the raw error: how far the tip goes in them
 
 
-@dataclass(frozen=True)
-class Distances:
-    """Distances of a tip from where it is [m], over all rows."""
-
-    rmse: float
-    median: float
-    largest: float
-
-
-@dataclass(frozen=True)
-class TipErrors:
-    """Where the tip is by measured joints, and how far from there it is by the others."""
+class TipErrors(NamedTuple):
+    """Where the tip is by measured joints, and by the others; tips are (N, 3) in the base frame [m]."""
 
     robot: RobotModel
     q: Floats  # (N, n) of the robot by measured joints [rad|m]
-    true: Floats  # (N, 3) by measured joints, in the base frame [m]
-    reported: Floats  # (N, 3) by joints as reported
-    corrected: Floats  # (N, 3) by corrected joints
-    raw: Distances
-    offset: Distances
-    model: Distances
+    true: Floats  # by measured joints
+    reported: Floats
+    offset: Floats  # by reported joints after the fixed offset
+    corrected: Floats
     moves: tuple[bool, ...]  # whether each joint of the model moves the tip
+
+    def distances(self, tip: Floats) -> Floats:
+        """Return the tip's distances (N,) from where it is [m]."""
+        apart: Floats = np.linalg.norm(tip - self.true, axis=1)
+        return apart
 
 
 def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | None:
@@ -70,42 +63,31 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
         )
     measured = evaluation.data.q_nominal + evaluation.raw
 
-    def full(error: Floats) -> Floats:
+    def full(error: Floats | float) -> Floats:
         q = np.zeros((len(measured), robot.n))
         q[:, places] = measured - error
         return q
 
-    q = full(np.zeros_like(measured))
-    true = _tips(robot, q)
-    reported, by_offset, corrected = (
-        _tips(robot, full(error)) for error in (evaluation.raw, evaluation.after_offset, evaluation.after_model)
-    )
-    return TipErrors(
-        robot=robot,
-        q=q,
-        true=true,
-        reported=reported,
-        corrected=corrected,
-        raw=_distances(true, reported),
-        offset=_distances(true, by_offset),
-        model=_distances(true, corrected),
-        moves=tuple(_moves_tip(robot, [place]) for place in places),
-    )
+    left = (0.0, evaluation.raw, evaluation.after_offset, evaluation.after_model)
+    true, reported, offset, corrected = (_tips(robot, full(error)) for error in left)
+    moves = tuple(_moves_tip(robot, [place]) for place in places)
+    return TipErrors(robot, full(0.0), true, reported, offset, corrected, moves)
 
 
 def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
     """Return what a page says of the tip of a model of these joints."""
     without = [joint for joint, moves in zip(joints, tip.moves, strict=True) if not moves]
     aside = f" Joints that do not move this frame, and are not in its error: {', '.join(without)}." if without else ""
+    rows = [("raw", tip.reported), ("fixed offset", tip.offset), (name, tip.corrected)]
     columns = [
         TableColumn("joints"),
-        TableColumn("RMSE [mm]", lambda row: 1e3 * row[1].rmse, ".3f"),
-        TableColumn("median [mm]", lambda row: 1e3 * row[1].median, ".3f"),
-        TableColumn("largest [mm]", lambda row: 1e3 * row[1].largest, ".3f"),
+        TableColumn("RMSE [mm]", lambda row: 1e3 * rms(tip.distances(row[1])), ".3f"),
+        TableColumn("median [mm]", lambda row: 1e3 * np.median(tip.distances(row[1])), ".3f"),
+        TableColumn("largest [mm]", lambda row: 1e3 * tip.distances(row[1]).max(), ".3f"),
     ]
     return [
         Heading("Error of the tip"),
-        Table(columns, [("raw", tip.raw), ("fixed offset", tip.offset), (name, tip.model)]),
+        Table(columns, rows),
         Text(
             f'Distance between frame "{tip.robot.tip}" of robot {tip.robot.name} by these joints and by the measured '
             "ones, through the robot's kinematics, over the same rows as above. What the kinematics themselves are off "
@@ -114,13 +96,13 @@ def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
     ]
 
 
+def tip_rmse(tip: TipErrors) -> tuple[float, float]:
+    """Return the RMS distance by reported and by corrected joints [mm]."""
+    return 1e3 * rms(tip.distances(tip.reported)), 1e3 * rms(tip.distances(tip.corrected))
+
+
 def _tips(robot: RobotModel, q: Floats) -> Floats:
     return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))])
-
-
-def _distances(true: Floats, tip: Floats) -> Distances:
-    apart = np.linalg.norm(tip - true, axis=1)
-    return Distances(rms(apart), float(np.median(apart)), float(apart.max()))
 
 
 def _places(robot: RobotModel, names: Sequence[str], units: Sequence[str]) -> list[int] | None:
@@ -165,22 +147,16 @@ def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
     arm.set_title("arm and path of its tip", fontsize=9)
 
     rows = _stretch(tip, row_breaks)
-    drawn = []
-    for points, color, label, style in (
-        (tip.reported, RAW, "raw", "-"),
-        (tip.corrected, MODEL, name, "-"),
-        (tip.true, MEASURED, "measured", "--"),
-    ):
-        near = 1e3 * points[rows]
-        close.plot(*near.T, color=color, linewidth=1.4, linestyle=style, label=wrapped(label))
-        drawn.append(near)
-    equal_axes(close, np.vstack(drawn))
+    drawn = ((tip.reported, RAW, "raw", "-"), (tip.corrected, MODEL, name, "-"), (tip.true, MEASURED, "measured", "--"))
+    for points, color, label, style in drawn:
+        close.plot(*1e3 * points[rows].T, color=color, linewidth=1.4, linestyle=style, label=wrapped(label))
+    equal_axes(close, 1e3 * np.vstack([points[rows] for points, *_ in drawn]))
     close.set_title(f"close up: {rows.stop - rows.start} rows of the path", fontsize=9)
     figure.legend(*close.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9)
     caption = (
         f"Left: robot {tip.robot.name} in its base frame (square: base, dot: tip), and the path of its tip by measured "
         f"joints. Right: a stretch of the path, and where the tip is by raw joints and after {name}. RMSE of the tip: "
-        f"{1e3 * tip.raw.rmse:.3f} mm raw, {1e3 * tip.model.rmse:.3f} mm after {name}."
+        f"{tip_rmse(tip)[0]:.3f} mm raw, {tip_rmse(tip)[1]:.3f} mm after {name}."
     )
     return picture(figure, caption, "The arm drawn in space with the path of its tip, and a part of the path close up.")
 
@@ -191,6 +167,6 @@ def _stretch(tip: TipErrors, row_breaks: Floats) -> slice:
     longest = int(np.argmax(np.minimum(np.diff(starts), STRETCH)))
     first, end = starts[longest], min(starts[longest] + STRETCH, starts[longest + 1])
     away = np.linalg.norm(tip.true[first:end] - tip.true[first], axis=1)
-    far = np.flatnonzero(away > FARTHEST * tip.raw.rmse)
+    far = np.flatnonzero(away > FARTHEST * rms(tip.distances(tip.reported)))
     least = min(first + LEAST_ROWS, end)
     return slice(int(first), int(max(least, first + far[0])) if len(far) else int(end))

@@ -154,9 +154,6 @@ def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: 
 
     Lever springs and known torques that both move go on from where the held ones stand. held (n,) are the values of
     those that are held, zero of the free ones.
-
-    Raises:
-        InputError: A linear spring on both, away from its rest by the held ones: what is left is no spring.
     """
     kept: dict[str, tuple[Effect, ...]] = {}
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):

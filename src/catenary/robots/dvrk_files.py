@@ -55,12 +55,7 @@ class _Kinematics(Recorded):
 
 
 def load_dvrk(path: Path, *, instrument: Path | None = None, massless: Massless = ()) -> RobotModel:
-    """Load an arm of a da Vinci from the dVRK's kinematics of it, and of its instrument where it has one.
-
-    Raises:
-        FileFormatError: A file is missing, no JSON, or none of the dVRK's kinematics.
-        UnsupportedModelError: Rows follow others by rules that stand in the dVRK's program and not in the file.
-    """
+    """Load an arm of a da Vinci from the dVRK's kinematics of it, and of its instrument where it has one."""
     files = [path] if instrument is None else [path, instrument]
     parts, sources = [], []
     for file in files:

@@ -109,7 +109,10 @@ def check_form(what: str, form: Form) -> None:
     if isinstance(form, MeshFile):
         sizes: tuple[float, ...] = tuple(abs(float(s)) for s in form.scale)
     elif isinstance(form, TriangleMesh):
-        _check_mesh(what, form)
+        if len(form.vertices) < 3 or len(form.triangles) < 1:
+            raise InputError(f"{what}: a mesh without triangles")
+        if not np.isfinite(form.vertices).all():
+            raise InputError(f"{what}: a vertex of the mesh is not finite")
         return
     elif isinstance(form, Capsule):
         if not 0.0 <= form.length <= FARTHEST:
@@ -120,13 +123,6 @@ def check_form(what: str, form: Form) -> None:
     for size in sizes:
         if not 0.0 < size <= FARTHEST:
             raise InputError(f"{what}: size {size:g}, expected above zero and at most {FARTHEST:g}")
-
-
-def _check_mesh(what: str, mesh: TriangleMesh) -> None:
-    if len(mesh.vertices) < 3 or len(mesh.triangles) < 1:
-        raise InputError(f"{what}: a mesh without triangles")
-    if not np.isfinite(mesh.vertices).all():
-        raise InputError(f"{what}: a vertex of the mesh is not finite")
 
 
 def capsule_between(start: Floats, end: Floats, radius: float) -> tuple[Pose, Capsule]:

@@ -121,20 +121,12 @@ class RobotModel:
         return {}
 
     def require_masses(self) -> None:
-        """Refuse a model that cannot give gravity torques, which need masses and their centres.
-
-        Raises:
-            MissingInertiaError: Links without, by name.
-        """
+        """Refuse a model that cannot give gravity torques, which need masses and their centres."""
         if self.missing_inertia:
             raise MissingInertiaError(self.name, self.missing_inertia)
 
     def require_inertia(self) -> None:
-        """Refuse a model that cannot give masses and torques of motion.
-
-        Raises:
-            MissingInertiaError: Links without mass, or without an inertia that a body can have, by name.
-        """
+        """Refuse a model that cannot give masses and torques of motion."""
         self.require_masses()
         if self.missing_tensor:
             raise MissingInertiaError(self.name, self.missing_tensor, only_tensor=True)
@@ -145,11 +137,7 @@ class RobotModel:
         return next((name for name in (BASE, *self.frames) if is_base(self.frames.get(name))), BASE)
 
     def frame(self, name: str | None = None) -> Frame:
-        """Return a frame by name, the tip when no name is given.
-
-        Raises:
-            InputError: No frame of that name; the message lists those there are.
-        """
+        """Return a frame by name, the tip when no name is given."""
         key = self.tip if name is None else name
         if key not in self.frames:
             raise InputError(f'robot "{self.name}": no frame "{key}"; frames: {", ".join(sorted(self.frames))}')

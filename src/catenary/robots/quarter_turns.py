@@ -13,7 +13,6 @@ from catenary.robots.model import RobotModel, Tree
 
 WITHIN = 1e-6  # [rad] that a quarter turn may be off
 ROUNDING = 1e-12  # [rad] that is no digit of a file
-NEARLY = 1e-5  # [rad]: 1.5708 is 4e-6 off, and 3.1416 7e-6
 
 
 def with_quarter_turns(model: RobotModel) -> RobotModel:
@@ -36,18 +35,12 @@ def with_quarter_turns(model: RobotModel) -> RobotModel:
 
 
 def quarter_turn_notes(names: tuple[str, ...], tree: Tree, offset: Floats) -> list[str]:
-    """Return in words which links' turns are taken for quarter turns in formulas, and which are only nearly so."""
+    """Return in words which links' turns are taken for quarter turns in formulas."""
     off = _turns_off(tree, offset)
-    notes = []
-    for low, high, words in (
-        (ROUNDING, WITHIN, "quarter turns, to within {:.1e} rad, are exact in formulas"),
-        (WITHIN, NEARLY, "nearly quarter turns, {:.1e} rad off, are taken as they stand"),
-    ):
-        those = (off > low) & (off <= high)
-        links = [name for name, mine in zip(names, those, strict=True) if mine.any()]
-        if links:
-            notes.append(f"{words.format(off[those].max())} ({', '.join(links)})")
-    return notes
+    those = (off > ROUNDING) & (off <= WITHIN)
+    links = [name for name, mine in zip(names, those, strict=True) if mine.any()]
+    told = f"quarter turns, to within {off[those].max(initial=0.0):.1e} rad, are exact in formulas"
+    return [f"{told} ({', '.join(links)})"] if links else []
 
 
 def _turns_off(tree: Tree, offset: Floats) -> Floats:

@@ -76,7 +76,9 @@ def parse_urdf(
     rotors, beside = srdf_rotors(path, str(robot.get("name")))
     actuation, rotorless = stated_drives(where, robot, leaders, rotors)
     declared = set(links) if massless == "all" else set(massless)
-    weightless = [link.name for link in tree_links if _is_weighed(link) and link.name not in declared]
+    weightless = [
+        link.name for link in tree_links if link.massless and link.joint != "fixed" and link.inertia is not None
+    ]
     with naming_the_file(where):
         model = assemble(
             robot.get("name") or "unnamed",
@@ -86,7 +88,7 @@ def parse_urdf(
             actuation=actuation,
             sources=[*sources, *beside],
             notes=[*_notes(robot, joints, following), *rotorless],
-            doubts=[f'link "{name}": has no mass, as the file says' for name in weightless],
+            doubts=[f'link "{name}": has no mass, as the file says' for name in weightless if name not in declared],
         )
     return model.with_massless(massless)
 
@@ -237,11 +239,6 @@ def _tree_link(
         inertia=inertia,
         massless=bare or weightless,
     )
-
-
-def _is_weighed(link: Link) -> bool:
-    """Return whether a file says that a moving link has no mass."""
-    return link.massless and link.joint != "fixed" and link.inertia is not None
 
 
 def _inertia(what: str, link: Element) -> LinkInertia | None:

@@ -11,12 +11,7 @@ LONGEST = 60.0  # [s]
 
 
 def expanded_xacro(path: Path) -> bytes:
-    """Return the URDF that xacro makes of a file with its default arguments; xacro runs expressions in the file.
-
-    Raises:
-        MissingPackageError: xacro is not installed.
-        FileFormatError: It cannot expand the file; the message is its own.
-    """
+    """Return the URDF that xacro makes of a file with its default arguments; xacro runs expressions in the file."""
     try:
         import xacro
     except ImportError:

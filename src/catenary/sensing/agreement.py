@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.sensing.bases import CHEAP_NOISE
 from catenary.sensing.checks import Fault, SensorRules
 
 HIGH_PASS = 0.5  # [s] over which what is slower than turning is forgotten, of gravity and of what rates make of it
@@ -25,13 +26,16 @@ _FEWEST = 8  # samples that tell anything
 # 0.3 m/s2. Seen from far above that axis, as on a base that rocks about its feet, gravity moves more than it turns, and
 # in step: where it does, 1.3 m cost as much. From below it moves less, which bases that hang do and little else: 0.1 m.
 _BIAS_COST, _BIAS_COST_AS_IS, _FIRM, _LOOSE, _HANGING = 40.0, 4.0, 1.0, 0.05, 9.0
-_EXPLAINS = 0.15  # share of what is left that other axes, units or scales must leave at most
+_BIAS_KNOWN = 400.0  # in place of both, of a gyroscope whose bias was seen at rest
+_EXPLAINS = 0.15  # share of what is left that other axes, units or scales must leave at most, beyond noise
+_NOISE = 3.0 * CHEAP_NOISE**2  # [m2/s4]
 _AGREES = 0.3  # share of gravity's change that rates leave which agree with it
 _STILL = 0.15  # share of a limit that gravity moves by at least where anything can be told
 _FITS = 0.75  # least share of its own turning by which gravity turns with a gyroscope that helps
 _FEEBLE = 0.003  # [m2/s4 s] of turning that noise alone may seem to follow
 REST_LEAVES = 0.1  # [m2/s4 s] that a base leaves which has no accelerations of its own
 _OFF_SCALE = 1.15  # beyond which a scale is wrong
+LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
 _LEAST_SCALE = 0.5  # below which rates are worse than none
 _MOST_SCALE = 5.0  # beyond which it is none: a gyroscope with a bias, and no more, seems to turn with anything
 _APART = 0.0095  # [s] of samples that are kept: a hundred a second
@@ -122,15 +126,18 @@ def evidence(times: Floats, gravity: Floats, rate_times: Floats, angles: Floats,
     return total
 
 
-def judge(found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] | None = None) -> Agreement:
+def judge(
+    found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] | None = None, *, rested: bool = False
+) -> Agreement:
     """Judge a gyroscope by `evidence` over a span [s].
 
     limit [m2/s4 s] is what a base's own accelerations leave. One of which other readings were found to agree,
-    `doubted`, agrees where none of these does.
+    `doubted`, agrees where none of these does. Of one that was seen at rest the bias is known.
     """
-    plain = _left_by(found, _BIAS, np.full(3, _BIAS_COST * span))
+    bias, as_is = (_BIAS_KNOWN, _BIAS_KNOWN) if rested else (_BIAS_COST, _BIAS_COST_AS_IS)
+    plain = _left_by(found, _BIAS, np.full(3, bias * span))
     firm, loose, hanging = (
-        float(_FLAT[0] @ _left_by(found, _BESIDE, np.repeat([_BIAS_COST_AS_IS, cost], 3) * span) @ _FLAT[0])
+        float(_FLAT[0] @ _left_by(found, _BESIDE, np.repeat([as_is, cost], 3) * span) @ _FLAT[0])
         for cost in (_FIRM, _LOOSE, _HANGING)
     )
     moved = float(found[_GRAVITY, _GRAVITY])
@@ -143,8 +150,10 @@ def judge(found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] |
     if doubted is not None:
         fits = False
     if moved < shows:
-        return Agreement(Fault.NONE, agrees=False, fits=fits)
-    if left[0] < _AGREES * moved and (doubted is None or left[doubted].min() - left[0] > shows):
+        kind = Fault.RATE_CONTRADICTS if hanging > 1.5 * moved + limit else Fault.NONE
+        return Agreement(kind, agrees=False, fits=fits)
+    is_off = not 1.0 / _OFF_SCALE < scale < _OFF_SCALE
+    if not is_off and left[0] < _AGREES * moved and (doubted is None or left[doubted].min() - left[0] > shows):
         return Agreement(Fault.NONE, agrees=True, may_be_late=loose > limit, fits=True)
     scaled = np.r_[scale * turned, -1.0]
     off = float(scaled @ plain @ scaled)
@@ -155,9 +164,10 @@ def judge(found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] |
     if best > 0 and explained and firm - left[best] > limit:
         way, unit = _CANDIDATES[best]
         return Agreement(_kind(way, unit), agrees=False, remedy=_remedy(way, unit), readings=alike)
-    as_is = hanging if scale < _LEAST_SCALE else loose
-    is_off = not 1.0 / _OFF_SCALE < scale < _OFF_SCALE and 1.0 / _MOST_SCALE < abs(scale) < _MOST_SCALE
-    if is_off and off < _EXPLAINS * min(as_is, moved) and as_is - off > limit:
+    unmended = hanging if scale < _LEAST_SCALE else loose
+    is_off &= 1.0 / _MOST_SCALE < abs(scale) < _MOST_SCALE
+    noise = _NOISE * span
+    if is_off and off - noise < _EXPLAINS * (min(unmended, moved) - noise) and unmended - off > limit:
         kind = Fault.RATE_SCALE if scale > 0.0 else Fault.RATE_SIGN
         said = f"gravity turns {scale:.3g} times as far as it says"
         return Agreement(kind, agrees=False, remedy=said)
@@ -166,12 +176,17 @@ def judge(found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] |
     return Agreement(Fault.NONE, agrees=False, may_be_late=loose > limit, fits=fits)
 
 
-def compare(pieces: Sequence[Piece], limit: float, doubted: NDArray[np.bool_] | None = None) -> Agreement:
+def compare(
+    pieces: Sequence[Piece], limit: float, doubted: NDArray[np.bool_] | None = None, *, rested: bool = False
+) -> Agreement:
     """Compare a gyroscope with an accelerometer over pieces of time, as those between the rests of a tumble."""
     span = sum(float(times[-1] - times[0]) for times, *_ in pieces)
     if not span > 0.0:
         return Agreement(Fault.NONE, agrees=False)
-    found = judge(sum((evidence(*piece) for piece in pieces), np.zeros((_SIZE, _SIZE))), span, limit, doubted)
+    total = sum((evidence(*piece) for piece in pieces), np.zeros((_SIZE, _SIZE)))
+    found = judge(total, span, limit, doubted, rested=rested)
+    if found.fault is Fault.RATE_CONTRADICTS and all(_is_upright(*piece) for piece in pieces):
+        return Agreement(Fault.NONE, agrees=False)
     if not found.may_be_late or span < _LATE_FROM:
         return found
     inner: list[Piece] = []
@@ -212,6 +227,7 @@ class AgreementWatch:
         self._angle, self._rate, self._rate_stamp = np.zeros(3), np.zeros(3), -math.inf
         self._compared = self._right_since = -math.inf
         self._proven = self.may_be_used = checked
+        self.rested = False  # the gyroscope's bias was seen at rest
 
     def add_rate(self, stamp: float, rate: Floats) -> None:
         """Take a rate (3,) [rad/s] in the sensor's axes."""
@@ -238,16 +254,17 @@ class AgreementWatch:
             if min(len(late), len(turned)) < _FEWEST:
                 continue
             piece = late[:, 0], late[:, 1:], turned[:, 0], turned[:, 1:]
-            found = compare([piece], accelerations(self._rules, span), self.found.readings)
+            found = compare([piece], accelerations(self._rules, span), self.found.readings, rested=self.rested)
             self._proven |= found.fits is True
             self.may_be_used = self._proven or found.fits is None
-            # what contradicts does so now; a while ago another may have
-            if found.agrees or (found.fault is not Fault.NONE and (found.remedy or span == self.SPANS[0])):
-                if found.agrees and not self.found.agrees:
+            is_short = span == self.SPANS[0]
+            if found.agrees and not (is_short and self.found.fault is Fault.RATE_DELAY):
+                if not self.found.agrees:
                     self._right_since = begin  # what was before is of a gyroscope that was wrong, or not known
                 self.found = found
-                if not found.agrees:
-                    self._proven = self.may_be_used = False
+            # what contradicts does so now; a while ago another may have
+            elif found.fault is not Fault.NONE and (found.remedy or is_short):
+                self.found, self._proven, self.may_be_used = found, False, False
                 return
 
 
@@ -255,6 +272,13 @@ def _add(recent: deque[Row], stamp: float, vector: Floats) -> None:
     """Take a sample (3,), unless one was taken just before."""
     if not recent or stamp - recent[-1][0] >= _APART:
         recent.append((stamp, *vector.tolist()))
+
+
+def _is_upright(times: Floats, gravity: Floats, rate_times: Floats, angles: Floats) -> bool:
+    """Return whether a base turned about the vertical, by and large: a turntable, on which gravity leans outwards."""
+    down, by = gravity.mean(axis=0), np.diff(angles, axis=0)
+    across, along = (np.linalg.norm(v, axis=-1).sum() for v in (np.cross(down, by), by))
+    return bool(across < LEAN * along * np.linalg.norm(down))
 
 
 def _times_axes(vectors: Floats) -> Floats:

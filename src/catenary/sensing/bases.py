@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from catenary.errors import InputError
-from catenary.sensing.checks import GravityCheck, SensorRules
+from catenary.sensing.checks import SensorRules
 from catenary.sensing.delay_free_filter import CUTOFF_BY_WINDOW
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -54,11 +54,9 @@ BASES: dict[str, BaseSpectrum] = {
 
 def base_spectrum(base: str | BaseSpectrum) -> BaseSpectrum:
     """Return how a base of a name moves; a spectrum itself is returned as it is."""
-    if isinstance(base, BaseSpectrum):
-        return base
-    if base not in BASES:
+    if isinstance(base, str) and base not in BASES:
         raise InputError(f'mounted on "{base}": expected one of {", ".join(BASES)}')
-    return BASES[base]
+    return BASES[base] if isinstance(base, str) else base
 
 
 def rules_for(
@@ -70,12 +68,8 @@ def rules_for(
     three axes, 0.3 m/s2 at least; slow accelerations a of frequencies from f on average out over `mean_time` T to
     3 a / (2 pi f T) at most, for which T is chosen; lengths in the mean are then gravity's, give or take what is left
     and what a sensor that nobody calibrated is off by. For a table and a cheap sensor these are the defaults of
-    SensorRules.
-
-    Args:
-        base: table, cart, vehicle or ship, or how it moves.
-        noise: Standard deviation of an axis of a reading at rest [m/s2].
-        changes: Fields of SensorRules that are to be others.
+    SensorRules. Noise is the standard deviation of an axis of a reading at rest [m/s2]; `changes` are fields of
+    SensorRules that are to be others.
     """
     if not 0.0 <= noise < math.inf:
         raise InputError(f"sensor noise: expected 0 or more m/s2, got {noise}")
@@ -105,11 +99,6 @@ def attitude_time_for(base: str | BaseSpectrum) -> float:
     """Return the time over which the direction of `fade` is averaged [s]: a period of the slowest motion."""
     spectrum = base_spectrum(base)
     return 2.0 if spectrum.slow_acceleration == 0.0 else max(2.0, 1.0 / spectrum.slowest_hz)
-
-
-def unseen_swing(rules: SensorRules) -> float:
-    """Return how far gravity may swing by a gyroscope without showing in readings [m/s2], standard deviation."""
-    return rules.rest_spread + GravityCheck.MEMORY * rules.slow_jerk
 
 
 def cutoff_for(base: str | BaseSpectrum) -> float:

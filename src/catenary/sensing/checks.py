@@ -1,8 +1,11 @@
 """Which samples of an accelerometer or a gyroscope are believed; the others are named by their fault."""
 
 import math
+import tomllib
 from dataclasses import asdict, dataclass
 from enum import Flag, auto
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
 
@@ -56,7 +59,7 @@ class Fault(Flag):
     @property
     def message(self) -> str:
         """What it means and what to do about it; a sentence for each of several faults."""
-        return "; ".join(_MESSAGES[fault] for fault in self)
+        return "; ".join(_messages()[name] for name in self.names)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,47 +67,9 @@ class Fault(Flag):
         return tuple(str(fault.name).lower() for fault in self)
 
 
-_MESSAGES = {
-    Fault.NOTHING_RECEIVED: "no sample was received: gravity is that of a level base; is the sensor plugged in?",
-    Fault.INTERRUPTED: "samples stopped coming: gravity is held, then falls back; check cable and driver",
-    Fault.RATES_INTERRUPTED: "no angular rates come: the turning of the base is not compensated for",
-    Fault.SAMPLES_LOST: "samples came faster than they were taken, and the oldest were lost",
-    Fault.NOT_FINITE: "the accelerometer gave NaN, infinity or numbers beyond any sensor",
-    Fault.STUCK: "the accelerometer repeats one reading bit for bit: it has stopped measuring",
-    Fault.SATURATED: "the accelerometer is at the end of its range: choose a larger one, or damp the base",
-    Fault.SPIKE: "single readings far from those before and after: loose wiring, or knocks on the base",
-    Fault.JUMP: "gravity changed at once by more than a base can turn, and stayed there: did the sensor come loose? "
-    "It is believed again when it comes back, or after trust_again_after of good readings",
-    Fault.WRONG_SIGN: "gravity turned into its opposite: at rest specific force points up, free-fall acceleration down",
-    Fault.UPSIDE_DOWN: "the base seems to hang upside down: specific force and free-fall acceleration mixed up? "
-    "If it does hang so, raise max_tilt",
-    Fault.AXES_SWAPPED: "gravity is right but for the order or signs of its axes: another driver or setting?",
-    Fault.UNIT_G: "readings are of length 1 at rest: they seem to be in g, not m/s2",
-    Fault.UNIT_CM: "readings are of length 1000 at rest: they seem to be in cm/s2 or milli-g, not m/s2",
-    Fault.GRAVITY_STRIPPED: "readings are near 0: the driver takes gravity away; ask it for raw acceleration",
-    Fault.MAGNITUDE: "readings are not of gravity's length, at rest or in the mean: calibrate with a tumble, or "
-    "does the base move by itself (mounted on a vehicle, a ship)?",
-    Fault.STAMP_BACKWARDS: "a time stamp went back",
-    Fault.STAMP_REPEATED: "a time stamp was repeated",
-    Fault.STAMP_FUTURE: "a time stamp lies in the future: the clocks differ",
-    Fault.STAMP_OLD: "samples were too old when they came: the clocks differ, or something queues them",
-    Fault.RATE_NOT_FINITE: "the gyroscope gave NaN, infinity or numbers beyond any sensor",
-    Fault.RATE_STUCK: "the gyroscope repeats one reading bit for bit: it has stopped measuring",
-    Fault.RATE_SATURATED: "the gyroscope is at the end of its range: choose a larger one, or rad/s are deg/s",
-    Fault.RATE_SPIKE: "single angular rates far from those before and after",
-    Fault.RATE_TOO_FAST: "angular rates are faster than a base turns: deg/s for rad/s?",
-    Fault.RATE_CONTRADICTS: "the gyroscope says that the base turns while gravity stands still: "
-    "bias, or deg/s for rad/s",
-    Fault.DISAGREEMENT: "the accelerometer says that the base tips, the gyroscope that it stands still: neither is "
-    "believed until they agree; is the gyroscope dead, or is the base pushed hard (max_push)?",
-    Fault.NOT_FOLLOWED: "gravity changes faster than the filter follows: raise its cut-off, or say what carries it",
-    Fault.RATE_SIGN: "gravity turns against the gyroscope: the sign of an axis of it is wrong (--axes)",
-    Fault.RATE_AXES: "gravity turns about other axes than the gyroscope says: their order or signs differ from the "
-    "accelerometer's (--axes)",
-    Fault.RATE_UNIT: "the gyroscope seems to be in deg/s, or divided by 57 once too often: say its unit (--units)",
-    Fault.RATE_SCALE: "gravity turns farther, or less far, than the gyroscope says: its range or scale is set wrong",
-    Fault.RATE_DELAY: "gravity turns earlier or later than the gyroscope says: do stamps differ, is one filtered?",
-}
+@cache
+def _messages() -> dict[str, str]:
+    return tomllib.loads((files("catenary.sensing") / "data/faults.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -221,7 +186,7 @@ class GravityCheck:
         self._jump_since = math.inf
         self._impossible = False
         self.doubted_until = -math.inf  # [s] by a disagreement, whose end may be a jump
-        self._mean, self._variance = np.zeros(3), 0.0
+        self.mean, self._variance = np.zeros(3), 0.0  # of readings of late
         self._mean_length, self._mean_since = 0.0, math.inf
         self.steady_since = math.inf
 
@@ -313,7 +278,7 @@ class GravityCheck:
             fits = self._is_gravity(self._mean_length, outwards + (slow if young else 0.0))
             if self.is_steady:
                 # what stands still for half a second is at rest, or in the middle of a slow acceleration
-                fits = self._is_gravity(norm(self._mean), outwards + slow) and (fits or slow == 0.0)
+                fits = self._is_gravity(norm(self.mean), outwards + slow) and (fits or slow == 0.0)
             return Fault.NONE if fits else Fault.MAGNITUDE
         off = 0.15 + slow / STANDARD_GRAVITY
         in_g, stripped = abs(length - 1.0) <= off, length < 2.5
@@ -339,11 +304,11 @@ class GravityCheck:
             share = max(dt / (stamp - self._mean_since), 1.0 - math.exp(-dt / self._rules.mean_time))
             self._mean_length += share * (length - self._mean_length)
         if not 0.0 < dt < self.REST:
-            self._mean, self._variance, self.steady_since = gravity, 0.0, stamp
+            self.mean, self._variance, self.steady_since = gravity, 0.0, stamp
             return
         share = 1.0 - math.exp(-dt / self.MEMORY)
-        off = gravity - self._mean
-        self._mean = self._mean + share * off
+        off = gravity - self.mean
+        self.mean = self.mean + share * off
         self._variance = (1.0 - share) * (self._variance + share * float(off @ off))
         if self._variance > self._rules.rest_spread**2:
             self.steady_since = math.inf

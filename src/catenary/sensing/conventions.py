@@ -67,14 +67,12 @@ def axes_matrix(text: str) -> Floats:
 def convention_of(units: Sequence[str] = (), axes: Sequence[str] = (), driver: str | None = None) -> Convention:
     """Return what readings are multiplied by.
 
-    Args:
-        units: Of the accelerometer, then of the gyroscope; SI, or the driver's, where not said.
-        axes: Of both, or of the accelerometer and of the gyroscope, each a frame or an order of axes.
-        driver: One of DRIVERS.
+    Units are of the accelerometer, then of the gyroscope; SI, or the driver's, where not said. Axes are of both, or of
+    the accelerometer and of the gyroscope, each a frame or an order of axes.
     """
-    if driver is not None and driver not in DRIVERS:
+    usual = Driver(("m/s2", "rad/s"), "flu") if driver is None else DRIVERS.get(driver)
+    if usual is None:
         raise InputError(f'driver "{driver}": expected one of {", ".join(DRIVERS)}')
-    usual = Driver(("m/s2", "rad/s"), "flu") if driver is None else DRIVERS[driver]
     said = (*units, *usual.units[len(units) :])
     frames = tuple(axes) or (usual.axes,)
     known = [ACCELERATION_UNITS, {unit: value for unit, value in RATE_UNITS.items() if value > 0.0}]

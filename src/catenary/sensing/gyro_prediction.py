@@ -8,23 +8,17 @@ from catenary.arrays import Floats
 from catenary.sensing.checks import GravityCheck, SensorRules, norm
 from catenary.spatial import cross
 
-_LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
-
-
-def is_about(rate: Floats, gravity: Floats) -> bool:
-    """Return whether a rate (3,) turns about the vertical, by and large."""
-    return norm(cross(gravity, rate)) < _LEAN * norm(rate) * norm(gravity)
-
 
 class RestRate:
-    """The bias of a gyroscope, drawn to its mean whenever the base has stood still for a while.
+    """The bias of a gyroscope: its mean when the base first stood still for a while, drawn to it in later rests.
 
-    At rest are an accelerometer that is steady and rates that are slow and vary no more than noise. Slow even turning
-    about the vertical looks the same, and is taken for bias: its accelerations are too small to matter.
+    At rest are an accelerometer that stays where it is and rates that are slow and vary no more than noise. Slow even
+    turning about the vertical looks the same, and is taken for bias: its accelerations are too small to matter.
     """
 
     REST = 2.0  # [s] for which the base must have stood still
     MEMORY = 1.0  # [s] over which mean and spread are taken
+    MOVED = 0.15  # [m/s2] by which gravity moves meanwhile at most: a turn by a degree
     SPREAD = 0.01  # [rad/s] standard deviation of the three axes together: five times a cheap sensor's
     DRAW = 5.0  # [s] over which the bias is drawn to the mean
     # [rad/s] of noise alone, three axes together: no gyroscope has so much; a cheap one has 0.0015, or 0.09 deg/s
@@ -34,8 +28,9 @@ class RestRate:
         """Take the largest rate that may be bias [rad/s]."""
         self._largest = largest
         self.bias = np.zeros(3)
+        self.is_known = False
         self._mean, self._variance = np.zeros(3), 0.0
-        self._last, self._since = -math.inf, math.inf
+        self._last, self._since, self._gravity = -math.inf, math.inf, np.zeros(3)
         self._before, self._noise, self._noisy_since = np.zeros((2, 3)), 0.0, math.inf
 
     @property
@@ -43,8 +38,8 @@ class RestRate:
         """Its noise at rest is that of numbers in deg/s."""
         return self._last - self._noisy_since >= 0.5 * self.REST
 
-    def add(self, stamp: float, rate: Floats, *, steady: bool) -> None:
-        """Take a rate (3,) [rad/s], and whether the accelerometer is steady."""
+    def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
+        """Take a rate (3,) [rad/s], and what the accelerometer reads (3,) while it is steady [m/s2]."""
         dt, self._last = stamp - self._last, stamp
         if not 0.0 < dt < self.MEMORY:
             self._mean, self._variance, self._since = rate, 0.0, math.inf
@@ -55,61 +50,19 @@ class RestRate:
         rough = rate - 2.0 * self._before[1] + self._before[0]
         self._before = np.array([self._before[1], rate])
         self._noise += share * (min(float(rough @ rough) / 6.0, 4.0 * self.ABSURD**2) - self._noise)
-        is_noisy = steady and self._noise > self.ABSURD**2
+        is_noisy = gravity is not None and self._noise > self.ABSURD**2
         self._noisy_since = min(self._noisy_since, stamp) if is_noisy else math.inf
         off = rate - self._mean
         self._mean = self._mean + share * off
         self._variance = (1.0 - share) * (self._variance + share * float(off @ off))
         length = math.sqrt(float(self._mean @ self._mean))
-        if not (steady and self._variance <= self.SPREAD**2 and length <= self._largest):
+        if gravity is None or self._variance > self.SPREAD**2 or length > self._largest:
             self._since = math.inf
-        elif self._since == math.inf:
-            self._since = stamp
+        elif self._since == math.inf or norm(gravity - self._gravity) > self.MOVED:
+            self._since, self._gravity = stamp, gravity
         if stamp - self._since >= self.REST:
-            self.bias = self.bias + (1.0 - math.exp(-dt / self.DRAW)) * (self._mean - self.bias)
-
-
-class PredictedSwing:
-    """How far gravity should swing by the angular rates of a gyroscope, to compare with how far it does.
-
-    The same high-pass and the same mean as GravityCheck's of the readings themselves: of a sensor that is right both
-    give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
-    """
-
-    # shares of `large` as far as it is followed: absurd rates are forgotten within half a second
-    LARGEST = 3.0
-    LASTS = 0.1  # [s] for which it must be large: readings show a turn that begins a little later
-
-    def __init__(self, large: float = 0.3) -> None:
-        """Take the standard deviation that a base's own accelerations cannot hide [m/s2].
-
-        By turning steadily about the horizontal 0.2 rad/s make 0.3.
-        """
-        self._large = large
-        self._last = -math.inf
-        self._swing, self._variance, self._large_since = np.zeros(3), 0.0, math.inf
-
-    def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
-        """Take a rate (3,) [rad/s], and gravity (3,) as last believed, None where it is not known."""
-        dt = stamp - self._last
-        self._last = stamp
-        if gravity is None or not 0.0 < dt < GravityCheck.REST:
-            self._swing, self._variance, self._large_since = np.zeros(3), 0.0, math.inf
-            return
-        change = cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
-        if is_about(rate, gravity):
-            change = np.zeros(3)
-        share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
-        swing = (1.0 - share) * (self._swing + dt * change)
-        largest = self.LARGEST * self._large
-        self._swing = swing * min(1.0, largest / max(norm(swing), largest))
-        self._variance += share * (float(self._swing @ self._swing) - self._variance)
-        self._large_since = min(self._large_since, stamp) if self._variance > self._large**2 else math.inf
-
-    @property
-    def is_large(self) -> bool:
-        """Gravity should have moved by more than it may where it stands still."""
-        return self._last - self._large_since >= self.LASTS
+            share = 1.0 - math.exp(-dt / self.DRAW) if self.is_known else 1.0
+            self.bias, self.is_known = self.bias + share * (self._mean - self.bias), True
 
 
 class PredictedGravity:

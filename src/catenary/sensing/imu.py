@@ -7,12 +7,12 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.sensing.agreement import AgreementWatch
-from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, rules_for, unseen_swing
+from catenary.sensing.agreement import LEAN, AgreementWatch
+from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, rules_for
 from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules, norm
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import FALLBACKS, SlowAttitude, SmoothTransfer
-from catenary.sensing.gyro_prediction import PredictedGravity, PredictedSwing, RestRate, is_about
+from catenary.sensing.gyro_prediction import PredictedGravity, RestRate
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
 from catenary.spatial import LEVEL, cross
@@ -72,7 +72,7 @@ class SensedGravity:
         """Take samples from a mailbox.
 
         Args:
-            mailbox: Where samples come in.
+            mailbox: Where they come in.
             mounting: Of the sensor; at the base's origin, in its axes and without bias when None.
             mounted_on: table, cart, vehicle or ship, or how the base moves: gives what is None below.
             angular: A gyroscope is there; without, angular rates are left aside.
@@ -104,7 +104,7 @@ class SensedGravity:
         m, r = self.mounting, self._rules
         self._raw = RawCheck(r, m.acceleration_range, (Fault.NOT_FINITE, Fault.STUCK, Fault.SATURATED))
         self._raw_rate = RawCheck(r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED))
-        self._check, self._check_rate, self._swing = (GravityCheck(r), RateCheck(r), PredictedSwing(unseen_swing(r)))
+        self._check, self._check_rate = GravityCheck(r), RateCheck(r)
         self._predicted, self._rest_rate = PredictedGravity(r), RestRate(r.still_rate)
         self._agreement = AgreementWatch(r, checked=m.checked)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
@@ -131,7 +131,8 @@ class SensedGravity:
             if self._feed is not None:
                 self._feed(time)
             self._take(time, _TAKEN_AT_ONCE)
-        status, turning = self._status(time), self._turning(time)
+        # angular terms are held with gravity, and given up at the age limit
+        status, turning = self._status(time), self._rate_is_known and time - self._rate.newest <= self._age_limit
         changed = (status, turning, self._gaps) != self._mode
         self._mode = (status, turning, self._gaps)
         dt = min(max(time - self._last_time, 0.0), 0.02)
@@ -224,14 +225,12 @@ class SensedGravity:
         stamp, vector, _ = sample
         read = self.mounting.rate(np.array(vector))
         steady = self._check.is_steady and stamp - self._check.last_stamp < 2.0 * GravityCheck.GAP
-        self._rest_rate.add(stamp, read, steady=steady)
+        self._rest_rate.add(stamp, read, self._check.mean if steady else None)
         rate = read - self._rest_rate.bias
+        self._agreement.rested = self._rest_rate.is_known
         self._agreement.add_rate(stamp, rate @ self.mounting.rotation)
         expected = self._rate.at(min(stamp, self._rate.newest + self._horizon))[0]
         fault = self._check_rate.fault(rate, expected if self._rate_is_fresh(stamp) else None)
-        self._swing.add(stamp, rate, self._check.reference)
-        if fault is Fault.NONE and steady and self._swing.is_large:
-            fault = Fault.RATE_CONTRADICTS
         if fault is Fault.NONE and self._rest_rate.is_in_degrees:
             fault = Fault.RATE_UNIT
         if self._agreement.found.fault is not Fault.NONE:
@@ -245,19 +244,21 @@ class SensedGravity:
             return fault
         if fault is Fault.RATE_TOO_FAST:
             self._predicted.forget()  # whatever it is, it does not say that the base stands still
+        elif fault in (Fault.NONE, Fault.RATE_SPIKE):  # nor does a base say so that begins to turn at once
+            self._predicted.turn(stamp, read)  # which has a bias of its own, and its mean must not leap
         if fault is not Fault.NONE or not self._check_rate.believed:
             return fault
-        self._predicted.turn(stamp, rate)
         if self._predicted.disagrees:
             return Fault.DISAGREEMENT
         dt = stamp - self._rate.newest
         if dt > 0.5 * self._rate.window:
             self._rate.clear()
-        upright = self._check.reference is not None and is_about(rate, self._check.reference)
-        if not steady or (not upright and norm(rate) > _SLOW):
+        down, fast = self._check.reference, norm(rate)
+        upright = down is not None and norm(cross(down, rate)) < LEAN * fast * norm(down)
+        if not steady or (not upright and fast > _SLOW):
             self._about_vertical = 0.0
         elif upright:
-            self._about_vertical += min(dt, self._age_limit) * norm(rate)
+            self._about_vertical += min(dt, self._age_limit) * fast
         if dt <= self._age_limit and self._rate_is_known:
             self._attitude.turn(dt * rate)
         self._rate.add(stamp, rate)
@@ -270,10 +271,6 @@ class SensedGravity:
 
     def _rate_is_fresh(self, time: float) -> bool:
         return time - self._rate.newest <= self._stale_after
-
-    def _turning(self, time: float) -> bool:
-        """Return whether angular terms are known: held with gravity, given up at the age limit."""
-        return self._rate_is_known and time - self._rate.newest <= self._age_limit
 
     @property
     def _rate_is_known(self) -> bool:

@@ -1,7 +1,9 @@
 """How a sensor is mounted and what it reads wrong: the mounting file."""
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,10 @@ Vector = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
 # what no sensor can have and numbers of damaged files do
 LEAST_SCALE = 1e-3
+HEAD = """# How a sensor of gravity is mounted: true = (reading - bias) / scale in its own axes, which R_base_imu, the
+# rotation, takes to those of the frame `base`; position_m is of the sensor, from that frame's origin. checked: the
+# gyroscope was held against the accelerometer, in the turns between rests
+"""
 MOST = {"position": (FARTHEST, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), "rate_bias": (1e3, "rad/s")}
 
 
@@ -66,8 +72,8 @@ class SensorSection(Settings):
     """Name and ranges of the sensor."""
 
     name: str = ""
-    range_m_s2: float | None = None
-    range_rad_s: float | None = None
+    range_m_s2: float = np.inf
+    range_rad_s: float = np.inf
 
 
 class AccelerometerSection(Settings):
@@ -122,8 +128,8 @@ def load_mounting(path: Path | str) -> Mounting:
             scale=np.array(content.accelerometer.scale),
             rate_bias=np.array(content.gyroscope.bias_rad_s),
             checked=content.gyroscope.checked,
-            acceleration_range=np.inf if content.sensor.range_m_s2 is None else content.sensor.range_m_s2,
-            rate_range=np.inf if content.sensor.range_rad_s is None else content.sensor.range_rad_s,
+            acceleration_range=content.sensor.range_m_s2,
+            rate_range=content.sensor.range_rad_s,
             sensor=content.sensor.name,
             base=content.mounting.base,
         )
@@ -133,31 +139,19 @@ def load_mounting(path: Path | str) -> Mounting:
 
 def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | None = None) -> None:
     """Write a mounting file, which appears whole or not at all."""
-    lines = ["# How a sensor of gravity is mounted: true = (reading - bias) / scale, turned by R_base_imu"]
-    lines += ["", "[sensor]", f"name = {_text(mounting.sensor)}"]
-    for key, limit in (("range_m_s2", mounting.acceleration_range), ("range_rad_s", mounting.rate_range)):
-        if np.isfinite(limit):
-            lines.append(f"{key} = {float(limit)!r}")
-    lines += ["", "[accelerometer]", f"bias_m_s2 = {mounting.bias.tolist()}"]
-    lines.append(f"scale = {mounting.scale.tolist()}")
-    lines += ["", "[gyroscope]", f"bias_rad_s = {mounting.rate_bias.tolist()}"]
-    if mounting.checked:
-        lines.append("checked = true  # against the accelerometer, in the turns between rests")
-    lines += ["", "[mounting]"]
-    lines.append("rotation = [  # R_base_imu: takes vectors in the sensor's axes to the base's")
-    lines += [f"    {row.tolist()}," for row in mounting.rotation]
-    lines += ["]", f"position_m = {mounting.position.tolist()}  # of the sensor from the base's origin"]
-    lines.append(f"base = {_text(mounting.base)}  # the frame that this is of")
-    if tumble is not None:
-        lines += ["", "[tumble]", f"readings = {tumble.readings}"]
-        for name in ("residual_m_s2", "rotation_residual_deg"):
-            value = getattr(tumble, name)
-            if value is not None:
-                lines.append(f"{name} = {float(value)!r}")
-        lines.append(f"remarks = [{', '.join(_text(remark) for remark in tumble.remarks)}]")
-    write_atomically(Path(path), ("\n".join(lines) + "\n").encode())
-
-
-def _text(value: str) -> str:
-    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else " " for c in escaped) + '"'
+    m = mounting
+    ranges = [value if np.isfinite(value) else None for value in (m.acceleration_range, m.rate_range)]
+    sections: dict[str, dict[str, Any]] = {
+        "sensor": {"name": m.sensor, "range_m_s2": ranges[0], "range_rad_s": ranges[1]},
+        "accelerometer": {"bias_m_s2": m.bias, "scale": m.scale},
+        "gyroscope": {"bias_rad_s": m.rate_bias, "checked": m.checked},
+        "mounting": {"rotation": m.rotation, "position_m": m.position, "base": m.base},
+        "tumble": {} if tumble is None else tumble.model_dump(),
+    }
+    text = HEAD
+    for name, values in sections.items():
+        known = {key: value for key, value in values.items() if value is not None}
+        text += f"\n[{name}]\n" if known else ""
+        for key, value in known.items():  # of these kinds TOML is as JSON
+            text += f"{key} = {json.dumps(np.asarray(value).tolist(), ensure_ascii=False)}\n".replace("\x7f", " ")
+    write_atomically(Path(path), text.encode())

@@ -1,6 +1,5 @@
 """Bias, scale and mounting of an accelerometer, from readings at rest: in unknown attitudes, or in known ones."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,14 +85,11 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
     """Fit the sensor's rotation to readings at rest whose direction of up is known in other axes.
 
     The rotation that brings the readings nearest to `up` (Kabsch's solution of Wahba's problem), once each is of
-    length one. Two directions that are not parallel are enough; with three that are not in one plane, a sensor whose
-    axes are mirrored is found out: its sign or the order of its axes is wrong.
+    length one. Two directions that are not parallel are enough; three that are not in one plane show mirrored axes.
 
-    Args:
-        readings: (N, 3) means at rest [m/s2], N >= 2, corrected for bias and scale.
-        up: (N, 3) where up was, in the axes to which the rotation leads: (0, 0, 1) for a level base.
-        expected: (3, 3) rotation that is roughly expected, to tell a wrong sign from swapped axes; the same axes
-            when None, in which case other rotations are no fault.
+    readings (N, 3) are means at rest [m/s2], N >= 2, corrected for bias and scale; up (N, 3) is where up was, in the
+    axes to which the rotation leads: (0, 0, 1) for a level base. A rotation (3, 3) that is roughly expected tells a
+    wrong sign from swapped axes; without one other rotations are no fault.
     """
     force = as_array("readings", readings, (None, 3))
     told = as_array("up", up, (len(force), 3))
@@ -131,22 +127,17 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
 def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> tuple[Floats, Floats]:
     """Return readings and directions of up for `align`, of a base that was level, then tilted by unknown angles.
 
-    Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive (x
-    side down), in its x-z plane. How far follows from the angle between the readings. Readings (3,) on the level base,
-    after the roll, and after a pitch from level, with which a mirrored sensor is found out; returns readings (N, 3) and
-    up (N, 3) in base axes.
+    Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis from level,
+    positive (x side down), in its x-z plane. How far follows from the angle between the readings (3,). Returns readings
+    (N, 3) and up (N, 3) in base axes.
     """
-    named = {"level": level, "roll": roll, "pitch": pitch}
-    rows = np.array([as_array(name, reading, (3,)) for name, reading in named.items()])
+    rows = np.array([as_array("reading", reading, (3,)) for reading in (level, roll, pitch)])
     a, b = _between(rows[0], rows[1]), _between(rows[0], rows[2])
     return rows, np.array([[0.0, 0.0, 1.0], [0.0, np.sin(a), np.cos(a)], [-np.sin(b), 0.0, np.cos(b)]])
 
 
-def rest_faults(readings: ArrayLike, up: ArrayLike) -> list[str]:
-    """Return what is wrong with a sensor by means at rest (N, 3) and where up was (N, 3), before any fit: its axes."""
-    force, told = as_array("readings", readings, (None, 3)), as_array("up", up, (None, 3))
-    if len(force) < FEWEST_KNOWN:
-        return []  # which the fit says
+def _mirror_faults(force: Floats, told: Floats) -> list[str]:
+    """Return whether means at rest (N, 3) are those of left-handed axes, by where up was (N, 3), biased as they are."""
     spread_up, spread = STANDARD_GRAVITY * (told - told.mean(axis=0)), force - force.mean(axis=0)
     U, sizes, Vt = np.linalg.svd(spread_up.T @ spread)
     mirror = U @ Vt  # the best of all that keep lengths; three directions that are not in one plane show a mirror
@@ -175,12 +166,8 @@ def length_faults(y: Floats) -> list[str]:
 
 def _axes_text(matrix: Floats) -> str:
     """Return, in words, the nearest axis to each of the sensor's."""
-    parts: Sequence[str] = [
-        f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0.0 else '+'}{'xyz'[k]}"
-        for j in range(3)
-        for k in [int(np.argmax(np.abs(matrix[:, j])))]
-    ]
-    return ", ".join(parts)
+    nearest = np.argmax(np.abs(matrix), axis=0)
+    return ", ".join(f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0 else '+'}{'xyz'[k]}" for j, k in enumerate(nearest))
 
 
 def _between(a: Floats, b: Floats) -> Floats:
@@ -190,7 +177,7 @@ def _between(a: Floats, b: Floats) -> Floats:
 
 
 def _rotation_deg(matrix: Floats) -> float:
-    return float(np.degrees(np.arccos(np.clip((np.trace(matrix) - 1.0) / 2.0, -1.0, 1.0))))
+    return float(np.degrees(Rotation.from_matrix(matrix).magnitude()))
 
 
 FEWEST_KNOWN = 4  # orientations: rotation and bias are six numbers, of which one rest gives three
@@ -221,6 +208,8 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
     if len(y) < FEWEST_KNOWN:
         raise InputError(f"orientations: expected at least {FEWEST_KNOWN} rests, got {len(y)}")
     told = told / np.linalg.norm(told, axis=1, keepdims=True)
+    if faults := [*length_faults(y), *_mirror_faults(y, told)]:
+        return OrientationFit(np.eye(3), np.zeros(3), np.ones(3), float("nan"), tuple(faults))
     spread = np.linalg.svd(told - told.mean(axis=0), compute_uv=False)
     if spread[1] < _SPREAD * np.sqrt(len(y)):
         raise InputError("orientations: up moved along one line at most: tilt about two axes, by 10 degrees or more")
@@ -235,11 +224,10 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
     first = np.r_[turned, np.zeros(3), np.ones(3 if with_scale else 0)]
     best = least_squares(off, first, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     residual = float(np.sqrt(np.mean(best.fun**2)))
-    faults = []
     if residual > _GOOD:
-        faults.append(
+        faults = [
             f"residual {residual:.3f} m/s2, expected below {_GOOD:g}: were the orientations as told, in that order?"
-        )
+        ]
     rotation: Floats = Rotation.from_rotvec(best.x[:3]).as_matrix()
     scale = best.x[6:9] if with_scale else np.ones(3)
     return OrientationFit(rotation, best.x[3:6], scale, residual, tuple(faults))

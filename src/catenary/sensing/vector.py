@@ -62,10 +62,7 @@ class Mailbox:
 
     def take(self) -> SensorSample | None:
         """Take out and return the oldest sample; None when there is none."""
-        try:
-            return self._samples.popleft()
-        except IndexError:
-            return None
+        return self._samples.popleft() if self._samples else None  # one thread alone takes
 
     def __len__(self) -> int:
         return len(self._samples)
@@ -106,10 +103,7 @@ class FixedGravity:
 
 
 def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
-    """Return in words why a vector, (3,) [m/s2] in base axes, may not be the gravity that was meant.
-
-    On Earth its magnitude is 9.76 to 9.83 m/s2, and it points down in a base that does not hang.
-    """
+    """Return in words why a vector, (3,) [m/s2] in base axes, may not be the gravity that was meant: length, sign."""
     vector = as_array("gravity", gravity, (3,))
     length, shown = float(np.linalg.norm(vector)), ", ".join(f"{v:.4g}" for v in vector)
     doubts = []

@@ -52,8 +52,7 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
 
     Raises:
         ExcitationError: Gravity points nearly the same way in all poses, seen from the sensor.
-        InputError: Fewer than four poses, shapes that differ, or a mass that is not above zero: the sensor reads what
-            it exerts, or another frame's axes.
+        InputError: Fewer than four poses, other shapes, or a mass that is not above zero.
     """
     down = as_array("gravity", gravity, (None, 3))
     forces, torques = as_array("force", force, down.shape), as_array("torque", torque, down.shape)

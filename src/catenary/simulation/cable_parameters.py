@@ -1,12 +1,12 @@
 """The numbers of a cable-driven arm: every one with its unit and where it comes from."""
 
+from collections.abc import Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError
 from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool, Record
@@ -75,25 +75,30 @@ class Cable(CableDrive):
     tool_stop_stiffness: PerTool  # [Nm/rad]
 
 
-class Firmware(Record):
-    """The robot's own control, and what it believes about the arm. Read by compiled code."""
+class AxisFirmware(Record):
+    """What any arm's own control has for each axis, and believes of it. Read by compiled code."""
 
-    ratio: PerAxis  # motor per joint
-    coupling: PerJoint  # nominal c01, c02, c12
-    kp: PerAxis  # [Nm at the gearbox's output per rad of the motor]
-    kd: PerAxis  # [Nm s/rad]
-    ki: PerAxis  # [Nm/(rad s)]
-    gearbox: PerAxis
+    ratio: PerAxis  # motor turns per joint's, or per actuator's
+    kp: PerAxis  # of a RAVEN-II's motors [Nm at the gearbox's output per rad], of a PSM's joints [Nm/rad, N/m]
+    kd: PerAxis
     torque_constant: PerAxis  # [Nm/A]
     dac_per_ampere: PerAxis
+    home_value: PerAxis  # [rad, rad, m, rad...]
+    lower: PerAxis  # joint limits of the setpoints
+    upper: PerAxis
+    step_limit: PerAxis  # most that a setpoint moves in 1 ms
+
+
+class Firmware(AxisFirmware):
+    """A RAVEN-II's own control."""
+
+    coupling: PerJoint  # nominal c01, c02, c12
+    ki: PerAxis  # [Nm/(rad s)]
+    gearbox: PerAxis
     dac_limit: PerAxis  # 0 for never limited
     dac_sign: PerAxis
     home_threshold: PerAxis  # [DAC]
     stop_value: PerAxis  # joint position registered at the stop [rad, rad, m, rad...]
-    home_value: PerAxis
-    lower: PerAxis  # software limits
-    upper: PerAxis
-    step_limit: PerAxis  # most that a setpoint moves in 1 ms [rad, rad, m, rad...]
     insertion_ratio: float  # insertion motor turns per tool motor turn
     tool_sign: float  # of the insertion motor in the tool's
 
@@ -169,27 +174,26 @@ def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[
     return parameters
 
 
+def drawn(parameters: Parameters, rng: np.random.Generator, ratio: float, shares: Mapping[str, float]) -> Parameters:
+    """Draw another drive of the kind, its numbers in this order: gears, then each by its share, a phase anew by 0."""
+    found = parameters.copy()
+    found["ratio_error"] += ratio * rng.standard_normal(found["ratio_error"].size)
+    for name, share in shares.items():
+        n = found[name].size
+        found[name] = found[name] * np.exp(share * rng.standard_normal(n)) if share else rng.uniform(-np.pi, np.pi, n)
+    return found
+
+
+# of stiffness, friction and run-out
+_SHARES = {
+    "coupling": 0.05, "stiffness": 0.15, "hysteresis_width": 0.15, "rotor_friction": 0.2, "link_friction": 0.2,
+    "capstan_runout": 0.2, "pulley_runout": 0.2, "capstan_phase": 0.0, "pulley_phase": 0.0, "tool_friction": 0.2,
+}  # fmt: skip
+
+
 def varied(arm: CableArm, rng: np.random.Generator) -> CableArm:
     """Draw another arm of the same kind: ratios by 1 %, stiffness by 15 %, friction by 20 %, run-out anew in phase."""
-    c = arm.cable
-
-    def by(values: Floats, share: float) -> Floats:
-        return values * np.exp(share * rng.standard_normal(len(values)))
-
-    cable = c.replace(
-        ratio_error=c.ratio_error + 0.01 * rng.standard_normal(POSITIONING),
-        coupling=by(c.coupling, 0.05),
-        stiffness=by(c.stiffness, 0.15),
-        hysteresis_width=by(c.hysteresis_width, 0.15),
-        rotor_friction=by(c.rotor_friction, 0.2),
-        link_friction=by(c.link_friction, 0.2),
-        capstan_runout=by(c.capstan_runout, 0.2),
-        pulley_runout=by(c.pulley_runout, 0.2),
-        capstan_phase=rng.uniform(-np.pi, np.pi, POSITIONING),
-        pulley_phase=rng.uniform(-np.pi, np.pi, POSITIONING),
-        tool_friction=by(c.tool_friction, 0.2),
-    )
-    return arm._replace(cable=cable)
+    return arm._replace(cable=drawn(arm.cable, rng, 0.01, _SHARES))
 
 
 def right_arm(arm: CableArm) -> CableArm:

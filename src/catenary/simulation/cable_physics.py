@@ -71,16 +71,9 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
     state.slow_stretch[j] = maxwell_step(state.slow_stretch[j], stretch, step, cable.slow_time[j])
     stiffness = cable.stiffness[j] * (1.0 - state.loss[j])
     tension = tension_of(
-        stretch,
-        rate,
-        state.hysteresis[j],
-        state.slow_stretch[j],
-        stiffness,
-        cable.elastic_share[j],
-        cable.hysteresis_width[j],
-        cable.slow_share[j],
-        cable.damping[j],
-    )
+        stretch, rate, state.hysteresis[j], state.slow_stretch[j], stiffness, cable.elastic_share[j],
+        cable.hysteresis_width[j], cable.slow_share[j], cable.damping[j],
+    )  # fmt: skip
     state.tension[j] = tension
     share = cable.node_share[j]
     way = step * ((1.0 - share) * state.rotor_velocity[j] / true_ratio + share * winding_rate)
@@ -89,14 +82,9 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
     speed = abs(state.qd[j])
     if speed > 0.0:
         state.slack[j] += step * set_rate(
-            tension,
-            cable.reference_tension[j],
-            cable.set_side[j],
-            speed,
-            state.slack[j],
-            cable.set_rate[j],
+            tension, cable.reference_tension[j], cable.set_side[j], speed, state.slack[j], cable.set_rate[j],
             cable.largest_set[j],
-        )
+        )  # fmt: skip
         state.loss[j] += step * loss_rate(tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j])
 
 
@@ -161,18 +149,9 @@ def tree_dynamics(tree: Tree, x: Floats, xd: Floats, gravity: Floats, base_motio
         work.alpha[n, r] = base_motion[1, r]
         work.acceleration[n, r] = base_motion[2, r] - gravity[r]
     newton_euler_recursion(
-        tree,
-        work.rotation,
-        work.position,
-        xd,
-        work.zero,
-        work.omega,
-        work.alpha,
-        work.acceleration,
-        work.force,
-        work.moment,
-        work.bias,
-    )
+        tree, work.rotation, work.position, xd, work.zero, work.omega, work.alpha, work.acceleration,
+        work.force, work.moment, work.bias,
+    )  # fmt: skip
     composite_body_recursion(
         tree, work.rotation, work.position, work.mass, work.first_moment, work.inertia, work.matrix
     )
@@ -227,13 +206,20 @@ def physics_step(cable: Cable, state: ArmState, shaft_torque: Floats, braked: bo
             push = -cable.stop_side[j] * max(0.0, resist)
         work.push[j] = force[j] + push - work.bias[j]
         work.impulse[j] = step * (cable.link_friction[j] + cable.link_load_friction[j] * abs(state.tension[j]))
-    for j in range(3):
+    move_joints(state, step, work)
+
+
+@inlined
+def move_joints(state: ArmState, step: float, work: Work) -> None:
+    """Move the joints by what pushes them and the impulses of friction, in work, as by semi-implicit Euler."""
+    q, qd = state.q, state.qd
+    for j in range(len(q)):
         change = 0.0
-        for i in range(3):
+        for i in range(len(q)):
             change += work.inverse[j, i] * work.push[i]
         qd[j] += step * change
     coulomb_coupled(work.inverse, work.impulse, qd, state.friction, FRICTION_SWEEPS)
-    for j in range(3):
+    for j in range(len(q)):
         q[j] += step * qd[j]
 
 

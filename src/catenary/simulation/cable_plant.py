@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arguments import explained
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.errors import InputError
 from catenary.plant import Column, JointState
 from catenary.raven2.topics import JOINTS, UNITS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseSamples, MovingBase
-from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_parameters import CableArm, load_cable_arm, right_arm, varied
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.firmware import (
     ControlState,
@@ -28,19 +28,14 @@ from catenary.simulation.firmware import (
     read_encoders,
     run_ticks,
 )
-from catenary.simulation.firmware_plant import FirmwarePlant, columns_of
+from catenary.simulation.firmware_plant import OF_AXES, FirmwarePlant, columns_of
 from catenary.simulation.homing import ExternalEncoders, home
 from catenary.simulation.records import OFF, POSITIONING, TOOLS
 from catenary.transmission.cable_coupling import winding_of
 from catenary.transmission.cable_elasticity import LARGEST_LOSS
 
 REPORTED = {  # name in telemetry: field of the firmware's state, unit
-    "encVals": ("counts", "counts"),
-    "mpos": ("motor", "rad"),
-    "mvel": ("motor_velocity", "rad/s"),
-    "jpos": ("joint", "rad|m"),
-    "jvel": ("joint_velocity", "rad/s|m/s"),
-    "jpos_d": ("setpoint", "rad|m"),
+    **OF_AXES,
     "mpos_d": ("motor_setpoint", "rad"),
     "tau": ("torque", "Nm at the gearbox's output"),
     "dac_val": ("dac", "DAC"),
@@ -65,7 +60,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         payload: float = 0.0,
         base: MovingBase | None = None,
         substeps: int = 2,
-        grav_dir: Sequence[int] | None = None,
+        grav_dir: Sequence[float] | None = None,
     ) -> None:
         """Put an arm on a base.
 
@@ -122,11 +117,6 @@ class CablePlant(FirmwarePlant[TickLog]):
     stops_when = "the software e-stop tripped at {time}: a motor's command was too large"
 
     @property
-    def rig(self) -> Rig:
-        """The external encoders' numbers."""
-        return self.encoders.rig
-
-    @property
     def grav_dir(self) -> tuple[int, int, int] | None:
         """Gravity that the robot's own compensation goes by [cm/s2], z down; None without compensation.
 
@@ -136,20 +126,17 @@ class CablePlant(FirmwarePlant[TickLog]):
         return None if self._written_gravity is None else grav_dir_of(self._own_gravity.gravity)
 
     @grav_dir.setter
-    def grav_dir(self, grav_dir: Sequence[int]) -> None:
+    def grav_dir(self, grav_dir: Sequence[float]) -> None:
         gravity = gravity_of(grav_dir)
         if self._written_gravity is None:
             raise InputError("grav_dir: this robot was made without gravity compensation of its own")
         if self._own_gravity.weighs:
             self._own_gravity.gravity = gravity
 
-    def switch_own_gravity(self, grav_dir: Sequence[int] | None) -> None:
+    def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
         """Switch the robot's own gravity compensation on, by a gravity as `grav_dir` has it, or off.
 
         As if its program had been made so: it outlasts `disable` and homing. No topic of the robot's software does it.
-
-        Raises:
-            InputError: No such gravity.
         """
         self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
         self._own_gravity.gravity = np.zeros(3) if self._written_gravity is None else self._written_gravity
@@ -168,34 +155,19 @@ class CablePlant(FirmwarePlant[TickLog]):
     # what only a simulator can do
 
     def carry(self, payload: float) -> None:
-        """Carry a mass [kg] at the tool's wrist from now on, in place of the last one.
-
-        Raises:
-            InputError: Not zero or more.
-        """
-        if not payload >= 0.0 or not np.isfinite(payload):
-            raise InputError(f"payload: expected zero or more kg, got {payload}")
-        self.payload = payload
+        """Carry a mass [kg] at the tool's wrist from now on, in place of the last one."""
+        self.payload = float(as_not_negative("payload [kg]", payload, ()))
         self._tree = _writable(self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree)
 
     def rub(self, factor: float) -> None:
-        """Rub with so many times the arm's own Coulomb friction from now on, at rotors, idlers and joints.
-
-        Raises:
-            InputError: Not zero or more.
-        """
-        if not factor >= 0.0 or not np.isfinite(factor):
-            raise InputError(f"friction: expected zero or more times the arm's own, got {factor}")
+        """Rub with so many times the arm's own Coulomb friction from now on, at rotors, idlers and joints."""
+        factor = float(as_not_negative("friction, times the arm's own", factor, ()))
         for part in ("rotor", "node", "link"):
             for name in (f"{part}_friction", f"{part}_load_friction"):
                 setattr(self.cable, name, factor * getattr(self.arm.cable, name))
 
     def wear(self, share: float) -> None:
-        """Wear the cables: their permanent set and lost stiffness become a share, 0 to 1, of the largest there are.
-
-        Raises:
-            InputError: Not from 0 to 1.
-        """
+        """Wear the cables: their permanent set and lost stiffness become a share, 0 to 1, of the largest there are."""
         if not 0.0 <= share <= 1.0:
             raise InputError(f"wear: expected a share from 0 to 1, got {share}")
         self.state.slack = share * self.cable.set_side * self.cable.largest_set
@@ -218,20 +190,9 @@ class CablePlant(FirmwarePlant[TickLog]):
 
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: TickLog) -> int:
         return run_ticks(
-            self._tree,
-            self._links,
-            self.cable,
-            self.firmware,
-            self.state,
-            self.control,
-            self._own_gravity,
-            self._work,
-            rows,
-            base.gravity,
-            base.motion,
-            self.substeps,
-            log,
-        )
+            self._tree, self._links, self.cable, self.firmware, self.state, self.control, self._own_gravity,
+            self._work, rows, base.gravity, base.motion, self.substeps, log,
+        )  # fmt: skip
 
     def _joint_torques(self) -> Floats:
         return joint_torques(self.firmware, self.control.torque)

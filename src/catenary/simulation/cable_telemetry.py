@@ -12,19 +12,9 @@ RUNNING = 3  # run level: pedal down
 # name in telemetry: field of a tick's log, which has no offsets of the encoders
 PER_AXIS = {name: field for name, (field, _) in REPORTED.items() if name != "encoffsets"}
 COLUMNS = (
-    *PER_AXIS,
-    "encoffsets",
-    "runlevel",
-    "type",
-    "dt",
-    "pos",
-    "ori",
-    "ext_jpos",
-    "joint_enc",
-    "measured_js",
-    "measured_js_velocity",
-    "measured_js_effort",
-)
+    *PER_AXIS, "encoffsets", "runlevel", "type", "dt", "pos", "ori", "ext_jpos", "joint_enc",
+    "measured_js", "measured_js_velocity", "measured_js_effort",
+)  # fmt: skip
 
 
 def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:

@@ -35,8 +35,8 @@ BRAKING = (2.5, 2.5, 0.15, 25.0, 25.0, 25.0, 25.0)  # [rad/s2, rad/s2, m/s2, rad
 LEAST_DAMPING = 0.02  # [s] damping over stiffness, for axes whose PD has less
 
 
-class ControlState(Record):
-    """What the firmware keeps between ticks, and what it read and sent in the last one."""
+class AxisControl(Record):
+    """What any arm's firmware keeps between ticks, and what it read and sent in the last one."""
 
     offset: PerAxis  # encoder offsets [counts], written at homing
     counts: PerAxis  # of the encoders as read
@@ -45,32 +45,55 @@ class ControlState(Record):
     joint: PerAxis  # measured joint positions [rad, rad, m, rad...]
     joint_velocity: PerAxis
     setpoint: PerAxis  # desired joint positions
-    motor_setpoint: PerAxis  # desired motor positions [rad]
     torque_command: PerAxis  # joint torques for axes in mode TORQUE [Nm, Nm, N, Nm...]
-    integral: PerAxis  # of the motor position error [rad s]
-    torque: PerAxis  # demanded at the gearbox's output, before clipping [Nm]
-    gravity_torque: PerJoint  # its share that holds the links against gravity [Nm]; zero while there is none
-    dac: PerAxis  # sent, after clipping, with the board's sign
+    torque: PerAxis  # a RAVEN-II's demand at the gearbox's output, before clipping [Nm]; what a PSM's currents give
     mode: CodePerAxis  # OFF, POSITION or TORQUE
-    seek: CodePerAxis  # of axes that look for their stop: SEEKING, then FOUND
     braked: bool  # every motor's shaft is held
-    stopped: bool  # the software e-stop has tripped
-    guarded: bool  # setpoints keep to the software limits and move by one clamped step a tick
+    stopped: bool  # the firmware has stopped by itself
+    guarded: bool  # setpoints keep to the joint limits and move by one clamped step a tick
 
 
-class TickLog(Record):
+class ControlState(AxisControl):
+    """What a RAVEN-II's firmware keeps."""
+
+    motor_setpoint: PerAxis  # desired motor positions [rad]
+    integral: PerAxis  # of the motor position error [rad s]
+    gravity_torque: PerJoint  # the torque's share that holds the links [Nm]; zero while there is none
+    dac: PerAxis  # sent, after clipping, with the board's sign
+    seek: CodePerAxis  # of axes that look for their stop: SEEKING, then FOUND
+
+
+class AxisLog(Record):
     """What happened in each tick, as it began: rows of one compiled run."""
 
-    counts: PerAxis
     motor: PerAxis
-    motor_velocity: PerAxis
     joint: PerAxis
     joint_velocity: PerAxis
     setpoint: PerAxis
-    motor_setpoint: PerAxis
     torque: PerAxis
-    dac: PerAxis
     q: PerJoint  # where the joints really were
+
+
+class TickLog(AxisLog):
+    """Ticks of a RAVEN-II."""
+
+    counts: PerAxis
+    motor_velocity: PerAxis
+    motor_setpoint: PerAxis
+    dac: PerAxis
+
+
+@inlined
+def write_row(row: AxisLog, control: AxisControl, arm: ArmState) -> None:
+    """Write what any arm's log has of a tick."""
+    for j in range(AXES):
+        row.motor[j] = control.motor[j]
+        row.joint[j] = control.joint[j]
+        row.joint_velocity[j] = control.joint_velocity[j]
+        row.setpoint[j] = control.setpoint[j]
+        row.torque[j] = control.torque[j]
+    for j in range(len(row.q)):
+        row.q[j] = arm.q[j]
 
 
 @inlined
@@ -245,7 +268,7 @@ class OwnGravity(TreeWork):
     gravity: PerJoint  # in base axes [m/s2]
 
 
-def gravity_of(grav_dir: Sequence[int]) -> Floats:
+def gravity_of(grav_dir: Sequence[float]) -> Floats:
     """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], whose z points down."""
     given = np.asarray(grav_dir, dtype=float)
     if given.shape != (3,) or not (np.abs(given) <= MOST).all() or (given != np.round(given)).any():
@@ -309,7 +332,12 @@ def run_ticks(
             weigh(firmware, links, own, control)
         control_motors(firmware, control, shaft_torque)
         if len(log) > 0:
-            _write_row(log[k], control, arm)
+            write_row(log[k], control, arm)
+            for j in range(AXES):
+                log[k].counts[j] = control.counts[j]
+                log[k].motor_velocity[j] = control.motor_velocity[j]
+                log[k].motor_setpoint[j] = control.motor_setpoint[j]
+                log[k].dac[j] = control.dac[j]
         g = gravity[k] if len(gravity) > 1 else gravity[0]
         base = base_motion[k] if len(base_motion) > 1 else base_motion[0]
         link_dynamics(tree, arm, g, base, work)
@@ -319,19 +347,3 @@ def run_ticks(
         if control.stopped:
             return k + 1
     return len(setpoints)
-
-
-@inlined
-def _write_row(row: TickLog, control: ControlState, arm: ArmState) -> None:
-    for j in range(AXES):
-        row.counts[j] = control.counts[j]
-        row.motor[j] = control.motor[j]
-        row.motor_velocity[j] = control.motor_velocity[j]
-        row.joint[j] = control.joint[j]
-        row.joint_velocity[j] = control.joint_velocity[j]
-        row.setpoint[j] = control.setpoint[j]
-        row.motor_setpoint[j] = control.motor_setpoint[j]
-        row.torque[j] = control.torque[j]
-        row.dac[j] = control.dac[j]
-    for j in range(POSITIONING):
-        row.q[j] = arm.q[j]

@@ -12,10 +12,19 @@ from catenary.errors import InputError, NotReadyError
 from catenary.plant import Column, JointState
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.cable_physics import ArmState
-from catenary.simulation.records import AXES, OFF, POSITION, POSITIONING, TORQUE, Record
+from catenary.simulation.firmware import AxisLog
+from catenary.simulation.records import AXES, OFF, POSITION, POSITIONING, TORQUE
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 
-Log = TypeVar("Log", bound=Record)
+Log = TypeVar("Log", bound=AxisLog)
+OF_AXES = {  # name in telemetry: field of the firmware's state, unit
+    "encVals": ("counts", "counts"),
+    "mpos": ("motor", "rad"),
+    "mvel": ("motor_velocity", "rad/s"),
+    "jpos": ("joint", "rad|m"),
+    "jvel": ("joint_velocity", "rad/s|m/s"),
+    "jpos_d": ("setpoint", "rad|m"),
+}
 
 
 class FirmwarePlant(SimulatedPlant, Generic[Log]):
@@ -27,8 +36,8 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     supports = SimulatedPlant.supports | {"servo_jf_of"}
     state: ArmState
-    firmware: Any  # a record of its parameters, with the setpoints' lower and upper limits and more
-    control: Any  # a record with counts, motor, joint, setpoint, mode, braked, stopped, guarded and more
+    firmware: Any  # an AxisFirmware with more
+    control: Any  # an AxisControl with more
     log: type[Log]  # what a run keeps of each tick
     reported: Mapping[str, tuple[str, str]]  # column of telemetry: field of `control`, unit
     stops_when: str  # why the firmware stops by itself, in words
@@ -145,9 +154,10 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     def external_encoders(self) -> Floats:
         """Return where the joints that encoders or a tracker see are seen [rad|m]; NaN before they are registered."""
 
-    @abstractmethod
     def _joint_torques(self) -> Floats:
         """Return the joint torques (n,) that the robot reports [Nm|N]."""
+        torque: Floats = self.control.torque.copy()
+        return torque
 
     @abstractmethod
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: Log) -> int:

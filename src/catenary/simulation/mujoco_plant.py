@@ -123,7 +123,7 @@ class MujocoPlant(SimulatedPlant):
             Column("gyroscope", "rad/s", 3),
         )
         q = _start(model, start)
-        self._take_up(payload)
+        self.attach(payload)
         self._motion = new_motion(n, len(self._joints.parts))
         self._motion.parts.start[:n] = q
         self._motion.parts.start[n:] = q[self._joints.springs.joint]  # springs relaxed
@@ -165,17 +165,11 @@ class MujocoPlant(SimulatedPlant):
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
         parts, drive = self._motion.parts, self._joints.joints.drive
-        specific_force, rate = imu_reading(self._base_now())
-        return {
-            "jpos": parts.start[drive],
-            "jvel": parts.start_rate[drive],
-            "jpos_d": self._setpoint.copy(),
-            "tau": self._command.copy(),
-            "effort": self._effort.copy(),
-            "q_true": parts.start[: self.model.n].copy(),
-            "accelerometer": specific_force[0].copy(),  # an ideal one at the base's origin, in base axes
-            "gyroscope": rate[0].copy(),
-        }
+        specific_force, rate = imu_reading(self._base_now())  # of an ideal sensor at the base's origin, in base axes
+        link = parts.start[: self.model.n]
+        told = parts.start[drive], parts.start_rate[drive], self._setpoint, self._command, self._effort, link
+        sampled = (*told, specific_force[0], rate[0])
+        return {column.name: values.copy() for column, values in zip(self.columns, sampled, strict=True)}
 
     # what a Plant obeys
 
@@ -201,32 +195,21 @@ class MujocoPlant(SimulatedPlant):
 
     # what only a simulator can do
 
-    def attach(self, payload: Payload) -> None:
-        """Carry a payload from now on, in place of the last one; it moves with the arm at once.
-
-        Raises:
-            InputError: A negative mass, a place of another shape, or an unknown frame.
-        """
-        self._take_up(payload)
-
-    def detach(self) -> None:
-        """Carry nothing from now on."""
-        self._take_up(None)
-
-    def rub(self, friction: ArrayLike) -> None:
-        """Rub with other Coulomb friction from now on, one number for all joints or (n,) [Nm|N].
-
-        Raises:
-            InputError: Negative or not finite, or another number of joints.
-        """
-        self._hardware = replace(self._hardware, friction=friction)
-        self._joints = drive_parameters(self.model, self._hardware, self._dynamics.dof, self._dynamics.at)
-
-    def _take_up(self, payload: Payload | None) -> None:
-        """Compile the robot with what it carries; masses are constants to MuJoCo."""
+    def attach(self, payload: Payload | None) -> None:
+        """Carry a payload from now on, in place of the last one, or nothing; it moves with the arm at once."""
+        # masses are constants to MuJoCo: the robot is compiled with what it carries
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
         self._dynamics, self._payload = dynamics, payload
         self._joints = drive_parameters(self.model, self._hardware, dynamics.dof, dynamics.at)
+
+    def detach(self) -> None:
+        """Carry nothing from now on."""
+        self.attach(None)
+
+    def rub(self, friction: ArrayLike) -> None:
+        """Rub with other Coulomb friction from now on, one number for all joints or (n,) [Nm|N]."""
+        self._hardware = replace(self._hardware, friction=friction)
+        self._joints = drive_parameters(self.model, self._hardware, self._dynamics.dof, self._dynamics.at)
 
     def _base_now(self) -> BaseSamples:
         return self._base_at(0)

@@ -12,62 +12,29 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import Tree
-from catenary.simulation.firmware import BRAKING, LEAST_DAMPING, approach_speed
+from catenary.simulation.firmware import BRAKING, LEAST_DAMPING, AxisControl, AxisLog, approach_speed, write_row
 from catenary.simulation.psm_parameters import PSM_SIZES, PsmController, PsmDrive
-from catenary.simulation.psm_physics import PsmState, PsmWork, psm_dynamics, psm_step
-from catenary.simulation.records import AXES, OFF, TORQUE, CodePerAxis, PerAxis, Record
+from catenary.simulation.psm_physics import PsmState, PsmWork, psm_dynamics, psm_step, through
+from catenary.simulation.records import AXES, OFF, TORQUE, PerAxis
 from catenary.simulation.simulated_plant import PERIOD
 
 TURN = 2.0 * math.pi
 
 
-class PsmControlState(Record):
-    """What the controller keeps between ticks, and what it read and sent in the last one."""
+class PsmControlState(AxisControl):
+    """What the dVRK's controller keeps."""
 
-    sizes = PSM_SIZES
-
-    offset: PerAxis  # of the encoders [counts], written at homing
-    counts: PerAxis  # of the encoders as read
-    motor: PerAxis  # measured motor positions [rad]
-    motor_velocity: PerAxis  # difference over 1 ms [rad/s]
-    joint: PerAxis  # measured joint positions [rad, rad, m, rad...]
-    joint_velocity: PerAxis
-    setpoint: PerAxis  # desired joint positions
     setpoint_velocity: PerAxis
-    torque_command: PerAxis  # joint torques for axes in mode TORQUE [Nm, Nm, N, Nm...]
     wanted: PerAxis  # joint torques that are asked for
-    torque: PerAxis  # joint torques that the currents give [Nm, Nm, N, Nm...]
     current: PerAxis  # [A] sent
-    mode: CodePerAxis  # OFF, POSITION or TORQUE
-    braked: bool  # every motor's shaft is held
-    stopped: bool  # the controller has stopped by itself
-    guarded: bool  # setpoints keep to the joint limits and move by one clamped step a tick
 
 
-class PsmLog(Record):
-    """What happened in each tick, as it began: rows of one compiled run."""
+class PsmLog(AxisLog):
+    """Ticks of a PSM."""
 
     sizes = PSM_SIZES
 
-    motor: PerAxis
-    joint: PerAxis
-    joint_velocity: PerAxis
-    setpoint: PerAxis
-    torque: PerAxis
     current: PerAxis
-    q: PerAxis  # where the joints really were
-
-
-@inlined
-def _through(main: Floats, matrix: Floats, out: Floats, transposed: bool) -> None:
-    """Write the first three of main (7,) as they are, and a matrix (4, 4) or its transpose times the other four."""
-    for j in range(3):
-        out[j] = main[j]
-    for t in range(4):
-        total = 0.0
-        for s in range(4):
-            total += (matrix[s, t] if transposed else matrix[t, s]) * main[3 + s]
-        out[3 + t] = total
 
 
 @inlined
@@ -81,8 +48,8 @@ def read_psm_encoders(controller: PsmController, arm: PsmState, control: PsmCont
         control.motor[j] = motor
         actuator[j] = motor / controller.ratio[j]
         velocity[j] = control.motor_velocity[j] / controller.ratio[j]
-    _through(actuator, controller.joints, control.joint, False)
-    _through(velocity, controller.joints, control.joint_velocity, False)
+    through(actuator, controller.joints, control.joint, False)
+    through(velocity, controller.joints, control.joint_velocity, False)
 
 
 @inlined
@@ -105,7 +72,7 @@ def control_joints(controller: PsmController, control: PsmControlState, shaft_to
             )
         control.wanted[j] = torque
     actuator = np.empty(AXES)
-    _through(control.wanted, controller.joints, actuator, True)
+    through(control.wanted, controller.joints, actuator, True)
     for j in range(7):
         per_ampere = controller.torque_constant[j] * controller.ratio[j]
         current = actuator[j] / per_ampere
@@ -117,7 +84,7 @@ def control_joints(controller: PsmController, control: PsmControlState, shaft_to
         control.current[j] = current
         shaft_torque[j] = current * controller.torque_constant[j]
         actuator[j] = current * per_ampere
-    _through(actuator, controller.discs, control.torque, True)
+    through(actuator, controller.discs, control.torque, True)
 
 
 @inlined
@@ -150,7 +117,7 @@ def register_psm(controller: PsmController, control: PsmControlState, drive: Psm
     motor = actuator * controller.ratio
     control.offset = np.trunc(control.counts - motor * controller.counts / TURN)
     control.motor = (control.counts - control.offset) * TURN / controller.counts
-    _through(control.motor / controller.ratio, controller.joints, control.joint, False)
+    through(control.motor / controller.ratio, controller.joints, control.joint, False)
     control.setpoint = control.joint
 
 
@@ -180,7 +147,9 @@ def run_psm_ticks(
         take_psm_setpoint(controller, control, setpoints[k])
         control_joints(controller, control, shaft_torque)
         if len(log) > 0:
-            _write_row(log[k], control, arm)
+            write_row(log[k], control, arm)
+            for j in range(AXES):
+                log[k].current[j] = control.current[j]
         g = gravity[k] if len(gravity) > 1 else gravity[0]
         base = base_motion[k] if len(base_motion) > 1 else base_motion[0]
         psm_dynamics(tree, coupling, drive, arm, g, base, work)
@@ -190,15 +159,3 @@ def run_psm_ticks(
         if control.stopped:
             return k + 1
     return len(setpoints)
-
-
-@inlined
-def _write_row(row: PsmLog, control: PsmControlState, arm: PsmState) -> None:
-    for j in range(AXES):
-        row.motor[j] = control.motor[j]
-        row.joint[j] = control.joint[j]
-        row.joint_velocity[j] = control.joint_velocity[j]
-        row.setpoint[j] = control.setpoint[j]
-        row.torque[j] = control.torque[j]
-        row.current[j] = control.current[j]
-        row.q[j] = arm.q[j]

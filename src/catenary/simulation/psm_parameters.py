@@ -11,7 +11,7 @@ from catenary.config import Settings, load_toml
 from catenary.robots.catalog import load_robot
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.cable_parameters import CableDrive, Entry, Origin, parameters_of
+from catenary.simulation.cable_parameters import AxisFirmware, CableDrive, Entry, Origin, drawn, parameters_of
 from catenary.simulation.records import AXES, POSITIONING, SIZES, PerAxis, PerTool, Record
 
 ARM_JOINTS = AXES - 1  # all but the jaw
@@ -41,26 +41,15 @@ class PsmDrive(CableDrive):
     joint_damping: PerAxis  # [Nm s/rad, Nm s/rad, N s/m, Nm s/rad...]
 
 
-class PsmController(Record):
-    """The dVRK's control of a PSM, and what it believes of it. Read by compiled code."""
+class PsmController(AxisFirmware):
+    """The dVRK's control of a PSM."""
 
-    sizes = PSM_SIZES
-
-    ratio: PerAxis  # motor turns per actuator's [rad/rad, rad/rad, rad/m, rad/rad...]
     counts: PerAxis  # of an encoder per turn of its motor
     joints: _ToolMatrix  # tool's joints at its discs' positions; the inverse is the discs' at the joints'
     discs: _ToolMatrix
-    kp: PerAxis  # [Nm/rad, Nm/rad, N/m, Nm/rad...] of the joints
-    kd: PerAxis
     tolerance: PerAxis  # error of a joint beyond which the controller stops [rad, rad, m, rad...]
-    torque_constant: PerAxis  # [Nm/A] at the shaft
     current_limit: PerAxis  # [A]
-    dac_per_ampere: PerAxis
     registration: PerAxis  # reported less true actuator positions after homing [rad, rad, m, rad...]
-    home_value: PerAxis
-    lower: PerAxis  # joint limits
-    upper: PerAxis
-    step_limit: PerAxis  # most that a setpoint moves in 1 ms [rad, rad, m, rad...]
 
 
 def joints_per_actuator(controller: PsmController) -> Floats:
@@ -137,22 +126,14 @@ def load_psm() -> PsmArm:
     )
 
 
+_SHARES = {
+    "stiffness": 0.15, "backlash": 0.15, "rotor_friction": 0.15, "link_friction": 0.15,
+    "capstan_runout": 0.2, "pulley_runout": 0.2, "capstan_phase": 0.0, "pulley_phase": 0.0,
+}  # fmt: skip
+
+
 def varied_psm(arm: PsmArm, rng: np.random.Generator) -> PsmArm:
     """Draw another arm of the kind: gears by 0.5 %, stiffness, backlash and friction by 15 %, registration by 30 %."""
-    d, c = arm.drive, arm.controller
-
-    def by(values: Floats, share: float) -> Floats:
-        return values * np.exp(share * rng.standard_normal(len(values)))
-
-    drive = d.replace(
-        ratio_error=d.ratio_error + 0.005 * rng.standard_normal(AXES),
-        stiffness=by(d.stiffness, 0.15),
-        backlash=by(d.backlash, 0.15),
-        rotor_friction=by(d.rotor_friction, 0.15),
-        link_friction=by(d.link_friction, 0.15),
-        capstan_runout=by(d.capstan_runout, 0.2),
-        pulley_runout=by(d.pulley_runout, 0.2),
-        capstan_phase=rng.uniform(-np.pi, np.pi, AXES),
-        pulley_phase=rng.uniform(-np.pi, np.pi, AXES),
-    )
-    return arm._replace(drive=drive, controller=c.replace(registration=by(c.registration, 0.3)))
+    drive = drawn(arm.drive, rng, 0.005, _SHARES)
+    registration = arm.controller.registration * np.exp(0.3 * rng.standard_normal(AXES))
+    return arm._replace(drive=drive, controller=arm.controller.replace(registration=registration))

@@ -8,10 +8,10 @@ from catenary.arrays import Floats
 from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_physics import (
-    FRICTION_SWEEPS,
     ArmState,
     Work,
     invert_symmetric,
+    move_joints,
     pull_at_joint,
     pull_cable,
     tree_dynamics,
@@ -20,7 +20,6 @@ from catenary.simulation.cable_physics import (
 )
 from catenary.simulation.psm_parameters import PSM_SIZES, PsmDrive
 from catenary.simulation.records import AXES, POSITIONING
-from catenary.transmission.cable_friction import coulomb_coupled
 
 _PerLink = Annotated[Floats, "f8", ("link",)]
 
@@ -45,14 +44,17 @@ class PsmWork(Work):
 
 
 @inlined
-def wind(coupling: Floats, q: Floats, out: Floats) -> None:
-    """Write what joints (7,) wind up of each cable (7,): the first three their own, the tool's as they are coupled."""
+def through(main: Floats, matrix: Floats, out: Floats, transposed: bool) -> None:
+    """Write the first three of main (7,) as they are, and a matrix (4, 4) or its transpose times the other four.
+
+    So joints wind up cables, and actuators move joints: the tool's are coupled, the others not.
+    """
     for j in range(3):
-        out[j] = q[j]
+        out[j] = main[j]
     for t in range(4):
         total = 0.0
         for s in range(4):
-            total += coupling[t, s] * q[3 + s]
+            total += (matrix[s, t] if transposed else matrix[t, s]) * main[3 + s]
         out[3 + t] = total
 
 
@@ -63,15 +65,15 @@ def psm_step(drive: PsmDrive, state: PsmState, shaft_torque: Floats, braked: boo
     shaft_torque (7,) is of the motors [Nm]; in work `psm_dynamics` has left the dynamics of the links.
     """
     q, qd = state.q, state.qd
-    wind(drive.coupling, q, work.winding)
-    wind(drive.coupling, qd, work.winding_rate)
+    through(q, drive.coupling, work.winding, False)
+    through(qd, drive.coupling, work.winding_rate, False)
     for j in range(7):
         pull_cable(drive, state, j, work.winding[j], work.winding_rate[j], step)
         turn_rotor(drive, state, j, shaft_torque[j], braked, step)
     for j in range(7):
         if j < 3:
             force = pull_at_joint(drive, state, j)
-        else:  # the transpose of `wind`, so that power is kept
+        else:  # the transpose of the winding, so that power is kept
             force = 0.0
             for t in range(4):
                 force += drive.coupling[t, j - 3] * pull_at_joint(drive, state, 3 + t)
@@ -83,14 +85,7 @@ def psm_step(drive: PsmDrive, state: PsmState, shaft_torque: Floats, braked: boo
             force -= max(0.0, drive.stop_stiffness[j] * above + drive.stop_damping[j] * qd[j])
         work.push[j] = force - work.load[j]
         work.impulse[j] = step * (drive.link_friction[j] + drive.link_load_friction[j] * abs(state.tension[j]))
-    for j in range(7):
-        change = 0.0
-        for i in range(7):
-            change += work.inverse[j, i] * work.push[i]
-        qd[j] += step * change
-    coulomb_coupled(work.inverse, work.impulse, qd, state.friction, FRICTION_SWEEPS)
-    for j in range(7):
-        q[j] += step * qd[j]
+    move_joints(state, step, work)
 
 
 @inlined
@@ -132,5 +127,5 @@ def psm_dynamics(
 def unstretched_motors(drive: PsmDrive, q: Floats) -> Floats:
     """Return the motors' positions (7,) [rad] at which no cable is stretched at joint positions q (7,)."""
     winding = np.empty(AXES)
-    wind(drive.coupling, q, winding)
+    through(q, drive.coupling, winding, False)
     return unstretched_rotors(drive, q, winding)

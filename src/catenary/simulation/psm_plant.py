@@ -11,7 +11,7 @@ from catenary.plant import Column
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, MovingBase
-from catenary.simulation.firmware_plant import FirmwarePlant, columns_of, half_cosine
+from catenary.simulation.firmware_plant import OF_AXES, FirmwarePlant, columns_of, half_cosine
 from catenary.simulation.psm_controller import PsmControlState, PsmLog, read_psm_encoders, register_psm, run_psm_ticks
 from catenary.simulation.psm_parameters import ARM_JOINTS, PsmArm, load_psm, varied_psm
 from catenary.simulation.psm_physics import PsmState, PsmWork, unstretched_motors
@@ -28,12 +28,7 @@ STARTS = (
     np.array([*np.deg2rad([20.0, 20.0]), 0.18, *np.deg2rad([30.0, 10.0, 10.0, 10.0])]),
 )
 REPORTED = {  # name in telemetry: field of the controller's state, unit
-    "encVals": ("counts", "counts"),
-    "mpos": ("motor", "rad"),
-    "mvel": ("motor_velocity", "rad/s"),
-    "jpos": ("joint", "rad|m"),
-    "jvel": ("joint_velocity", "rad/s|m/s"),
-    "jpos_d": ("setpoint", "rad|m"),
+    **OF_AXES,
     "effort": ("torque", "Nm|N"),
     "current": ("current", "A"),
 }
@@ -109,23 +104,9 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: PsmLog) -> int:
         return run_psm_ticks(
-            self.arm.links,
-            self.arm.coupling,
-            self.drive,
-            self.firmware,
-            self.state,
-            self.control,
-            self._work,
-            rows,
-            base.gravity,
-            base.motion,
-            self.substeps,
-            log,
-        )
-
-    def _joint_torques(self) -> Floats:
-        torque: Floats = self.control.torque.copy()
-        return torque
+            self.arm.links, self.arm.coupling, self.drive, self.firmware, self.state, self.control, self._work, rows,
+            base.gravity, base.motion, self.substeps, log,
+        )  # fmt: skip
 
     def _homing_rows(self) -> Iterator[Floats]:
         """Register by the potentiometers, hold, and go home along half a cosine, as the dVRK does.

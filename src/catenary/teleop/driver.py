@@ -27,13 +27,10 @@ class TeleopDriver:
         keys: Mapping[str, str] = MappingProxyType({}),
         before_command: Callable[[], None] = lambda: None,
     ) -> None:
-        """Take a robot.
+        """Take a robot in any state, and the model of its first joints, which place the tip.
 
-        Args:
-            plant: In any state.
-            model: Of its first joints, which place the tip.
-            keys: What to press, by the state that a robot which does not move is in, and for "home".
-            before_command: Called before a run level is asked for, which may take its time; to show `message`.
+        `keys` tell what to press, by the state that a robot which does not move is in, and for "home". `before_command`
+        is called before a run level is asked for, which may take its time; to show `message`.
         """
         self.plant, self._before_command, self._keys = plant, before_command, keys
         self.motion = TeleopMotion(plant, model)

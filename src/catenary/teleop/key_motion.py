@@ -1,4 +1,8 @@
-"""Held keys to joint motion: each key moves one joint, or the tip along one axis."""
+"""Held keys to joint motion: each key moves one joint, or the tip along one axis, while the terminal repeats it.
+
+Terminals do not tell when a key is released. They repeat one that is held, 20 to 30 times a second, so a key that has
+not come for TIMEOUT counts as released. TIMEOUT + RAMP after its last repeat everything has stopped.
+"""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,7 +13,6 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import jacobian
 from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
-from catenary.teleop.dead_man import DeadMan
 
 FORWARD, BACKWARD = "qwertyuio", "asdfghjkl"  # a joint each; nine at most
 AXES = {
@@ -27,6 +30,36 @@ JOINT_SPEED = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
 TIP_SPEED = 0.01  # [m/s]
 DAMPING = 0.002  # of the inverse Jacobian [m]: near singular poses the tip slows down, joints do not race
 _ROUNDING = 1e-9
+TIMEOUT = 0.15  # [s] after the last repeat of a key, from which its motion ramps down
+RAMP = 0.1  # [s] from rest to full speed, and back
+
+
+class DeadMan:
+    """The keys that are held, and the share of full speed, 0 to 1, that each of them has."""
+
+    def __init__(self) -> None:
+        self.shares: dict[str, float] = {}
+        self._pressed: dict[str, float] = {}  # when a key came last [s]
+
+    def press(self, key: str, now: float) -> None:
+        """Take a key, or a repeat of it, at a time [s]."""
+        self._pressed[key] = now
+        self.shares.setdefault(key, 0.0)
+
+    def stop(self) -> None:
+        """Release all keys, without a ramp."""
+        self._pressed.clear()
+        self.shares.clear()
+
+    def update(self, now: float, period: float) -> dict[str, float]:
+        """Ramp every key's share up or down for a tick of `period` [s], and return those of the keys that move."""
+        for key, pressed in list(self._pressed.items()):
+            is_held = now - pressed <= TIMEOUT
+            share = self.shares[key] + (period if is_held else -period) / RAMP
+            self.shares[key] = min(max(share, 0.0), 1.0)
+            if not is_held and share <= 0.0:
+                del self.shares[key], self._pressed[key]
+        return self.shares
 
 
 class TeleopStep(NamedTuple):
@@ -83,12 +116,9 @@ class TeleopMotion:
         self._q = None
 
     def step(self, q: Floats, now: float, period: float) -> TeleopStep:
-        """Move on by one tick.
+        """Move on by a tick of `period` [s] at a time [s] of `press`'s clock.
 
-        Args:
-            q: (n,) the robot's setpoint, from which a motion sets off [rad|m].
-            now: Time [s], of the same clock as that of `press`.
-            period: Of the tick [s].
+        q (n,) [rad|m] is the robot's setpoint, from which a motion sets off.
         """
         shares = self._dead_man.update(now, period)
         if not shares:

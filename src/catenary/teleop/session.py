@@ -9,9 +9,8 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError
 from catenary.plant import Plant
 from catenary.robots.model import RobotModel
-from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.teleop.driver import TeleopDriver
-from catenary.teleop.key_motion import BACKWARD, FORWARD
+from catenary.teleop.key_motion import BACKWARD, FORWARD, RAMP, TIMEOUT
 from catenary.teleop.terminal import KeyReader, RawTerminal
 from catenary.visible import visible
 
@@ -54,11 +53,9 @@ class TeleopSession:
         *,
         observe: Callable[[], str | None] = lambda: None,
     ) -> None:
-        """Take a robot and a terminal.
+        """Take a robot, the model of its first joints, which place the tip, and a terminal.
 
-        Args:
-            model: Of its first joints, which place the tip.
-            observe: Called after each tick, as a recorder is; returns a line for the screen.
+        `observe` is called after each tick, as a recorder is, and returns a line for the screen.
         """
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
         self._observe = observe

@@ -91,8 +91,7 @@ class RawTerminal:
     @property
     def size(self) -> tuple[int, int]:
         """Columns and lines, as they are now."""
-        columns, lines = get_terminal_size()
-        return columns, lines
+        return get_terminal_size()
 
     def read(self) -> bytes:
         """Return what was typed so far, without waiting."""

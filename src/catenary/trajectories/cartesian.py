@@ -37,8 +37,8 @@ _DEGREE = 5  # of the splines: position to acceleration are smooth, and zero at 
 class CartesianSinusoids(SampledTrajectory):
     """A trajectory that moves a robot's tip along the axes of its base frame, one after the other.
 
-    Its joint positions come from inverse kinematics every `step` seconds, joined by splines of degree 5; all
-    are found at construction, so a motion that the robot cannot make is refused before anything moves.
+    Joint positions are joined by splines of degree 5, and all found at construction: a motion that the robot cannot
+    make is refused before anything moves.
     """
 
     def __init__(
@@ -52,15 +52,11 @@ class CartesianSinusoids(SampledTrajectory):
         axes: Sequence[str] = ("x", "y", "z"),
         step: float = 0.01,
     ) -> None:
-        """Solve the inverse kinematics along the whole motion.
+        """Solve the inverse kinematics every `step` [s] of the whole motion.
 
-        Args:
-            model: The robot; with six coordinates or more its tip keeps its orientation.
-            q_start: (n,) where the motion begins, and returns to after every axis [rad or m].
-            amplitude: Of the sine [m], to either side of the start.
-            period: Of the sine [s].
-            axes: Of the base frame, in their order.
-            step: Between solutions [s].
+        It begins at q_start (n,) [rad or m], returns there after every one of the base frame's axes, and swings by
+        `amplitude` [m] to either side in `period` [s]. The tip of a robot of six coordinates or more keeps its
+        orientation.
         """
         start = as_array("q_start", q_start, (model.n,))
         swing, seconds = as_positive("amplitude", amplitude), float(as_positive("period", period))

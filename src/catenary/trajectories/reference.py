@@ -34,11 +34,9 @@ class Trajectory(Protocol):
 
     def __call__(self, t: float) -> Reference:
         """Return the reference at `t` [s] after the start."""
-        ...
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
-        ...
 
 
 class SampledTrajectory(ABC):
@@ -69,16 +67,16 @@ class GoneOn(SampledTrajectory):
         """Go on with a motion from `begin` [s] of it."""
         if not 0.0 <= begin <= motion.duration:
             raise InputError(f"begin: expected 0 to {motion.duration:g} s, got {begin:g}")
-        self._motion, self._begin = motion, begin
+        self._motion, self.begin = motion, begin
         self.lead = min(LEAD, 2.0 * begin)  # [s] until it is at `begin`
         self.duration = self.lead + motion.duration - begin
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        """Return references at many times (N,) [s]."""
         t = as_array("times", times, (None,))
         u = np.clip(t / self.lead, 0.0, 1.0) if self.lead else np.ones(len(t))
         # the pace rises as 3 u^2 - 2 u^3
-        place = self._begin - 0.5 * self.lead + self.lead * (u**3 - 0.5 * u**4) + np.maximum(t - self.lead, 0.0)
+        place = self.begin - 0.5 * self.lead + self.lead * (u**3 - 0.5 * u**4) + np.maximum(t - self.lead, 0.0)
         pace = (3.0 * u**2 - 2.0 * u**3)[:, np.newaxis]
         rise = (6.0 * u * (1.0 - u) / self.lead if self.lead else np.zeros(len(t)))[:, np.newaxis]
         q, qd, qdd = self._motion.sample(place)
@@ -101,8 +99,8 @@ class Rest(SampledTrajectory):
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times (N,) [s], all the same: q, qd, qdd, each (N, n)."""
         rows = len(as_array("times", times, (None,)))
-        shape = rows, len(self._q)
-        return np.tile(self._q, (rows, 1)), np.zeros(shape), np.zeros(shape)
+        q = np.tile(self._q, (rows, 1))
+        return q, np.zeros_like(q), np.zeros_like(q)
 
 
 class InTurn:
@@ -151,19 +149,12 @@ class Embedded(SampledTrajectory):
     """A trajectory of the joints numbered `joints`, the others held at `q_hold`."""
 
     def __init__(self, trajectory: Trajectory, joints: Sequence[int], q_hold: ArrayLike) -> None:
-        """Place a trajectory among a robot's joints.
-
-        Args:
-            joints: Where they are among the robot's, each once.
-            q_hold: (n,) where the robot's joints stand [rad or m]; not read for those that move.
-        """
+        """Place a trajectory at the numbers `joints` of a robot's, which stand at q_hold (n,) [rad or m]."""
         self._trajectory, self._joints, self.duration = trajectory, list(joints), trajectory.duration
         self._hold = as_array("q_hold", q_hold, (None,)).copy()
-        moving = len(trajectory(0.0).q)
-        if moving != len(self._joints) or len(set(self._joints)) != moving:
-            raise InputError(f"joints: expected {moving} different ones, got {self._joints}")
-        if any(not 0 <= j < len(self._hold) for j in self._joints):
-            raise InputError(f"joints: expected numbers of the robot's {len(self._hold)} joints, got {self._joints}")
+        moving, n = len(trajectory(0.0).q), len(self._hold)
+        if not len(self._joints) == len({*self._joints} & {*range(n)}) == moving:
+            raise InputError(f"joints: expected {moving} different ones of the robot's {n}, got {self._joints}")
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references of all joints at many times (N,) [s]: q, qd, qdd, each (N, n)."""

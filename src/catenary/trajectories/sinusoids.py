@@ -43,7 +43,7 @@ def random_sinusoids(
     six hours of three joints take 0.2 MB.
 
     Args:
-        rng: Draws the joints' swings, joint after joint.
+        rng: Draws the joints' swings.
         duration: Length [s], at least twice `turn_time`.
         lower: (n,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
         upper: (n,) upper end [rad or m].
@@ -51,9 +51,6 @@ def random_sinusoids(
         slowest: (n,) least speed of a swing [rad/s or m/s], positive.
         fastest: (n,) greatest speed of a swing [rad/s or m/s].
         turn_time: Time to slow down and to speed up again, each [s], positive.
-
-    Raises:
-        InputError: An argument has another shape or is outside its range.
     """
     low = as_array("lower", lower, (None,))
     n = len(low)

@@ -33,7 +33,7 @@ BLEND = 0.5  # [s] of waypoints
 class BrokenLine(NamedTuple):
     """One joint's line."""
 
-    times: ArrayLike  # (K,) [s] rising; the first is when the motion sets off
+    times: ArrayLike  # (K,) [s] rising from when the motion sets off
     points: ArrayLike  # (K,) [rad|m]; one point alone is a joint that rests
     blend: float  # [s] over which the velocity changes at a corner, positive
 
@@ -146,14 +146,7 @@ def go_to(
     between; where the way is too short to reach max_velocity v it turns to fall at once, at the greatest speed that
     acceleration a allows.
 
-    Args:
-        q_start: (n,) [rad or m].
-        q_goal: (n,) [rad or m].
-        max_velocity: (n,) bound, positive [rad/s or m/s].
-        max_acceleration: (n,) bound, positive [rad/s2 or m/s2].
-
-    Raises:
-        InputError: An argument has another shape, is not finite, or a bound is not positive.
+    All are (n,), in rad or m and seconds; both bounds are positive.
     """
     start = as_array("q_start", q_start, (None,))
     n = len(start)
@@ -185,12 +178,9 @@ def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:
     """Return a motion along rows of joint positions, the joint that has farthest to go moving at its speed.
 
     It passes near the rows, not through them: its velocity is that of the straight way from row to row,
-    averaged over `BLEND` seconds; `corner_distance` says how near. No joint moves faster
-    than `speed`, nor accelerates by more than 3 speed / BLEND.
-
-    Args:
-        points: (N, n) [rad or m], N at least 1; rows equal to the one before are left out.
-        speed: (n,) of each joint, positive [rad/s or m/s].
+    averaged over `BLEND` seconds; `corner_distance` says how near. No joint moves faster than its `speed` (n,)
+    [rad/s or m/s], nor accelerates by more than 3 speed / BLEND. Of the points (N, n) [rad or m] those equal to the one
+    before are left out.
     """
     rows = as_array("points", points, (None, None))
     if len(rows) == 0 or rows.shape[1] == 0:

@@ -69,10 +69,10 @@ _NO_STRETCH = ((0.0, 1.0),) * 3
 
 
 def unit_zigzag(sparsity: float) -> Floats:
-    """Return the path in the unit cube, sweeping along its first axis.
+    """Return the path in the unit cube, sweeping along its first axis, as rows (rows, 3) 0.001 apart.
 
-    The sparsity is the distance between sweeps, 0.01 to 1; they lie a multiple of 0.001 apart, the next larger one.
-    Rows (rows, 3) lie 0.001 apart; the largest coordinates exceed 1 by what the sparsity does not divide.
+    The sparsity, 0.01 to 1, is the distance between sweeps, rounded up to a multiple of 0.001; the largest coordinates
+    exceed 1 by what it does not divide.
     """
     moves = _unit_moves(sparsity)
     rows = np.zeros((_corner_rows(moves)[-1] + 1, 3))
@@ -89,16 +89,9 @@ def zigzag_rows(
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
 ) -> Floats:
-    """Return the rows of a zig-zag path as published: joint positions, equal distances apart, corners sharp.
+    """Return the rows of a path as published: joint positions (rows, 3) [rad or m], equally far apart, corners sharp.
 
-    Args:
-        sparsity: Distance between sweeps in the unit cube, 0.01 to 1.
-        form: Of J1-J2-J3; the other directions have one form, `generator`.
-        lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
-        upper: (3,) upper end [rad or m].
-
-    Returns:
-        (rows, 3) [rad or m].
+    The arguments are those of `zigzag`.
     """
     matrix, shift = _placement(direction, form, lower, upper)
     joints: Floats = unit_zigzag(sparsity) @ matrix.T + shift
@@ -130,9 +123,6 @@ def zigzag(
         upper: (3,) upper end [rad or m].
         rows_per_second: Speed: how many rows of `zigzag_rows` are played in a second, positive.
         blend: Time over which the velocity changes at a corner [s], positive.
-
-    Raises:
-        InputError: An argument outside its range, an unknown direction or form.
     """
     matrix, shift = _placement(direction, form, lower, upper)
     rate = float(as_positive("rows_per_second", rows_per_second))

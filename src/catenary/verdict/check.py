@@ -20,7 +20,7 @@ from catenary.verdict.out_of_step import delay_findings
 from catenary.verdict.pairs import Pairs, pairs_of
 from catenary.verdict.sensors import coarse_findings, missing_findings, outlier_findings, sensor_findings, zero_findings
 from catenary.verdict.stamps import arrival_findings, stamp_findings
-from catenary.verdict.units_and_scale import offset_findings, range_findings, slope_findings, trained_findings
+from catenary.verdict.units_and_scale import range_findings, slope_findings, trained_findings
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
@@ -52,16 +52,14 @@ def findings_of(
         delay = next((each.delay for each in findings if each.delay is not None), None)
         findings += arrival_findings(log, delay) + zero_findings(log)
         if not any(each.refuses for each in findings):  # what is wrong everywhere is far from the rest somewhere
-            notes = (offset_findings(pairs), outlier_findings(log), coarse_findings(pairs), missing_findings(log))
-            findings += [note for each in notes for note in each]
+            findings += [*outlier_findings(log), *coarse_findings(pairs), *missing_findings(log)]
     return tuple(sorted(findings, key=lambda each: not each.refuses))
 
 
 def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
     """Find what is wrong between measurements and commands, each thing once, under its first cause.
 
-    Args:
-        wrong: Joints of which something is known to be wrong; they may stand still for that.
+    Joints of which something is known to be `wrong` may stand still for that.
     """
     turns = turn_findings(pairs)
     turned = {joint for each in turns for joint in each.joints}

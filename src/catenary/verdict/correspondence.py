@@ -23,18 +23,17 @@ MIXED, MIXED_LESS = 0.1, 10.0
 
 
 def joints_in_place(pairs: Pairs) -> NDArray[np.int64]:
-    """Return which command each measured joint follows, (n,): its own number unless another fits clearly better."""
-    own = np.arange(len(pairs.names))
+    """Return `place`: which command each measurement follows, (n,), its own unless another fits clearly better."""
+    place = np.arange(len(pairs.names))
     moving = np.flatnonzero(pairs.moved & pairs.seen_moving)
     if len(moving) < 2:
-        return own
+        return place
     inside = np.ix_(moving, moving)
     unexplained = np.log(np.maximum(1.0 - pairs.correlation[inside] ** 2, NEVER_BELOW))
     found = _assigned(unexplained)
     if (found == np.arange(len(moving))).all():
         # commands that move as one are told apart by where they stand, in the same units
         found = _assigned(_distances(pairs)[inside], among=unexplained)
-    place = own.copy()
     place[moving] = moving[found]
     return place
 
@@ -78,40 +77,26 @@ def _distances(pairs: Pairs) -> Floats:
 
 
 def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[list[Finding], list[Finding]]:
-    """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
-    names, own = pairs.names, np.arange(len(place))
+    """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing."""
     findings = [*_copied(pairs), *_mixed(pairs, place)]
-    for i in own[pairs.moved[place] & pairs.seen_moving]:
-        r = float(pairs.correlation[i, place[i]])
+    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
+        r, name = float(pairs.correlation[i, place[i]]), pairs.names[i]
         spread, of_command = float(pairs.m[:, i].std()), float(pairs.q[:, place[i]].std())
         if r < -FOLLOWS:
-            findings.append(
-                Finding(
-                    "sign",
-                    (names[i],),
-                    f"the measurement falls when the command of {names[place[i]]} rises (correlation {r:.2f})",
-                    "an axis that points the other way in one of the two",
-                    f"--sign {names[i]}",
-                )
-            )
+            command = pairs.names[place[i]]
+            says = f"the measurement falls when the command of {command} rises (correlation {r:.2f})"
+            culprit = "an axis that points the other way in one of the two"
+            findings.append(Finding("sign", (name,), says, culprit, f"--sign {name}"))
         elif r < FOLLOWS and spread > SAME_MOTION * of_command and of_command > LEAST_SPREAD:
             slope, explained = slope_behind_slack(pairs, i, place[i])
             if slope > LEAST_SLOPE and explained > EXPLAINED:
                 continue  # slack and other joints hide it in little motion
-            unit = pairs.unit(i)
-            findings.append(
-                Finding(
-                    "unrelated",
-                    (names[i],),
-                    f"the measurement follows no command (correlation {r:.2f} with its own, expected above "
-                    f"{FOLLOWS:g}), yet moves as much ({spread:.3g} {unit} RMS, the command {of_command:.3g})",
-                    "another joint's or another recording's column, shuffled rows, or rows far out of step",
-                )
+            says = (
+                f"the measurement follows no command (correlation {r:.2f} with its own, expected above {FOLLOWS:g}), "
+                f"yet moves as much ({spread:.3g} {pairs.unit(i)} RMS, the command {of_command:.3g})"
             )
+            culprit = "another joint's or another recording's column, shuffled rows, or rows far out of step"
+            findings.append(Finding("unrelated", (name,), says, culprit))
     return _swaps(pairs, place), findings
 
 
@@ -121,15 +106,9 @@ def _copied(pairs: Pairs) -> list[Finding]:
     joints = np.flatnonzero(pairs.moved & (same.mean(axis=0) > COPIED))
     if not len(joints):
         return []
-    count = int(same[:, joints].all(axis=1).sum())
-    return [
-        Finding(
-            "copied",
-            tuple(pairs.names[i] for i in joints),
-            f"on {count} of {len(same)} measured rows the measurement is the command itself",
-            "one column taken for both, or commands filled in where nothing was measured",
-        )
-    ]
+    says = f"on {same[:, joints].all(axis=1).sum()} of {len(same)} measured rows the measurement is the command itself"
+    culprit = "one column taken for both, or commands filled in where nothing was measured"
+    return [Finding("copied", tuple(pairs.names[i] for i in joints), says, culprit)]
 
 
 def _mixed(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
@@ -143,45 +122,34 @@ def _mixed(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
             continue
         X = pairs.q[np.ix_(rows, moving)]
         X, y = X - X.mean(axis=0), pairs.m[rows, i] - pairs.m[rows, i].mean()
-        weights = np.linalg.lstsq(X, y, rcond=None)[0]
-        early = (
-            np.arange(len(y)) < len(y) // 2
-        )  # a sum holds on either half by the other; chance in slow motion does not
+        early = np.arange(len(y)) < len(y) // 2
+        # a sum holds on either half by the other; chance in slow motion does not
         halves = [(part, np.linalg.lstsq(X[~part], y[~part], rcond=None)[0]) for part in (early, ~early)]
         left = sum(float(np.square(y[part] - X[part] @ found).sum()) for part, found in halves)
         together = left / float(np.square(y).sum())
         if alone < MIXED_LESS * together:
             continue
-        shares = np.abs(weights) * X.std(axis=0)
-        parts = [pairs.names[moving[k]] for k in np.argsort(-shares, kind="stable")[:2]]
-        findings.append(
-            Finding(
-                "mixed",
-                (pairs.names[i],),
-                f"the measurement is a sum of commands, of {parts[0]} and {parts[1]} above all: alone its own leaves "
-                f"{alone:.0%} of its variance, all together {together:.1%}",
-                "motor positions in place of joint positions, or another frame",
-            )
+        shares = np.abs(np.linalg.lstsq(X, y, rcond=None)[0]) * X.std(axis=0)
+        first, second = (pairs.names[moving[k]] for k in np.argsort(-shares, kind="stable")[:2])
+        says = (
+            f"the measurement is a sum of commands, of {first} and {second} above all: alone its own leaves "
+            f"{alone:.0%} of its variance, all together {together:.1%}"
         )
+        culprit = "motor positions in place of joint positions, or another frame"
+        findings.append(Finding("mixed", (pairs.names[i],), says, culprit))
     return findings
 
 
 def _swaps(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    names, findings = pairs.names, []
+    names, r, findings = pairs.names, pairs.correlation, []
     for cycle in (each for each in _cycles_of(place) if len(each) > 1):
-        each = [
-            f"measured {names[i]} follows the command of {names[place[i]]} (correlation "
-            f"{pairs.correlation[i, place[i]]:.2f}, {pairs.correlation[i, i]:.2f} with its own)"
+        says = ", ".join(
+            f"measured {names[i]} follows the command of {names[place[i]]} (correlation {r[i, place[i]]:.2f}, "
+            f"{r[i, i]:.2f} with its own)"
             for i in cycle
-        ]
-        findings.append(
-            Finding(
-                "swapped",
-                tuple(names[i] for i in sorted(cycle)),
-                ", ".join(each),
-                "columns in another order",
-                # the column at cycle[k] belongs to cycle[k + 1]: each exchange with the first puts one in place
-                " ".join(f"--swap {names[cycle[0]]},{names[other]}" for other in cycle[1:]),
-            )
         )
+        # the column at cycle[k] belongs to cycle[k + 1]: each exchange with the first puts one in place
+        remedy = " ".join(f"--swap {names[cycle[0]]},{names[other]}" for other in cycle[1:])
+        joints = tuple(names[i] for i in sorted(cycle))
+        findings.append(Finding("swapped", joints, says, "columns in another order", remedy))
     return findings

@@ -23,6 +23,8 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.verdict.pairs import MOVED, play, scales
 
+Rows = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 PLAYS = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)  # radii, as shares of a joint's range
 LOOKS = 6.0
 CERTAIN, LIKELY = 3.0, 2.0  # deviations of the interval, and of a note
@@ -61,7 +63,7 @@ class Delay:
         return size if self.sure == "certain" else f"perhaps {size}; friction could look the same here"
 
 
-def delay_of(log: MotionLog, place: Sequence[int] | NDArray[np.int64] | None = None, about: float = 0.0) -> Delay:
+def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: float = 0.0) -> Delay:
     """Estimate a recording's delay.
 
     Args:
@@ -98,11 +100,8 @@ def delay_of(log: MotionLog, place: Sequence[int] | NDArray[np.int64] | None = N
     low, high = _interval(grid, total, CERTAIN**2 / LOOKS)
     near_low, near_high = _interval(grid, total, LIKELY**2 / LOOKS)
     sure: Literal["certain", "likely", "none"] = "none"
-    if best not in (0, len(grid) - 1):
-        if max(low, -high) > tolerance:
-            sure = "certain"
-        elif max(near_low, -near_high) > tolerance:
-            sure = "likely"
+    if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
+        sure = "certain" if max(low, -high) > tolerance else "likely"
     along = grid[np.argmin(costs[:, :, 1:].sum(axis=0), axis=0)]
     return Delay(float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]))
 
@@ -122,13 +121,13 @@ def _onwards(time: Floats, step: float) -> Floats:
     return np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
 
 
-def _unbroken(t: Floats, step: float, about: float, reach: float) -> NDArray[np.bool_]:
+def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
     """Return rows from which every delay looked for stays between two pauses, (N,)."""
     cuts = np.flatnonzero(np.diff(t) > PAUSE * step)
     part = np.searchsorted(cuts, np.arange(len(t)), side="left")
     first, last = np.r_[0, cuts + 1], np.r_[cuts, len(t) - 1]
     from_, to = t - about - reach, t - about + reach
-    found: NDArray[np.bool_] = (from_ >= t[first][part]) & (to <= t[last][part])
+    found: Flags = (from_ >= t[first][part]) & (to <= t[last][part])
     return found
 
 
@@ -136,18 +135,10 @@ class _JointLook:
     """One joint's explanation, and its rows without outliers."""
 
     def __init__(
-        self,
-        q: Floats,
-        measured: Floats,
-        t: Floats,
-        own: int,
-        moved: Sequence[int],
-        inside: NDArray[np.bool_],
-        block: NDArray[np.int64],
-        coarse: Floats,
+        self, q: Floats, seen: Floats, t: Floats, own: int, moved: list[int], inside: Flags, block: Rows, coarse: Floats
     ) -> None:
-        self.t, self.y, self.block = t, measured, block
-        error = measured - q[:, own]
+        self.t, self.y, self.block = t, seen, block
+        error = seen - q[:, own]
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
         rows = rows[:: len(rows) // MOST_ROWS + 1]
@@ -162,7 +153,7 @@ class _JointLook:
                 break
         self.rows = rows
 
-    def unexplained(self, rows: NDArray[np.int64], d: float) -> Floats:
+    def unexplained(self, rows: Rows, d: float) -> Floats:
         """Return what is unexplained of some rows when commands are read a time d earlier; each block has its zero."""
         from scipy.optimize import nnls
 

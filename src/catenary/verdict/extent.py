@@ -4,6 +4,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
+from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import MOVED, scales
 
@@ -22,8 +23,8 @@ def extent_findings(log: MotionLog) -> list[Finding]:
     if measured < FEWEST_ROWS:
         says = f"{measured} measured rows, expected at least {FEWEST_ROWS}"
         findings.append(Finding("short", (), says, "a recording that was cut off"))
-    seconds = _seconds(log)
-    if seconds is not None and 0.0 < seconds < SHORTEST:
+    steps = np.diff([] if log.time is None else log.time)
+    if 0.0 < (seconds := float(steps[steps > 0.0].sum())) < SHORTEST:
         says = f"{seconds:.3g} s, expected at least {SHORTEST:g}"
         findings.append(Finding("short", (), says, "a recording that was cut off, or stamps in another unit"))
     scale = scales(log)
@@ -39,23 +40,15 @@ def extent_findings(log: MotionLog) -> list[Finding]:
     return findings
 
 
-def _seconds(log: MotionLog) -> float | None:
-    if log.time is None or len(log) < 2:
-        return None
-    steps = np.diff(log.time)
-    return float(steps[steps > 0.0].sum())
-
-
 def _constant_columns(log: MotionLog, moved: Floats) -> list[Finding]:
     findings = []
     scale = scales(log)
     if log.q_encoder is not None and log.ok.any():
         measured = scale * log.q_encoder[log.ok]
         spans = np.ptp(np.percentile(measured, [1.0, 99.0], axis=0), axis=0)
-        for name, unit, command, column, span in zip(
-            log.joint_names, log.joint_units, moved, measured.T, spans, strict=True
-        ):
-            shown = "deg" if unit == "rad" else "mm"
+        joints = zip(log.joint_names, log.joint_units, moved, measured.T, spans, strict=True)
+        for name, unit, command, column, span in joints:
+            shown = DISPLAY[unit][0]
             if np.ptp(column) == 0.0 and command > MOVED:
                 says = f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
                 findings.append(Finding("constant", (name,), says, "a channel without a sensor"))

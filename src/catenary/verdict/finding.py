@@ -27,7 +27,6 @@ NAMES = {
     "missing": "rows without a measurement that are not like the others",
     "zeros": "rows of zeros marked as measured",
     "constant": "columns that never change",
-    "offset": "a measurement far from the command everywhere",
     "outliers": "single measurements far from all others",
     "dropped": "rows left out that carry more than their share of the error",
     "short": "too little to learn from",

@@ -22,45 +22,35 @@ FEW = 0.05  # of the rows: fewer are single wild measurements
 def turn_findings(pairs: Pairs) -> list[Finding]:
     """Find measurements of angles that stand whole or half turns from the others of their joint."""
     of_angles = [j for j, unit in enumerate(pairs.log.joint_units) if unit == "rad"]
-    found = [_turns(pairs.names[j], pairs.m[:, j] - pairs.q[:, j]) for j in of_angles]
-    return [each for each in found if each is not None]
+    return [turned for j in of_angles for turned in _turns(pairs.names[j], pairs.m[:, j] - pairs.q[:, j])]
 
 
 def leap_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find errors that leap at one row and stay.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
-    found = [_leap(pairs, i, pairs.m[:, i] - pairs.q[:, place[i]]) for i in range(len(pairs.names))]
-    return [each for each in found if each is not None]
+    """Find errors that leap at one row and stay."""
+    return [leap for i, k in enumerate(place) for leap in _leap(pairs, i, pairs.m[:, i] - pairs.q[:, k])]
 
 
-def _turns(name: str, error: Floats) -> Finding | None:
+def _turns(name: str, error: Floats) -> list[Finding]:
     away = error - np.median(error)
     halves = np.round(away / HALF_TURN)
     near = np.abs(away - halves * HALF_TURN) < NEAR_TURN * HALF_TURN
     turned = near & (halves != 0.0)
     if turned.mean() <= FEW or near.mean() < MOST:
-        return None
+        return []
     sizes, counts = np.unique(halves[turned], return_counts=True)
     most = float(sizes[np.argmax(counts)]) * HALF_TURN
-    return Finding(
-        "turns",
-        (name,),
-        f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others "
-        f"({most:+.0f} deg most often)",
-        "an angle recorded within one turn, or a counter that lost a turn",
-        "catenary import --map, which brings measurements into the turn of their commands" if most % 360 == 0 else "",
-    )
+    says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
+    culprit = "an angle recorded within one turn, or a counter that lost a turn"
+    remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
+    return [Finding("turns", (name,), f"{says} ({most:+.0f} deg most often)", culprit, remedy)]
 
 
-def _leap(pairs: Pairs, joint: int, error: Floats) -> Finding | None:
+def _leap(pairs: Pairs, joint: int, error: Floats) -> list[Finding]:
     from scipy.ndimage import median_filter
 
     width = int(np.clip(len(error) // SHARE, SHORTEST, LONGEST))
     if len(error) < 4 * width:
-        return None
+        return []
     level = median_filter(error, size=width, mode="nearest")
     # windows side by side: the first is about row k, ends before k + width // 2, and there the second begins
     leaps = np.abs(level[width:] - level[:-width])
@@ -70,19 +60,15 @@ def _leap(pairs: Pairs, joint: int, error: Floats) -> Finding | None:
     after, before = np.median(error[edge : edge + long]), np.median(error[max(0, edge - long) : edge])
     usual = float(np.percentile(leaps, 90.0))
     if abs(leap) < max(LEAST_LEAP, CLEARLY * usual) or (after - before) / leap < STAYS:
-        return None
+        return []
     edge = _first_after(error, k, width)
     rows = np.flatnonzero(pairs.log.ok)
     last = len(pairs.log)
     shorter = f"{rows[edge]}:{last}" if edge > len(error) // 2 else f"0:{rows[edge]}"
-    return Finding(
-        "jump",
-        (pairs.names[joint],),
-        f"at row {rows[edge]} the error leaps by {after - before:+.3g} {pairs.unit(joint)} and stays; elsewhere its "
-        f"level moves by {usual:.2g} {pairs.unit(joint)}",
-        "an encoder or a robot that was zeroed anew half-way, or a slipped cable",
-        f"--leave-out {shorter}",
-    )
+    unit, culprit = pairs.unit(joint), "an encoder or a robot that was zeroed anew half-way, or a slipped cable"
+    says = f"at row {rows[edge]} the error leaps by {after - before:+.3g} {unit} and stays; elsewhere its level"
+    says = f"{says} moves by {usual:.2g} {unit}"
+    return [Finding("jump", (pairs.names[joint],), says, culprit, f"--leave-out {shorter}")]
 
 
 def _first_after(error: Floats, k: int, width: int) -> int:

@@ -29,11 +29,7 @@ WORSE = 1.3  # times more unexplained variance, that rows in step may leave a jo
 
 
 def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find measurements that lie a time before or after their commands; there is always one finding or more.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find measurements that lie a time before or after their commands; there is always one finding or more."""
     log, apart = pairs.log, list[Finding]()
     if log.q_reported is not None:  # what a controller does between the two is no delay of a clock
         own = delay_of(replace(log, q_encoder=log.q_reported, ok=np.ones(len(log), dtype=bool)))
@@ -78,14 +74,10 @@ def _delay_findings(log: MotionLog, place: NDArray[np.int64]) -> list[Finding]:
 
 
 def _delay(found: Delay) -> Finding:
-    if found.seconds > 0.0:
-        culprit = (
-            "stamps of arrival; or, where q_nominal is a setpoint, the controller's lag (q_reported tells them apart)"
-        )
-    else:
-        culprit = "commands stamped late, or measurements too early"
+    setpoint = "where q_nominal is a setpoint, the controller's lag (q_reported tells them apart)"
+    late, early = f"stamps of arrival; or, {setpoint}", "commands stamped late, or measurements too early"
     remedy = f"--delay {found.seconds:.3g}" if found.unit == "s" else f"--shift {round(found.seconds)}"
-    return Finding("delay", (), str(found), culprit, remedy, delay=found)
+    return Finding("delay", (), str(found), late if found.seconds > 0.0 else early, remedy, delay=found)
 
 
 def _clock(says: str, found: Delay | None) -> Finding:
@@ -95,9 +87,7 @@ def _clock(says: str, found: Delay | None) -> Finding:
 
 def _stride(log: MotionLog) -> int:
     """Return by how many rows to step so that MOST_ROWS steps reach LONGEST."""
-    if log.time is None:
-        return 1
-    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
+    step = 0.0 if log.time is None or len(log) < 2 else float(np.median(np.diff(log.time)))
     return max(1, round(LONGEST / MOST_ROWS / step)) if step > 0.0 else 1
 
 

@@ -21,14 +21,9 @@ def scales(log: MotionLog) -> Floats:
 
 def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
     """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
-    far, spread = _far(errors, 1e-9)
-    return far.sum(axis=0), spread
-
-
-def _far(errors: Floats, least: float) -> tuple[NDArray[np.bool_], Floats]:
     deviation = np.abs(errors - np.median(errors, axis=0))
     spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
-    return deviation > OUTLIER_SPREADS * np.maximum(spread, least), spread
+    return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
 
 
 def slack_of(command: Floats, measured: Floats) -> float:
@@ -103,7 +98,8 @@ def pairs_of(log: MotionLog) -> Pairs | None:
         return None
     scale = scales(log)
     q, m = scale * log.q_nominal[log.ok], scale * log.q_encoder[log.ok]
-    likely = ~_far(m - q, MOVED)[0]
+    spread = np.maximum(outliers(m - q)[1], MOVED)
+    likely = np.abs(m - q - np.median(m - q, axis=0)) <= OUTLIER_SPREADS * spread
     moved = np.ptp(q, axis=0) > MOVED
     n = len(scale)
     correlation, slope, seen_moving = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n, dtype=bool)

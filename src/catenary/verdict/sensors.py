@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.plant import MotionLog
+from catenary.plant import GAP_STEPS, MotionLog
 from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers, play, scales, slack_of
@@ -31,16 +31,14 @@ COARSE = 0.05  # [deg, mm] RMS of rounding that is worth a word
 MISSING = 0.03  # of the rows without a measurement: fewer hide little
 SHARP = 1.2  # times what 95 % lie below, the largest errors, mean of joints: 1.01 to 1.2 where cut, else 1.22 and more
 TOLD_APART = 0.75  # of pairs of a row with a measurement and one without, that motion tells apart; chance is half
+ABSENT = 1.75  # usual steps between stamps, from which on rows are absent between
+SMOOTH = 0.5  # share of the way between rows that these may be off a straight line, for absent ones to lie there
 TINY = 1e-6  # [rad, m] of a command that is not zero
 CATCHES_UP = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack
 
 
 def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find measurements that stand still while their joint is moved.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find measurements that stand still while their joint is moved."""
     stuck: list[tuple[list[int], NDArray[np.bool_]]] = []  # joints that stand still on the same rows, these rows
     for i in range(len(pairs.names)):
         command, measured = pairs.q[:, place[i]], pairs.m[:, i]
@@ -72,14 +70,10 @@ def _held(pairs: Pairs) -> list[Finding]:
     repeats = (np.diff(pairs.m, axis=0) == 0.0).all(axis=1) & (moved > 0.0)
     anew = ~repeats & (moved > 0.0)
     caught_up = anew & np.concatenate([[False], repeats[:-1]])
+    if repeats.mean() < HELD or not caught_up.any() or np.median(moved[repeats]) < AS_FAST * np.median(moved[anew]):
+        return []
     jumps = np.abs(np.diff(pairs.m, axis=0)).max(axis=1)[caught_up]
-    if (
-        not anew.any()
-        or repeats.mean() < HELD
-        or np.median(moved[repeats]) < AS_FAST * np.median(moved[anew])
-        or not caught_up.any()
-        or np.median(jumps) < CATCHES_UP * np.median(moved[caught_up])
-    ):
+    if np.median(jumps) < CATCHES_UP * np.median(moved[caught_up]):
         return []
     says = (
         f"{int(repeats.sum())} of {len(pairs.m)} measured rows repeat the measurement before, on every joint, while "
@@ -94,20 +88,15 @@ def _stuck(pairs: Pairs, joints: list[int], still: NDArray[np.bool_]) -> Finding
     stretches = [(measured_rows[a], measured_rows[b - 1] + 1) for a, b in _stretches(still)]
     shown = ", ".join(f"{a} to {b - 1}" for a, b in stretches[:MOST_SHOWN])
     more = f" and {len(stretches) - MOST_SHOWN} more" if len(stretches) > MOST_SHOWN else ""
-    culprit = (
-        "a stuck or unplugged encoder"
-        if len(joints) == 1
-        else "a camera that held its last picture, or an arm that stopped"
-    )
-    return Finding(
-        "stuck",
-        tuple(pairs.names[i] for i in joints),
+    says = (
         f"the measurement stands still on {int(still.sum())} of {len(still)} measured rows, {still.mean():.1%} of them "
-        f"({shown}{more}), while the commands move beyond any slack that the other rows show",
-        culprit,
-        f"--leave-out {','.join(f'{a}:{b}' for a, b in stretches)}" if len(stretches) <= MOST_MENDED else "",
-        refuses=bool(still.mean() > FEW),
+        f"({shown}{more}), while the commands move beyond any slack that the other rows show"
     )
+    alone = len(joints) == 1
+    culprit = "a stuck or unplugged encoder" if alone else "a camera that held its last picture, or an arm that stopped"
+    remedy = f"--leave-out {','.join(f'{a}:{b}' for a, b in stretches)}" if len(stretches) <= MOST_MENDED else ""
+    refuses = bool(still.mean() > FEW)
+    return Finding("stuck", tuple(pairs.names[i] for i in joints), says, culprit, remedy, refuses)
 
 
 def _stretches(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -166,24 +155,23 @@ def coarse_findings(pairs: Pairs) -> list[Finding]:
 def missing_findings(log: MotionLog) -> list[Finding]:
     """Note rows without a measurement that are not like the others: nobody knows the errors there.
 
-    The motion tells them apart; or errors of the others end sharply on all joints, as where rows were cut out by their
-    errors. Of one joint or two that is not told from slack, whose errors end as sharply.
+    Stamps tell of single rows that somebody took out, too. The motion tells them apart; or errors of the others end
+    sharply on all joints, as where rows were cut out by their errors. Of one joint or two that is not told from slack,
+    whose errors end as sharply.
     """
-    missing = ~log.ok
+    commands, missing = _every_row(log)
     if not MISSING < missing.mean() < 1.0 - MISSING:
         return []
-    q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
+    q = commands / np.maximum(np.ptp(commands, axis=0), 1e-12)
     speed = np.gradient(q, axis=0)
     speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-12)
-    held = [
-        play(np.ascontiguousarray(column), 0.03) - column for column in q.T
-    ]  # which side of its slack a joint is on
+    held = [play(np.ascontiguousarray(x), 0.03) - x for x in q.T]  # which side of its slack a joint is on
     X = np.column_stack([np.ones(len(q)), q, q**2, np.abs(speed), np.sign(speed), *held])
     score = X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0]
     order = np.argsort(np.argsort(score))
     told = float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share
     how = [f"motion tells them apart in {told:.0%} of pairs"] if told >= TOLD_APART else []
-    if log.q_encoder is not None and log.q_nominal.shape[1] > 2:
+    if log.q_encoder is not None and q.shape[1] > 2:
         errors = (log.q_encoder - log.q_nominal)[log.ok]
         away = np.abs(errors - np.median(errors, axis=0))
         usual = np.maximum(np.quantile(away, 0.95, axis=0), 1e-12)
@@ -197,6 +185,23 @@ def missing_findings(log: MotionLog) -> list[Finding]:
         "printed here are those of the rows measured"
     )
     return [Finding("missing", (), says, "a sensor that fails in some motions, or rows cut out", refuses=False)]
+
+
+def _every_row(log: MotionLog) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return commands of all rows, those that stamps show to be absent included, and which have no measurement."""
+    steps = np.diff([] if log.time is None else log.time)
+    q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
+    off, way = np.diff(q, n=2, axis=0) / 2.0, np.diff(q, axis=0)  # of a row that lay halfway between its neighbours
+    if not (steps > 0.0).any() or np.linalg.norm(off) > SMOOTH * np.linalg.norm(way):
+        return log.q_nominal, ~log.ok
+    counted = steps / np.median(steps[steps > 0.0])
+    # steps of untouched recordings go up to 1.7 usual ones; across longer gaps commands are not known
+    absent = np.where((counted > ABSENT) & (counted < GAP_STEPS), np.rint(counted) - 1.0, 0.0).astype(int)
+    after = np.repeat(np.arange(len(steps)), absent + 1)  # the row that each one follows, or is
+    share = (np.arange(len(after)) - np.searchsorted(after, after)) / (absent + 1)[after]
+    between = (1.0 - share)[:, None] * log.q_nominal[after] + share[:, None] * log.q_nominal[after + 1]
+    measured = np.append((share == 0.0) & log.ok[after], log.ok[-1])
+    return np.vstack([between, log.q_nominal[-1:]]), ~measured
 
 
 def zero_findings(log: MotionLog) -> list[Finding]:

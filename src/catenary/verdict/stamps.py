@@ -28,10 +28,8 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
     steps = np.diff(log.time)
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
     if repeated or log.repeated > REPEATED * (len(log) + log.repeated):
-        says = (
-            f"{repeated + log.repeated} repeated time stamps in {len(log) + log.repeated} rows; expected every row at "
-            "a time of its own"
-        )
+        count, rows = repeated + log.repeated, len(log) + log.repeated
+        says = f"{count} repeated time stamps in {rows} rows; expected every row at a time of its own"
         culprit = "rows written twice, a sensor slower than the recorder, or a clock of coarse steps"
         findings.append(Finding("stamps", (), says, culprit))
     if back >= FEWEST_STEPS_BACK:
@@ -73,16 +71,14 @@ def _unit_findings(log: MotionLog) -> list[Finding]:
     assert log.time is not None
     steps = np.diff(log.time)
     rising = steps > 0.0
-    moved = np.abs(np.diff(scales(log) * log.q_nominal, axis=0))
-    ranges = np.ptp(scales(log) * log.q_nominal, axis=0)
     if not rising.any():
         return []
-    median = float(np.median(steps[rising]))
-    speed = moved[rising] / steps[rising][:, None]  # [deg/s, mm/s]
+    q, median = scales(log) * log.q_nominal, float(np.median(steps[rising]))
+    moved, ranges = np.abs(np.diff(q, axis=0))[rising], np.ptp(q, axis=0)
+    speed = moved / steps[rising][:, None]  # [deg/s, mm/s]
     crossing, quick = [], []
     for j, unit in enumerate(log.joint_units):
-        going = speed[moved[rising][:, j] > 0.0, j]
-        if ranges[j] > MOVED and len(going):
+        if ranges[j] > MOVED and len(going := speed[moved[:, j] > 0.0, j]):
             crossing.append(float(ranges[j] / np.median(going)))
             quick.append(float(np.median(going)) / FASTEST[unit])
     if not crossing:
@@ -95,7 +91,6 @@ def _unit_findings(log: MotionLog) -> list[Finding]:
         return [Finding("stamps", (), says, "stamps in ms, us or ns", "--time-unit ms")]
     if max(quick) > 1.0:
         says = f"a median step of {median:.4g} s makes joints {max(quick):.3g} times faster than any arm"
-        return [
-            Finding("stamps", (), says, "stamps in another unit than s (minutes, thousands of s)", "--time-unit min")
-        ]
+        culprit = "stamps in another unit than s (minutes, thousands of s)"
+        return [Finding("stamps", (), says, culprit, "--time-unit min")]
     return []

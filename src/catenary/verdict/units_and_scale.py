@@ -21,7 +21,6 @@ TIGHT_LEAST, TIGHT = 0.85, 0.999
 MARGIN = 0.25  # of its range by which a joint may leave its limits
 LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a joint without limits is in no rad and no m
 CABLE_LARGEST = {"rad": 4.0 * np.pi, "m": 2.0}  # the same of an arm driven by cables, which wind up on drums
-FARTHEST = {"rad": 45.0, "m": 50.0}  # [deg, mm] offset that is worth a word: camera and homing leave some 20
 # what one rad or m becomes in other units that people record, by name
 FACTORS = {"rad": {"deg": np.rad2deg(1.0)}, "m": {"mm": 1e3, "cm": 1e2, "mdeg": np.rad2deg(1.0)}}
 SPOKEN = {
@@ -35,62 +34,41 @@ WITHIN = 2.0  # the same of what it becomes in the other unit
 
 
 def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find measurements, or commands, in another unit or of another scale.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find measurements, or commands, in another unit or of another scale."""
     wrong: dict[tuple[str, str], list[int]] = {}
     findings = []
     for i in np.flatnonzero(pairs.moved[place]):
-        r, slope = float(pairs.correlation[i, place[i]]), abs(float(pairs.slope[i, place[i]]))
+        r, slope, name = float(pairs.correlation[i, place[i]]), abs(float(pairs.slope[i, place[i]])), pairs.names[i]
         if abs(r) < FOLLOWS:
             continue
         # both were scaled to deg and mm; what counts is the ratio of the raw numbers
         si = slope * scales(pairs.log)[place[i]] / scales(pairs.log)[i]
-        unit = pairs.log.joint_units[place[i]]
-        said = _unit_of(si, unit)
+        said = _unit_of(si, pairs.log.joint_units[place[i]])
         if said is not None:
             wrong.setdefault(said, []).append(int(i))
-        elif si <= LEAST and not (hidden := _hidden_by_slack(pairs, int(i), int(place[i]))).refuses:
-            findings += [hidden] * bool(hidden.says)
-        elif not LEAST < si < MOST or (si < TIGHT_LEAST and abs(r) > TIGHT):
-            expected = f"{TIGHT_LEAST:g} to {MOST:g}" if abs(r) > TIGHT else f"{LEAST:g} to {MOST:g}"
+            continue
+        least = TIGHT_LEAST if abs(r) > TIGHT else LEAST
+        moves = f"the measurement moves {si:.3g} times as far as the command"
+        if si <= LEAST:
+            behind, explained = slope_behind_slack(pairs, int(i), int(place[i]))
+            if LEAST < behind < MOST:
+                continue
+            if explained <= FOLLOWS_CLOSELY:
+                says = f"{moves}; slack and other joints leave too little motion to tell its scale"
+                findings.append(Finding("scale", (name,), says, "minutes of local motion", refuses=False))
+                continue
+        if not least < si < MOST:
+            says, remedy = f"{moves} (expected {least:g} to {MOST:g})", f"--scale {name}={1.0 / si:.4g}"
             findings.append(
-                Finding(
-                    "scale",
-                    (pairs.names[i],),
-                    f"the measurement moves {si:.3g} times as far as the command (expected {expected})",
-                    "a transmission ratio or an encoder's counts per turn",
-                    f"--scale {pairs.names[i]}={1.0 / si:.4g}",
-                )
+                Finding("scale", (name,), says, "a transmission ratio or an encoder's counts per turn", remedy)
             )
     for (array, unit), joints in wrong.items():
-        of = "measurement" if array == "q_encoder" else "command"
-        names = tuple(pairs.names[i] for i in joints)
         slopes = ", ".join(f"{abs(float(pairs.slope[i, place[i]])):.3g}" for i in joints)
-        findings.append(
-            Finding(
-                "units",
-                names,
-                f"the measurement moves {slopes} times as far as the command (expected {LEAST:g} to {MOST:g})",
-                f"the {of} in {SPOKEN[unit]}",
-                units_option(pairs.log, dict.fromkeys(joints, unit), array),
-            )
-        )
+        says = f"the measurement moves {slopes} times as far as the command (expected {LEAST:g} to {MOST:g})"
+        culprit = f"the {'measurement' if array == 'q_encoder' else 'command'} in {SPOKEN[unit]}"
+        remedy = _units_option(pairs.log, dict.fromkeys(joints, unit), array)
+        findings.append(Finding("units", tuple(pairs.names[i] for i in joints), says, culprit, remedy))
     return findings
-
-
-def _hidden_by_slack(pairs: Pairs, i: int, own: int) -> Finding:
-    """Return whether slack makes a joint move so little; says nothing where it does, and a note where none can tell."""
-    slope, explained = slope_behind_slack(pairs, i, own)
-    if LEAST < slope < MOST:
-        return Finding("scale", (), "", refuses=False)
-    says = (
-        f"the measurement moves {abs(float(pairs.slope[i, own])):.3g} times as far as the command; slack and other "
-        "joints leave too little motion to tell its scale"
-    )
-    return Finding("scale", (pairs.names[i],), says, "minutes of local motion", refuses=explained > FOLLOWS_CLOSELY)
 
 
 def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
@@ -104,7 +82,7 @@ def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
     return best
 
 
-def units_option(log: MotionLog, units: dict[int, str], array: str | None = None) -> str:
+def _units_option(log: MotionLog, units: dict[int, str], array: str | None = None) -> str:
     """Return the option that says in which unit each joint is, of one array or of all; others are in their own."""
     given = ",".join(units.get(j, unit) for j, unit in enumerate(log.joint_units))
     return f"--units {array + ':' if array else ''}{given}"
@@ -131,50 +109,18 @@ def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float
 def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Finding]:
     """Find commanded positions that the robot cannot reach, or no robot can where it is not known."""
     low, high = limits_of(log, robot, CABLE_LARGEST)
+    least, most = _reached(log)
     units: dict[int, str] = {}
-    beyond = []
-    # single rows may be transmission errors of the robot's own messages
-    least, most = np.percentile(log.q_nominal, [0.5, 99.5], axis=0)
-    for i, unit in enumerate(log.joint_units):
-        if low[i] <= least[i] and most[i] <= high[i]:
-            continue
-        fits = [
-            name
-            for name, factor in FACTORS[unit].items()
-            if low[i] <= least[i] / factor and most[i] / factor <= high[i]
-        ]
-        beyond.append(i)
-        if fits:
-            units[i] = fits[0]
-    if not beyond:
-        return []
-    kinds = {unit for i, unit in enumerate(log.joint_units) if i in units}
+    beyond = [i for i in range(len(least)) if not (low[i] <= least[i] and most[i] <= high[i])]
+    for i in beyond:
+        factors = FACTORS[log.joint_units[i]].items()
+        fits = [name for name, factor in factors if low[i] <= least[i] / factor and most[i] / factor <= high[i]]
+        units |= {i: fits[0]} if fits else {}
     if len(units) == len(beyond):
         # joints whose numbers are small in any unit are in the unit of their kin
         kin = {log.joint_units[i]: name for i, name in units.items()}
-        units |= {j: kin[unit] for j, unit in enumerate(log.joint_units) if unit in kinds}
-    says = ", ".join(
-        f"{log.joint_names[i]} from {least[i]:.4g} to {most[i]:.4g}, expected {log.joint_units[i]} between "
-        f"{low[i]:.4g} and {high[i]:.4g}"
-        for i in beyond
-    )
-    names = tuple(log.joint_names[i] for i in beyond)
-    if len(units) < len(beyond):
-        return [Finding("range", names, says, "another joint's column, another robot, or another zero")]
-    spoken = " and ".join(sorted({SPOKEN[name] for name in units.values()}))
-    return [Finding("units", names, says, f"numbers in {spoken}", units_option(log, units))]
-
-
-def offset_findings(pairs: Pairs) -> list[Finding]:
-    """Note measurements that stand far from their commands everywhere."""
-    findings = []
-    for i, name in enumerate(pairs.names):
-        away = float(np.median(pairs.m[:, i] - pairs.q[:, i]))
-        if abs(away) > FARTHEST[pairs.log.joint_units[i]]:
-            says = f"the measurement stands {away:.4g} {pairs.unit(i)} from the command everywhere"
-            culprit = "another zero of the two kinematics, which a calibration takes away"
-            findings.append(Finding("offset", (name,), says, culprit, refuses=False))
-    return findings
+        units |= {j: kin[unit] for j, unit in enumerate(log.joint_units) if unit in kin}
+    return _beyond(log, beyond, units, (low, high), "expected")
 
 
 def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Finding]:
@@ -184,7 +130,7 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
         trained: Least and largest positions that the model was trained on, each (n,) [rad|m]; infinite where unknown.
     """
     low, high = trained
-    least, most = np.percentile(log.q_nominal, [0.5, 99.5], axis=0)
+    least, most = _reached(log)
     known = np.isfinite(high - low) & (high > low)
     with np.errstate(invalid="ignore"):
         middle, half = (low + high) / 2.0, (high - low) / 2.0
@@ -203,13 +149,28 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
                 units |= {int(j): name for j in np.flatnonzero(of_kind)}
                 beyond += np.flatnonzero(far).tolist()
                 break
+    return _beyond(log, beyond, units, trained, "the model was trained")
+
+
+def _reached(log: MotionLog) -> tuple[Floats, Floats]:
+    """Return least and largest commands; single rows may be transmission errors of the robot's own messages."""
+    least, most = np.percentile(log.q_nominal, [0.5, 99.5], axis=0)
+    return least, most
+
+
+def _beyond(
+    log: MotionLog, beyond: list[int], units: dict[int, str], expected: tuple[Floats, Floats], said: str
+) -> list[Finding]:
+    """Say which joints lie beyond what was expected; in other units where `units` tells those of all."""
     if not beyond:
         return []
+    (least, most), (low, high), names = _reached(log), expected, tuple(log.joint_names[i] for i in beyond)
     says = ", ".join(
-        f"{log.joint_names[j]} from {least[j]:.4g} to {most[j]:.4g}, the model was trained between {low[j]:.4g} and "
-        f"{high[j]:.4g} {log.joint_units[j]}"
-        for j in beyond
+        f"{log.joint_names[i]} from {least[i]:.4g} to {most[i]:.4g}, {said} between {low[i]:.4g} and {high[i]:.4g} "
+        f"{log.joint_units[i]}"
+        for i in beyond
     )
-    spoken = " and ".join(sorted({SPOKEN[units[j]] for j in beyond}))
-    names = tuple(log.joint_names[j] for j in beyond)
-    return [Finding("units", names, says, f"numbers in {spoken}", units_option(log, units))]
+    if not set(beyond) <= set(units):
+        return [Finding("range", names, says, "another joint's column, another robot, or another zero")]
+    spoken = " and ".join(sorted({SPOKEN[units[i]] for i in beyond}))
+    return [Finding("units", names, says, f"numbers in {spoken}", _units_option(log, units))]

@@ -24,7 +24,7 @@ FIRST = "hold a button to move"
 
 
 class ControlledArm(WatchedArm):
-    """A robot, a page that moves it, and a model beside it."""
+    """A robot, a page that moves it, and its model."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class ControlledArm(WatchedArm):
         self._driver.message = FIRST
 
     def shown(self, title: str) -> Shown:
-        """Return what its page shows: buttons for joints and tip, beside run levels."""
+        """Return what its page shows: buttons for joints, tip and run levels."""
         return replace(super().shown(title), tabs=held_tabs(self._robot.plant))
 
     def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
@@ -102,6 +102,6 @@ def held_tabs(limits: Bounded) -> tuple[ControlTab, ...]:
 
 def _rows(tab: str) -> tuple[Control, ...]:
     return (
-        ButtonsControl(f"{LEVEL}{tab}", "run level", tuple(LEVELS), "Home wants to be pressed twice."),
-        ButtonsControl(f"{STOP}{tab}", "motion", tuple(STOPS), "Stop: at once. The robot stays enabled."),
+        ButtonsControl(f"{LEVEL}{tab}", "run level", tuple(LEVELS), hint="Home wants to be pressed twice."),
+        ButtonsControl(f"{STOP}{tab}", "motion", tuple(STOPS), hint="Stop: at once. The robot stays enabled."),
     )

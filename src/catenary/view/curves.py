@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.plant import Jointed
 from catenary.units import DISPLAY, TORQUE_UNIT
 from catenary.view.state import ViewState
 
@@ -16,7 +17,7 @@ SPACING = 0.1  # [s] between two of their points
 class Curve(NamedTuple):
     """A line of a plot."""
 
-    label: str
+    label: str  # empty for one that another's label names too
     values: Floats  # (K,) NaN where it is not known
     colour: str
     dashed: bool = False
@@ -30,7 +31,7 @@ class Plot(NamedTuple):
     curves: tuple[Curve, ...]
 
     def known(self) -> tuple[Curve, ...]:
-        """Return the curves of which something is known; where it is not they go on level, for no gap can be drawn."""
+        """Return the curves with known values; unknown values repeat the last known one, as no gap can be drawn."""
         return tuple(
             curve._replace(values=_level(curve.values)) for curve in self.curves if np.isfinite(curve.values).any()
         )
@@ -61,24 +62,30 @@ class JointColumns(NamedTuple):
 
 
 class Curves:
-    """States of the last half minute, and what is drawn of them."""
+    """What is drawn of the last half minute of states, or of the part of a recording around the present one."""
 
-    span = (-SPAN, 0.0)  # [s] from now that is drawn
-
-    def __init__(self, joint_names: tuple[str, ...], joint_units: tuple[str, ...]) -> None:
+    def __init__(self, joints: Jointed, recording: JointColumns | None = None) -> None:
         """Begin without any state."""
-        self.joint_names, self._units = joint_names, joint_units
+        self._names, self._units, self._recording = joints.joint_names, joints.joint_units, recording
+        self.span = (-SPAN, 0.0) if recording is None else (-0.5 * SPAN, 0.5 * SPAN)  # [s] from now that is drawn
         self._states: deque[ViewState] = deque(maxlen=round(SPAN / SPACING))
+        self._now = 0.0
 
     def add(self, state: ViewState) -> None:
-        """Take a state; those that follow one another too closely are left out, and time that goes back begins anew."""
+        """Take a state; those too close to the last are left out, and time that goes back restarts them."""
+        self._now = state.time
         if self._states and state.time < self._states[-1].time:
             self._states.clear()
         if not self._states or state.time - self._states[-1].time >= SPACING - 1e-9:
             self._states.append(state)
 
     def plots(self, joint: int) -> tuple[Plot, ...]:
-        """Return the plots of a joint: errors [deg|mm], torque [Nm|N], the loop."""
+        """Return the plots of a joint: errors [deg|mm], torque [Nm|N] and, of a robot that runs, the loop."""
+        name, unit = self._names[joint], self._units[joint]
+        if self._recording is not None:
+            near = np.abs(self._recording.time - self._now) <= 0.5 * SPAN
+            part = JointColumns(*(column[near] for column in self._recording))
+            return joint_plots(part._replace(time=part.time - self._now), joint, name, unit)
 
         def of(name: str) -> Floats:
             return np.array([getattr(state, name) for state in self._states], dtype=float)
@@ -91,30 +98,7 @@ class Curves:
             Curve("late ticks/s", of("late"), PD),
             Curve("gravity age ms", 1e3 * of("gravity_age"), GRAVITY),
         )
-        plots = joint_plots(columns, joint, self.joint_names[joint], self._units[joint])
-        return (*plots, Plot("loop", columns.time, loop))
-
-
-class RecordedCurves:
-    """A whole recording, of which the part about the present state is drawn, with that in the middle."""
-
-    span = (-0.5 * SPAN, 0.5 * SPAN)  # [s] from now that is drawn
-
-    def __init__(self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], columns: JointColumns) -> None:
-        """Take a recording."""
-        self.joint_names, self._units, self._columns = joint_names, joint_units, columns
-        self._now = float(columns.time[0])
-
-    def add(self, state: ViewState) -> None:
-        """Take the present state."""
-        self._now = state.time
-
-    def plots(self, joint: int) -> tuple[Plot, ...]:
-        """Return the plots of a joint: errors [deg|mm] and torque [Nm|N]."""
-        near = np.abs(self._columns.time - self._now) <= 0.5 * SPAN
-        part = JointColumns(*(column[near] for column in self._columns))
-        part = part._replace(time=part.time - self._now)
-        return joint_plots(part, joint, self.joint_names[joint], self._units[joint])
+        return (*joint_plots(columns, joint, name, unit), Plot("loop", columns.time, loop))
 
 
 def joint_plots(columns: JointColumns, joint: int, name: str, unit: str) -> tuple[Plot, Plot]:
@@ -126,8 +110,8 @@ def joint_plots(columns: JointColumns, joint: int, name: str, unit: str) -> tupl
     errors = (
         Curve("reported", scale * (c.q - c.true), REPORTED),
         Curve("calibrated", scale * (c.calibrated - c.true), CALIBRATED),
-        Curve("+ interval", scale * c.interval, CALIBRATED, True),
-        Curve("- interval", -scale * c.interval, CALIBRATED, True),
+        Curve("interval \u00b1", scale * c.interval, CALIBRATED, True),
+        Curve("", -scale * c.interval, CALIBRATED, True),
         Curve("tracking", scale * (c.q - c.setpoint), REST),
     )
     torques = (

@@ -1,4 +1,4 @@
-"""Who may use the page: whoever knows the address of this run, in a browser that went to that very address."""
+"""Access to the page: only browsers that opened the address of this run, token included."""
 
 import hmac
 import re

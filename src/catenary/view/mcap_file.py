@@ -1,4 +1,4 @@
-"""A recording and its robot for others' viewers, such as Foxglove, PlotJuggler and Rerun: MCAP, and a URDF beside it.
+"""A recording as MCAP and its robot as URDF, for viewers such as Foxglove, PlotJuggler and Rerun.
 
 All messages are ROS 2's own. Link frames bear the URDF's names; those of the calibrated and of the measured arm stand
 behind `calibrated/` and `measured/`. `world` (`level_world` for a robot with a frame of that name) has its z axis up,
@@ -67,7 +67,7 @@ class _Messages(NamedTuple):
 
 
 def write_mcap(arm: RecordedArm, log: MotionLog, out: Path, shapes: tuple[Shape, ...] = ()) -> McapSummary:
-    """Write a recording as MCAP, and its robot, of these shapes, as URDF beside it; older files are replaced.
+    """Write a recording as MCAP, and its robot, of these shapes, as URDF next to it; older files are replaced.
 
     The rows are of the robot's joints, calibrated where there is a model; the log adds its torques and gravity.
     """

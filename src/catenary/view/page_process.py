@@ -1,4 +1,4 @@
-"""A page in a process of its own beside a program: states go in, what somebody changes comes out, nobody waits."""
+"""The page in its own process: states go in, changes of controls come out, neither side waits."""
 
 import contextlib
 import multiprocessing
@@ -26,18 +26,18 @@ _ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
 
 
 class PageProcess:
-    """A page that runs beside this program, and ends with it; a context manager.
+    """A page in a process that ends with this program; a context manager.
 
     The process starts on entering, and a browser can open its `url` while the program prepares its robot; `open` then
-    says what is to be shown. `put` and `changes` take microseconds, whatever becomes of the page or of the browsers
-    that look.
+    says what is to be shown. `put` and `changes` take microseconds, even if the page or the browsers are slow or gone.
     """
 
     def __init__(self, *, port: int = PORT) -> None:
         """Take a port of 127.0.0.1; the next free one where it is taken."""
         if not 1024 <= port <= 65535:
             raise InputError(f"--port: expected 1024 to 65535, got {port}")
-        require_viser()
+        if find_spec("viser") is None:
+            raise MissingPackageError(f"catenary view needs viser, which is not installed: {to_install('view')}")
         # a fresh interpreter: a fork would take the loop's threads and compiled code along
         context = multiprocessing.get_context("spawn")
         self._pipe, self._theirs = context.Pipe()
@@ -77,11 +77,6 @@ class PageProcess:
         """Whether the page is still there."""
         return self._process.is_alive()
 
-    @property
-    def pid(self) -> int:
-        """Number of its process."""
-        return self._process.pid or 0
-
     def put(self, state: ViewState) -> None:
         """Show a state, in place of the last one; nothing before `open`."""
         if self._state is not None:
@@ -115,12 +110,6 @@ class PageProcess:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def require_viser() -> None:
-    """Refuse to go on without viser."""
-    if find_spec("viser") is None:
-        raise MissingPackageError(f"catenary view needs viser, which is not installed: {to_install('view')}")
 
 
 def _run_page(pipe: Connection, port: int) -> None:
@@ -162,7 +151,7 @@ def _ended(pipe: Connection) -> bool:
 
 
 def draw_until(page: ViserPage, states: SharedState, ended: Callable[[], bool]) -> None:
-    """Draw states as they come, DRAW_HZ times a second at most, and nothing while nobody looks."""
+    """Draw states as they come, DRAW_HZ times a second at most, and none while no browser is connected."""
     number = 0
     while not ended():
         begin = time.monotonic()

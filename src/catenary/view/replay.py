@@ -154,7 +154,7 @@ class ShownProject(NamedTuple):
 
 
 def shown_project(folder: Path) -> ShownProject:
-    """Return a project's test recording and recommended model, or as much as there is by now."""
+    """Return a project's test or training recording, and its recommended model if there is one."""
     settings = project_settings(folder)
     logs = [folder / f"{name}.parquet" for name in (TEST, TRAIN)]
     found = [log for log in logs if log.is_file()]

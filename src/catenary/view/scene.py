@@ -1,4 +1,4 @@
-"""What is where in the picture: arms, tips and arrows, from a state; no browser is needed to know it."""
+"""Poses of arms, tips and arrows in the picture, from a state; independent of the browser."""
 
 from collections import deque
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class Scene(NamedTuple):
     base_wxyz: Floats  # (4,) orientation of the base in the world, whose z axis is up
     arms: dict[str, PlacedArm]  # by name, of ARMS; those that are known
     measured: Floats | None  # (3,) gravity in the base frame, of length 1 at 9.81 m/s2
-    assumed: Floats | None  # likewise, as the controller takes it to be
+    assumed: Floats | None  # likewise, as the controller assumes
 
 
 def scene_of(model: RobotModel, state: ViewState) -> Scene:
@@ -78,7 +78,7 @@ def _arrow(gravity: Floats) -> Floats | None:
 
 
 class TipPaths:
-    """Where the tips of the arms have been lately, in the base frame."""
+    """Recent paths of the arms' tips, in the base frame."""
 
     def __init__(self, length: float) -> None:
         """Begin without any point; the tip must travel a share of `length`, that of the arm [m], between points."""

@@ -267,11 +267,8 @@ def described_shapes(shapes: tuple[Shape, ...], model: RobotModel, tubes: ArmSha
         if mesh is not None:
             vertices = mesh.vertices @ shape.pose.rotation.T + shape.pose.position
             found[shape.link].append(Mesh(vertices, mesh.faces))
-    length = arm_length(model)
-    speck = tube([[0.0, 0.0, -1e-3 * length], [0.0, 0.0, 1e-3 * length]], 1e-3 * length)
-    links = tuple(joined(found[link] or [speck]) for link in range(len(model.link_names)))
-    base = joined(found[-1]) if found[-1] else tubes.base
-    return ArmShapes(links, base, length)
+    links = tuple(joined(found[link] or [_point(1e-3 * tubes.length)]) for link in range(len(model.link_names)))
+    return ArmShapes(links, joined(found[-1]) if found[-1] else tubes.base, tubes.length)
 
 
 def form_mesh(form: Form) -> Mesh | None:

@@ -1,4 +1,4 @@
-"""What a page is to show, as data: an arm, its shapes, what to press, pull and choose, and how much room it takes."""
+"""The contents of a page as data: an arm, its shapes and controls, and the space that it takes."""
 
 import math
 from collections.abc import Mapping
@@ -19,69 +19,59 @@ WIDEST = {"rad": np.pi, "m": 0.5}  # to either side of zero, of a joint without 
 
 
 class Change(NamedTuple):
-    """What somebody did on the page: the name of a control, and its new value."""
+    """A change on the page: the name of a control, and its new value."""
 
     name: str
     value: Value
 
 
 @dataclass(frozen=True)
-class SliderControl:
-    """A number to pull."""
+class Control:
+    """Something to press, pull or choose."""
 
     name: str
     label: str  # with its unit
+    hint: str = field(default="", kw_only=True)
+
+
+@dataclass(frozen=True)
+class SliderControl(Control):
+    """A number to pull."""
+
     low: float
     high: float
     step: float
     value: float
-    hint: str = ""
 
 
 @dataclass(frozen=True)
-class ChoiceControl:
+class ChoiceControl(Control):
     """One of several."""
 
-    name: str
-    label: str
     options: tuple[str, ...]
     value: str
-    hint: str = ""
 
 
 @dataclass(frozen=True)
-class ToggleControl:
+class ToggleControl(Control):
     """On or off."""
 
-    name: str
-    label: str
     value: bool
-    hint: str = ""
 
 
 @dataclass(frozen=True)
-class ButtonsControl:
-    """Buttons beside one another; the one that is pressed is the change's value."""
+class ButtonsControl(Control):
+    """Buttons in a row; the one that is pressed is the change's value."""
 
-    name: str
-    label: str
     options: tuple[str, ...]
-    hint: str = ""
 
 
-@dataclass(frozen=True)
-class HeldControl:
+class HeldControl(Control):
     """A button that changes something for as long as it is held: a change comes HOLD_HZ times a second."""
-
-    name: str
-    label: str
-    hint: str = ""
 
 
 HOLD_HZ = 20.0  # as terminals repeat a key; a dead man's switch lets go at three that are missing
 NOBODY = Change("looked at", False)  # told when the last browser is gone
-
-Control = SliderControl | ChoiceControl | ToggleControl | ButtonsControl | HeldControl
 
 
 @dataclass(frozen=True)
@@ -100,7 +90,7 @@ def accepted(control: Control, value: object) -> Value | None:
         return min(max(float(value), control.low), control.high) if finite else None  # type: ignore[arg-type]
     if isinstance(control, ToggleControl | HeldControl):
         return value if isinstance(value, bool) else None
-    return str(value) if value in control.options else None
+    return str(value) if isinstance(control, ChoiceControl | ButtonsControl) and value in control.options else None
 
 
 @dataclass(frozen=True)
@@ -117,7 +107,7 @@ class Shown:
 
 
 class Extent(NamedTuple):
-    """A ball that holds an arm where it stands at first."""
+    """The bounding sphere of an arm at its start."""
 
     centre: Floats  # (3,) [m] in the base frame
     radius: float  # [m]

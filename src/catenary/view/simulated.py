@@ -1,4 +1,4 @@
-"""A simulated arm that somebody drives from the page: the control loop, and what is changed while it runs."""
+"""A simulated arm driven from the page: its control loop, and the changes while it runs."""
 
 import time
 from collections.abc import Callable
@@ -22,6 +22,7 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY
+from catenary.view import surroundings as around
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
 from catenary.view.shown import Change, Shown, Value
@@ -31,25 +32,11 @@ from catenary.view.steering import (
     Motion,
     SteeredTrajectory,
     SwitchedCorrector,
+    quick_way,
     random_motions,
-    way_to,
     zigzags,
 )
-from catenary.view.surroundings import (
-    CONTROLLERS,
-    ENABLE,
-    GO_TO,
-    GOTO,
-    HOME,
-    LEVELS,
-    MOTIONS,
-    OWN,
-    RANDOM,
-    REST,
-    ZIGZAG,
-    Surroundings,
-    driving_tabs,
-)
+from catenary.view.surroundings import Surroundings, driving_tabs
 from catenary.view.watched import operating_in_words, view_state
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
@@ -60,7 +47,7 @@ SAID = 8.0  # [s] for which a refusal stays on the page
 
 
 class LeaveLoop(Exception):
-    """Somebody wants what the control loop cannot do while it runs: another run level, another kind of control."""
+    """A change was requested that the running control loop cannot make: another run level, another kind of control."""
 
     def __init__(self, then: str = "") -> None:
         """Say what comes next: resume, home, or nothing: the arm stays paused."""
@@ -94,12 +81,12 @@ class DrivenArm:
         self._rng = rng
         self._n = self.arm.model.n
         self._corrector = None if loaded is None else self._switched(loaded)
-        by_name = {key: self._make(key) for key in ("pd", "sg", "dg", "hold")}
-        self._controllers = by_name
-        self._controller = ChosenController(by_name["dg"])
-        self.control = OWN if model is not None else "PD + sensed gravity (DG)"
+        self._controllers: dict[str, SplitController] = {k: make_controller(k, self.arm) for k in ("pd", "sg", "dg")}
+        self._controllers["hold"] = make_hold("dg", self.arm)
+        self._controller = ChosenController(self._controllers["dg"])
+        self.control = around.OWN if model is not None else "PD + sensed gravity (DG)"
         self._goal = np.array(self._plant.measured_js().q)
-        self.motion = RANDOM
+        self.motion = around.RANDOM
         self._recipe: Motion | None = None
         self._trajectory = SteeredTrajectory(self._goal)
         self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
@@ -140,7 +127,7 @@ class DrivenArm:
 
     def run_loop(self) -> LoopReport:
         """Run the control loop until something ends it; it ends by an exception, with the arm held and paused."""
-        own = self.control == OWN
+        own = self.control == around.OWN
         start = self._plant.setpoint_js().q if own else self._plant.measured_js().q
         self._trajectory = SteeredTrajectory(np.array(start))
         if self._recipe is not None:
@@ -162,7 +149,7 @@ class DrivenArm:
             if self.control == "gravity compensation alone":
                 setpoint = np.full(self._n, np.nan)
                 self._trajectory.rest_at(tick.state.q)
-            feedback = None if self.control == OWN else self._controller.feedback.copy()
+            feedback = None if self.control == around.OWN else self._controller.feedback.copy()
             self._page.put(self._state(tick.state._replace(q=tick.q_nominal), setpoint, feedback))
 
     def _count(self) -> None:
@@ -208,9 +195,9 @@ class DrivenArm:
         doing = f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else ""
         assumed = {"PD + gravity of a level base (SG)": LEVEL, "PD + sensed gravity (DG)": gravity}
         return view_state(
-            snapshot, self._n, feedback=state.tau if feedback is None else feedback,
-            assumed=assumed.get(self.control), actual=world.actual(), nominal_hz=1.0 / plant.period,
-            mode=operating_in_words(operating) + doing, notes=tuple(notes), values=self._values,
+            snapshot, self._n, 1.0 / plant.period, feedback=state.tau if feedback is None else feedback, notes=notes,
+            assumed=assumed.get(self.control), actual=world.actual(), mode=operating_in_words(operating) + doing,
+            values=self._values,
         )  # fmt: skip
 
     # what somebody changes
@@ -230,15 +217,15 @@ class DrivenArm:
         name, value = change
         if self.surroundings.set(name, value):
             return
-        if name.startswith(GOTO):
-            self._go_to(name.removeprefix(GOTO), float(value))
-        elif name == "motion" and str(value) in MOTIONS:
+        if name.startswith(around.GOTO):
+            self._go_to(name.removeprefix(around.GOTO), float(value))
+        elif name == "motion" and str(value) in around.MOTIONS:
             self._choose_motion(str(value))
-        elif name == "controller" and str(value) in CONTROLLERS:
+        elif name == "controller" and str(value) in around.CONTROLLERS:
             self._choose_controller(str(value), in_loop=in_loop)
         elif name == "model" and self._corrector is not None:
             self._corrector.is_on = bool(value)
-        elif name == "level" and str(value) in LEVELS:
+        elif name == "level" and str(value) in around.LEVELS:
             self._change_level(str(value), in_loop=in_loop)
 
     def _go_to(self, joint: str, value: float) -> None:
@@ -246,15 +233,15 @@ class DrivenArm:
         j = self._plant.joint_names.index(joint)
         self._goal = self._goal.copy()
         self._goal[j] = value / DISPLAY[self._plant.joint_units[j]][1]
-        self._choose_motion(GO_TO)
+        self._choose_motion(around.GO_TO)
 
     def _choose_motion(self, motion: str) -> None:
         plant, model = self._plant, self.arm.model
         recipes: dict[str, Callable[[], Motion | None]] = {
-            REST: lambda: None,
-            GO_TO: lambda: way_to(plant, np.clip(self._goal, plant.lower, plant.upper)),
-            RANDOM: lambda: random_motions(model, plant, self._rng),
-            ZIGZAG: lambda: zigzags(model, plant),
+            around.REST: lambda: None,
+            around.GO_TO: lambda: lambda q: quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
+            around.RANDOM: lambda: random_motions(model, plant, self._rng),
+            around.ZIGZAG: lambda: zigzags(plant),
         }
         self._recipe = recipes[motion]()
         self.motion = motion
@@ -263,15 +250,15 @@ class DrivenArm:
 
     def _choose_controller(self, control: str, *, in_loop: bool) -> None:
         before, self.control = self.control, control
-        if control != OWN:
-            self._controller.controller = self._controllers[CONTROLLERS[control]]
+        if control != around.OWN:
+            self._controller.controller = self._controllers[around.CONTROLLERS[control]]
         self._values["controller"] = control
-        if in_loop and OWN in (before, control) and before != control:
+        if in_loop and around.OWN in (before, control) and before != control:
             raise LeaveLoop("resume")
 
     def _change_level(self, level: str, *, in_loop: bool) -> None:
         """Leave the loop, which pauses the arm, or reach the level at once."""
-        then = {ENABLE: "resume", HOME: "home"}.get(level, "")
+        then = {around.ENABLE: "resume", around.HOME: "home"}.get(level, "")
         if not in_loop:
             self._reach_level(then)
         elif then != "resume":
@@ -290,13 +277,9 @@ class DrivenArm:
 
     # setting up
 
-    def _make(self, name: str) -> SplitController:
-        return make_hold("dg", self.arm) if name == "hold" else make_controller(name, self.arm)
-
     def _switched(self, loaded: CalibrationModel) -> SwitchedCorrector:
         corrector = Corrector(loaded, rate_hz=1.0 / self._plant.period)
         whole = self.surroundings.plant
         corrector.prepare(whole.joint_names, whole.joint_units, 1.0 / self._plant.period)
-        if isinstance(whole, CablePlant):
-            return SwitchedCorrector(corrector, lambda _: whole.measured_js(), self._n, self._plant.period)
-        return SwitchedCorrector(corrector, lambda state: state, self._n, self._plant.period)
+        measured = (lambda _: whole.measured_js()) if isinstance(whole, CablePlant) else (lambda state: state)
+        return SwitchedCorrector(corrector, measured, self._n, self._plant.period)

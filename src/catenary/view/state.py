@@ -1,4 +1,4 @@
-"""What a program hands to the view of an arm: one instant, as numbers and words, in memory that two processes share."""
+"""The state that the view shows: one instant, as numbers and words, in memory shared by two processes."""
 
 import pickle
 import struct
@@ -35,7 +35,7 @@ class ViewState(NamedTuple):
     gravity: Floats  # (3,) [m/s2] as measured, in the base frame
     assumed: Floats  # (3,) [m/s2] as the controller takes it to be
     actual: Floats  # (3,) [m/s2] as it is, which a simulation knows
-    gravity_age: float = np.inf  # [s]; infinite for gravity that nobody measures
+    gravity_age: float = np.inf  # [s]; infinite for gravity that is not measured
     rate: float = np.nan  # at which ticks come, as a share of what it should be
     late: float = 0.0  # ticks late within the last second
     mode: str = ""  # what the robot does, in words

@@ -1,4 +1,4 @@
-"""What somebody changes while a control loop runs: the motion, the controller, the correction; none of them leaps."""
+"""Motion, controller and correction, changed without a jump while a control loop runs."""
 
 from collections.abc import Callable, Sequence
 
@@ -14,9 +14,8 @@ from catenary.robots.catalog import RAVEN_SIDES
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import InTurn, Reference, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.trajectories.zigzag import zigzag
-from catenary.view.shown import FiniteRanges, finite_ranges
+from catenary.view.shown import finite_ranges
 from catenary.workflows.gravity.motions import make_motion
 from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY, check_motion, gentle_way
 
@@ -26,8 +25,6 @@ Motion = Callable[[Floats], Trajectory]  # makes a motion that begins at joint p
 QUICKER = 2.5  # than a gentle go-to, which is for real robots
 SECONDS = 60.0  # of a random motion, after which the next one is drawn
 SPARSITY = 0.25  # of RAVEN-II's zig-zag
-SWEEPS = 5  # of other robots' zig-zag
-SWEPT = 0.25  # of a joint's range, to either side of its middle
 
 
 class SteeredTrajectory:
@@ -113,7 +110,7 @@ class ChosenController:
 
 
 class SwitchedCorrector:
-    """A model that always says where the joints are, and whose say counts in the loop once it is switched on.
+    """A model that always corrects joint positions, and whose correction the loop uses once it is switched on.
 
     It is faded in and out, so that an arm whose calibrated positions are far from its reported ones is not jerked.
     It may be of more joints than the loop: then it is given the whole robot's state.
@@ -148,11 +145,6 @@ class SwitchedCorrector:
         inside[:], interval[:] = self.inside, self.interval
 
 
-def way_to(limits: Bounded, goal: Floats) -> Motion:
-    """Return the motion to joint positions (n,) [rad|m]."""
-    return lambda q: quick_way(limits, q, goal)
-
-
 def quick_way(limits: Bounded, start: Floats, goal: Floats) -> Trajectory:
     """Return the way from one place to another, each (n,) [rad|m], all joints arriving together."""
     units = limits.joint_units
@@ -173,28 +165,11 @@ def random_motions(model: RobotModel, limits: Bounded, rng: np.random.Generator)
     return _after_the_way(limits, draw)
 
 
-def zigzags(model: RobotModel, limits: Bounded) -> Motion:
-    """Return RAVEN-II's calibration zig-zag along joints 2 and 3, or sweeps of another robot's first joints."""
-    if model.name in RAVEN_SIDES:
-        motion: Trajectory = zigzag("J2-J3", (SPARSITY,))
-    else:
-        motion = follow_waypoints(
-            _sweeps(finite_ranges(limits)), speed=[QUICKER * GENTLE_VELOCITY[unit] for unit in limits.joint_units]
-        )
+def zigzags(limits: Bounded) -> Motion:
+    """Return RAVEN-II's calibration zig-zag along joints 2 and 3."""
+    motion = zigzag("J2-J3", (SPARSITY,))
     check_motion(limits, motion)
     return _after_the_way(limits, lambda: motion)
-
-
-def _sweeps(ranges: FiniteRanges) -> Floats:
-    """Return rows (N, n) [rad|m] that sweep the last of the first three joints, and step the one before it."""
-    middle, half = 0.5 * (ranges.lower + ranges.upper), SWEPT * (ranges.upper - ranges.lower)
-    swept = min(2, len(middle) - 1)
-    stepped = max(swept - 1, 0)
-    rows = np.tile(middle, (2 * SWEEPS, 1))
-    rows[:, stepped] = (middle - half)[stepped] + np.repeat(np.linspace(0.0, 2.0, SWEEPS), 2) * half[stepped]
-    side = np.array([-1.0, 1.0, 1.0, -1.0])
-    rows[:, swept] = middle[swept] + half[swept] * np.resize(side, len(rows))
-    return rows
 
 
 def _after_the_way(limits: Bounded, draw: Callable[[], Trajectory]) -> Motion:

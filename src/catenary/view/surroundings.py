@@ -1,9 +1,9 @@
-"""What is changed about a simulated arm but its commands, and the controls of its page."""
+"""A simulated arm's base, payload, sensor, friction and wear, and the controls of its page."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -40,13 +40,11 @@ AGED = {
     ReadingStatus.STALE: "no new gravity: the last one is held",
     ReadingStatus.FALLBACK: "no new gravity: its mean direction of the last seconds is taken",
 }
-RIGID_FRICTION = (
-    0.02  # of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
-)
+# of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
+RIGID_FRICTION = 0.02
 MOST_FRICTION = 4.0
 GOTO = "goto:"  # begins the name of a joint's slider
-REST, GO_TO, RANDOM, ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
-MOTIONS = (REST, GO_TO, RANDOM, ZIGZAG)
+MOTIONS = REST, GO_TO, RANDOM, ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
 ENABLE, PAUSE, HOME = LEVELS = ("enable", "pause", "home")
 OWN = "the robot's own position control"
 CONTROLLERS = {
@@ -58,20 +56,18 @@ CONTROLLERS = {
 }
 
 
-class PlantBase:
+class PlantBase(NamedTuple):
     """The base that a plant stands on, whichever it is at the time."""
 
-    def __init__(self, plant: CablePlant | MujocoPlant) -> None:
-        """Take a plant."""
-        self._plant = plant
+    plant: CablePlant | MujocoPlant
 
     def sample(self, times: Floats) -> BaseSamples:
         """Return the base's motion at times (N,) [s]."""
-        return self._plant.base.sample(times)
+        return self.plant.base.sample(times)
 
 
 class Surroundings:
-    """All that is changed about a simulated arm but its commands; a GravitySource, by a sensor on its base."""
+    """A simulated arm's base, payload, sensor, friction and wear; a GravitySource, by a sensor on its base."""
 
     def __init__(self, arm: SimulatedArm) -> None:
         """Take an arm on a SteeredBase."""
@@ -97,7 +93,7 @@ class Surroundings:
         }
 
     def set(self, name: str, value: Value) -> bool:
-        """Change something by the name of its control; False when it is none of these."""
+        """Change something by the name of its control; False for an unknown name."""
         if name not in self._setters:
             return False
         self._setters[name](value)
@@ -114,7 +110,7 @@ class Surroundings:
         return gravity
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what is wrong with the sensor."""
+        """Return warnings of the sensor."""
         reading = self.reading
         if reading is None:
             return ()
@@ -167,26 +163,26 @@ def driving_tabs(
     drive = ControlTab(
         "Drive",
         (
-            ButtonsControl("level", "run level", LEVELS, "Home: against the stops, as a real RAVEN-II does."),
-            ChoiceControl("motion", "motion", MOTIONS, motion),
+            ButtonsControl("level", "run level", LEVELS, hint="Home: against the stops, as a real RAVEN-II does."),
+            ChoiceControl("motion", "motion", MOTIONS if has_cables else MOTIONS[:3], motion),
             ChoiceControl("controller", "controller", tuple(CONTROLLERS), controller),
             *joint_sliders(limits, q),
         ),
     )
     world: list[Control] = [
-        SliderControl("roll_deg", "base roll [deg]", -90.0, 90.0, 1.0, 0.0, "About x."),
-        SliderControl("pitch_deg", "base pitch [deg]", -90.0, 90.0, 1.0, 0.0, "Then about the base's own y."),
-        SliderControl("rocking_deg", "rocking, to either side [deg]", 0.0, 20.0, 0.5, 0.0, "About x."),
+        SliderControl("roll_deg", "base roll [deg]", -90.0, 90.0, 1.0, 0.0, hint="About x."),
+        SliderControl("pitch_deg", "base pitch [deg]", -90.0, 90.0, 1.0, 0.0, hint="Then about the base's own y."),
+        SliderControl("rocking_deg", "rocking, to either side [deg]", 0.0, 20.0, 0.5, 0.0, hint="About x."),
         SliderControl("rocking_hz", "rocking [Hz]", 0.1, 2.0, 0.1, 0.5),
         SliderControl("payload_kg", "payload [kg]", 0.0, 1.0 if has_cables else 5.0, 0.05, 0.0,
-                      "The controller does not know of it."),
+                      hint="The controller does not know of it."),
         ChoiceControl("sensor", "gravity sensor's fault", tuple(FAULTS), "none"),
         SliderControl("friction", "Coulomb friction, x its own" if has_cables else "Coulomb friction",
                       0.0, MOST_FRICTION, 0.1, 1.0 if has_cables else 0.0),
     ]  # fmt: skip
     if has_cables:
         world.append(
-            SliderControl("wear", "cable wear [share]", 0.0, 1.0, 0.05, 0.0, "Stretch that stays, stiffness lost.")
+            SliderControl("wear", "cable wear [share]", 0.0, 1.0, 0.05, 0.0, hint="Stretch that stays, stiffness lost.")
         )
     tabs = [drive, ControlTab("Surroundings", tuple(world))]
     if has_model:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.view.curves import Curves, Plot, RecordedCurves
+from catenary.view.curves import Curves, Plot
 from catenary.view.gate import gated, require_gate
 from catenary.view.scene import ARMS, Scene, TipPaths, scene_of
 from catenary.view.shapes import grown
@@ -23,11 +23,12 @@ from catenary.view.shown import (
     HeldControl,
     Shown,
     SliderControl,
+    ToggleControl,
     accepted,
     extent_of,
 )
 from catenary.view.state import ViewState
-from catenary.view.words import COLOURS, GRAVITY_COLOURS, gravity_html, joints_html, status_html
+from catenary.view.words import COLOURS, GRAVITY_COLOURS, gravity_html, joints_html, legend_html, status_html
 
 HOST = "127.0.0.1"  # viser's own default is every address
 OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
@@ -35,9 +36,10 @@ OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
 SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
 ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
 FROM_NOW = "s from now"
-SKY = 2.0  # light from above and below, beside viser's own lamps
+SKY = 2.0  # light from above and below, in addition to viser's own
 LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
 PLOT_ASPECT = 1.9
+CURVES_WIDTH = 250  # pixels, so that the arm gets the room in a window of 900
 
 
 class ViserPage:
@@ -51,8 +53,7 @@ class ViserPage:
         self._shown, self._tell = shown, tell
         self._server = server
         self._paths = TipPaths(shown.shapes.length)
-        joints = shown.model.joint_names, shown.model.joint_units
-        self._curves = Curves(*joints) if shown.recording is None else RecordedCurves(*joints, shown.recording)
+        self._curves = Curves(shown.model, shown.recording)
         self._time = 0.0  # of the last picture
         self._set: dict[str, Floats] = {}  # what was sent of each node last
         self._handles: dict[str, Any] = {}  # of controls
@@ -91,7 +92,7 @@ class ViserPage:
             self._draw_gravity(scene)
 
     def write(self, state: ViewState) -> None:
-        """Show a state's words and numbers, which nobody reads twenty times a second."""
+        """Show a state's words and numbers, less often than the picture."""
         self._status.content = status_html(state)
         self._joints.content = joints_html(self._shown, state)
         self._gravity.content = gravity_html(state)
@@ -107,8 +108,9 @@ class ViserPage:
                 path.points = segments.astype(np.float32)
                 path.colors = np.array(_rgb(COLOURS[name]), np.uint8)
         with self._server.atomic():
-            for handle, plot in zip(self._plots, self._curves.plots(self._joint), strict=True):
+            for (handle, legend), plot in zip(self._plots, self._curves.plots(self._joint), strict=True):
                 _draw_plot(handle, plot)
+                legend.content = legend_html(plot)
 
     def forget_paths(self) -> None:
         """Wipe the tips' paths."""
@@ -137,7 +139,7 @@ class ViserPage:
             scene.add_mesh_simple("/base/foot", base.vertices, base.faces, color=(70, 74, 82))
         self._roots: dict[str, Any] = {}
         self._arms = {name: self._add_arm(name) for name in ARMS}
-        # beside the arm as the camera sees it, turned with the base but not carried away by it
+        # next to the arm in the camera's view; it turns with the base but does not move
         corner = extent.centre + extent.radius * np.array([-0.75, -1.05, 0.75])
         self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
         empty = np.zeros((1, 2, 3), np.float32)
@@ -187,14 +189,18 @@ class ViserPage:
 
     def _place(self, node: Any, key: str, wxyz: Floats, position: Floats | None) -> None:
         """Move a node, unless it is there."""
-        pose = wxyz if position is None else np.concatenate([wxyz, position])
+        if self._differs(key, wxyz if position is None else np.concatenate([wxyz, position]), 1e-6):
+            node.wxyz = wxyz
+            if position is not None:
+                node.position = position
+
+    def _differs(self, key: str, value: Floats, least: float) -> bool:
+        """Return whether a value is another one than was sent last, which it is from then on."""
         before = self._set.get(key)
-        if before is not None and np.abs(before - pose).max() < 1e-6:
-            return
-        self._set[key] = pose
-        node.wxyz = wxyz
-        if position is not None:
-            node.position = position
+        if before is not None and np.abs(before - value).max() < least:
+            return False
+        self._set[key] = value
+        return True
 
     def _draw_gravity(self, scene: Scene) -> None:
         length = ARROW * self._shown.shapes.length
@@ -202,11 +208,8 @@ class ViserPage:
             arrow = self._arrows[name]
             if arrow.visible != (vector is not None):
                 arrow.visible = vector is not None
-            before = self._set.get(f"gravity {name}")
-            if vector is None or (before is not None and np.abs(before - vector).max() < 1e-3):
-                continue
-            self._set[f"gravity {name}"] = vector
-            arrow.points = np.array([[np.zeros(3), length * vector]], np.float32)
+            if vector is not None and self._differs(f"gravity {name}", vector, 1e-3):
+                arrow.points = np.array([[np.zeros(3), length * vector]], np.float32)
 
     # the panels
 
@@ -225,6 +228,7 @@ class ViserPage:
             self._add_show_tab()
         plots = gui.add_panel()
         plots.dock_left()
+        plots.set_width(CURVES_WIDTH)
         with plots.add_tab("Curves"):
             self._add_plots()
 
@@ -259,7 +263,7 @@ class ViserPage:
             handle = gui.add_slider(control.label, low, high, step, initial_value=control.value, hint=hint)
         elif isinstance(control, ChoiceControl):
             handle = gui.add_dropdown(control.label, control.options, initial_value=control.value, hint=hint)
-        else:
+        elif isinstance(control, ToggleControl):
             handle = gui.add_checkbox(control.label, control.value, hint=hint)
         self._values[name] = handle.value
         (handle.on_click if isinstance(control, ButtonsControl) else handle.on_update)(changed)
@@ -277,7 +281,7 @@ class ViserPage:
         gui, names = self._server.gui, self._shown.model.joint_names
         joint = gui.add_dropdown("joint", names, initial_value=names[0])
         joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
-        self._plots = [_add_plot(gui, plot, self._curves.span) for plot in self._curves.plots(0)]
+        self._plots = [(_add_plot(gui, plot, self._curves.span), gui.add_html("")) for plot in self._curves.plots(0)]
 
 
 def open_server(port: int) -> tuple[Any, str]:
@@ -301,7 +305,7 @@ def _add_plot(gui: Any, plot: Plot, span: tuple[float, float]) -> Any:
     series = (uplot.Series(label=FROM_NOW), uplot.Series(label=""))
     # seconds from now, so that the axis stays: the page keeps how far it is zoomed, and loses it on an axis that moves
     scales = {"x": uplot.Scale(time=False, range=span)}
-    return gui.add_uplot(nothing, series, title=plot.title, aspect=PLOT_ASPECT, scales=scales)
+    return gui.add_uplot(nothing, series, title=plot.title, aspect=PLOT_ASPECT, scales=scales, legend={"show": False})
 
 
 def _draw_plot(handle: Any, plot: Plot) -> None:

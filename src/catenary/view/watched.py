@@ -1,8 +1,9 @@
 """A robot that is only shown, over ROS, read and never moved; a snapshot as a state of the view."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from catenary.monitor import Snapshot
 from catenary.plant import OperatingState
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes
-from catenary.view.shown import Shown, Value
+from catenary.view.shown import Shown
 from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.snapshots import watch_robot
@@ -19,18 +20,7 @@ from catenary.workflows.robot.snapshots import watch_robot
 _OF_JOINTS = ("q", "calibrated", "interval", "inside", "setpoint", "tau", "gravity_tau")  # of a snapshot
 
 
-def view_state(
-    snapshot: Snapshot,
-    n: int,
-    *,
-    feedback: Floats | None = None,
-    assumed: Floats | None = None,
-    actual: Floats | None = None,
-    nominal_hz: float | None = None,
-    mode: str = "",
-    notes: tuple[str, ...] = (),
-    values: Mapping[str, Value] = {},  # nobody writes it
-) -> ViewState:
+def view_state(snapshot: Snapshot, n: int, nominal_hz: float, *, notes: Sequence[str] = (), **known: Any) -> ViewState:
     """Return what the view shows of a snapshot.
 
     The true arm is the one that external encoders tell of where a model is there that learned from them, and that of
@@ -38,30 +28,20 @@ def view_state(
 
     Args:
         snapshot: Of a robot whose first n joints are the model's.
-        feedback: (n,) torque of the PD term [Nm|N].
-        assumed: (3,) gravity that the controller goes by [m/s2].
-        actual: (3,) gravity as it is [m/s2].
+        n: Joints of the model.
         nominal_hz: At which ticks should come.
-        mode: What the robot does, in words; its operating state when empty.
+        notes: Further warnings.
+        known: Fields of ViewState that a snapshot does not have; None for what is not known.
     """
-    state = unknown_state(n)
-    of_joints = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot), "feedback": feedback}
-    vectors = {"gravity": snapshot.gravity, "assumed": assumed, "actual": actual}
-    known = {name: np.asarray(row, dtype=float)[:n] for name, row in of_joints.items() if row is not None}
-    known |= {name: vector for name, vector in vectors.items() if vector is not None}
-    rate = np.nan
-    if nominal_hz is not None and snapshot.rate_hz is not None:
-        rate = snapshot.rate_hz / nominal_hz
-    return state._replace(
-        **known,
-        time=snapshot.time,
-        gravity_age=snapshot.gravity_age,
-        rate=rate,
-        late=float(snapshot.late),
-        mode=mode or operating_in_words(snapshot.operating),
-        warnings=(*snapshot.warnings(), *notes),
-        values=values,
-    )
+    rows = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot)}
+    known = {name: value for name, value in known.items() if value is not None}
+    known |= {name: np.asarray(row, dtype=float)[:n] for name, row in rows.items() if row is not None}
+    known |= {} if snapshot.gravity is None else {"gravity": snapshot.gravity}
+    rate = np.nan if snapshot.rate_hz is None else snapshot.rate_hz / nominal_hz
+    return unknown_state(n)._replace(
+        time=snapshot.time, gravity_age=snapshot.gravity_age, rate=rate, late=float(snapshot.late),
+        warnings=(*snapshot.warnings(), *notes), **known,
+    )  # fmt: skip
 
 
 def operating_in_words(state: OperatingState | None) -> str:
@@ -81,7 +61,7 @@ def _true(snapshot: Snapshot) -> Floats | None:
 
 
 class WatchedArm:
-    """A robot that is read, and a model beside it; without one, what `catenary deploy` publishes is taken."""
+    """A robot that is read, and its model; without one, the page shows what `catenary deploy` publishes."""
 
     def __init__(
         self,
@@ -106,12 +86,12 @@ class WatchedArm:
         n, hertz = self._robot.model.n, 1.0 / self._robot.plant.period
         watched = watch_robot(self._robot, model=self._model, observe=lambda: self._tick(page), clock=self._clock)
         for snapshot in watched:
-            page.put(view_state(snapshot, n, nominal_hz=hertz, mode=self._mode(snapshot)))
+            page.put(view_state(snapshot, n, hertz, mode=self._mode(snapshot)))
             if ended() or not page.is_running:
                 return
 
     def _tick(self, page: PageProcess) -> None:
-        """Let the page's changes go: nothing here moves a robot."""
+        """Discard the page's changes: nothing here moves a robot."""
         page.changes()
 
     def _mode(self, snapshot: Snapshot) -> str:

@@ -1,4 +1,4 @@
-"""What a page says of a state, as text with simple marks."""
+"""A state as HTML: status, table of joints, gravity."""
 
 from functools import partial
 from html import escape
@@ -7,6 +7,7 @@ import numpy as np
 
 from catenary.reports.page import Table, TableColumn
 from catenary.units import DISPLAY
+from catenary.view.curves import Plot
 from catenary.view.shown import Shown
 from catenary.view.state import ViewState
 
@@ -56,8 +57,8 @@ def _row(kind: str, cells: list[str]) -> str:
     return f"<tr>{''.join(placed)}</tr>"
 
 
-def _square(colour: str) -> str:
-    return f'<span style="color:{colour}">&#9632;</span>'
+def _square(colour: str, *, dashed: bool = False) -> str:
+    return f'<span style="color:{colour}">{"&#9476;" if dashed else "&#9632;"}</span>'
 
 
 def gravity_html(state: ViewState) -> str:
@@ -72,6 +73,18 @@ def gravity_html(state: ViewState) -> str:
     if np.isfinite(state.gravity_age):
         lines.append(f"measured {1e3 * state.gravity_age:.0f} ms ago")
     return _block("<br>".join(lines))
+
+
+def legend_html(plot: Plot) -> str:
+    """Return the legend of a plot: each known curve's mark, name, and value now, or at the last time before."""
+    place = int(np.searchsorted(plot.time, 0.0, side="right")) - 1
+    told = [
+        f'<span style="white-space:nowrap;padding-right:0.7em">{_square(curve.colour, dashed=curve.dashed)} '
+        f"{escape(curve.label)} {curve.values[place]:.3g}</span>"
+        for curve in plot.known()
+        if curve.label
+    ]
+    return _block(" ".join(told))
 
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> float:

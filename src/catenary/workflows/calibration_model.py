@@ -36,12 +36,7 @@ def fit_calibration(
     reading: Reading | None = None,
     progress: Progress = silent,
 ) -> FitResult:
-    """Fit a calibration model to files of recordings; see `fit_logs`.
-
-    Raises:
-        FileFormatError: A recording is missing, damaged, or lacks something.
-        InputError: As `fit_logs`.
-    """
+    """Fit a calibration model to files of recordings; see `fit_logs`."""
     return fit_logs(read_logs(paths, reading), options, run, progress=progress)
 
 
@@ -95,8 +90,7 @@ class HeldAgainst:
     def evaluate(self, window: float | None = None) -> EvaluationResult:
         """Return the model's errors, also over windows of time [s], each a tenth of the data when None."""
         data = calibration_data(self.logs, self.model.features, max_error=self.limits)
-        trained_on = {source["sha256"] for source in self.card["data"]}
-        seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
+        seen = tuple(log.name for log in self.logs if log.is_among(self.card["data"]))
         notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
         notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
         found = evaluate(self.model, data, window=window)
@@ -139,10 +133,6 @@ def held_against(
         reading: Mapping of third-party recordings, and what to change of them.
         accept: Findings about them to go on with, by name.
         max_error: Per joint, deg and mm; rows with larger errors are left out; as in the model's fit when None.
-
-    Raises:
-        FileFormatError: The model or a recording is missing or damaged.
-        InputError: A recording is of other joints.
     """
     model, card = load_model(model_path)
     logs = recordings_for(model, paths, reading)
@@ -156,11 +146,6 @@ def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[
     Args:
         rate_hz: How often a program will step the graph [Hz], which matters to models with history only;
             None for the rate of the training rows.
-
-    Raises:
-        FileFormatError: `path` is no model, or `out` cannot be written.
-        InputError: `out` is `path`, or the model's previous positions do not lie at this rate.
-        MissingPackageError: onnx is not installed.
     """
     if out.exists() and out.samefile(path):
         raise InputError(f"{out}: is the model that is read here; expected another file to write")
@@ -203,10 +188,6 @@ def recording_for(model: CalibrationModel | MotionLog | None, path: Path, readin
 
     Names and units of joints are those of the model, or of a recording that one will be fitted to, where the recording
     states none; None reads it by itself.
-
-    Raises:
-        FileFormatError: It is missing or damaged.
-        InputError: It has another number of joints.
     """
     reading = reading if reading is not None else Reading()
     if model is None:
@@ -223,18 +204,13 @@ def recording_for(model: CalibrationModel | MotionLog | None, path: Path, readin
 def _read(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
     if table_ending(path) != ".npz":
         return read_log(path)
-    content = read_arrays(path)
+    content, n = read_arrays(path), len(model.joint_names)
     commands = content.get("q_des")
-    n = len(model.joint_names)
     if commands is not None and commands.ndim == 2 and commands.shape[1] != n:
-        raise InputError(
-            f"{path}: has {commands.shape[1]} joints; the model is for {n}: {', '.join(model.joint_names)}"
-        )
-    return read_log(
-        path,
-        units=None if "units" in content else model.joint_units,
-        joint_names=None if "joint_names" in content else model.joint_names,
-    )
+        names = ", ".join(model.joint_names)
+        raise InputError(f"{path}: has {commands.shape[1]} joints; the model is for {n}: {names}")
+    units = None if "units" in content else model.joint_units
+    return read_log(path, units=units, joint_names=None if "joint_names" in content else model.joint_names)
 
 
 def _by_mapping(
@@ -283,29 +259,25 @@ def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any
 
 def warnings_of(evaluation: Evaluation) -> list[str]:
     """Return in words where a model does harm, or could not be asked; each opens with "warning: "."""
-    warnings = []
+    said = []
     for joint in evaluation.joints:
         if joint.rmse > WORSE * joint.offset_rmse:
-            warnings.append(
-                f"warning: {joint.name}: the model is worse than the fixed offset here, {joint.rmse:.3g} against "
-                f"{joint.offset_rmse:.3g} {joint.unit}: do not deploy it on this joint"
-            )
+            errors = f"{joint.rmse:.3g} against {joint.offset_rmse:.3g} {joint.unit}"
+            worse = "the model is worse than the fixed offset here"
+            said.append(f"{joint.name}: {worse}, {errors}: do not deploy it on this joint")
         if joint.outside_valid_range > MUCH_OUTSIDE:
-            warnings.append(
-                f"warning: {joint.name}: {joint.outside_valid_range:.0%} of rows lie outside the model's valid "
-                "range, where it gives the fixed offset; train on motion that goes there"
-            )
-    return warnings
+            share = f"{joint.outside_valid_range:.0%} of rows lie outside the model's valid range"
+            said.append(f"{joint.name}: {share}, where it gives the fixed offset; train on motion that goes there")
+    return [f"warning: {each}" for each in said]
 
 
 def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
     """Return whether a model's intervals hold, as plain data, in deg and mm; None for a model without."""
     if evaluation.level is None:
         return None
-    return {
-        "coverage_asked": evaluation.level,
-        "joints": [
-            {"name": joint.name, "half_width": joint.half_width, "coverage": joint.coverage, "verdict": verdict}
-            for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
-        ],
-    }
+    verdicts = zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
+    joints = [
+        {"name": joint.name, "half_width": joint.half_width, "coverage": joint.coverage, "verdict": verdict}
+        for joint, verdict in verdicts
+    ]
+    return {"coverage_asked": evaluation.level, "joints": joints}

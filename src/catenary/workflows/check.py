@@ -27,7 +27,6 @@ from catenary.identification.samples import Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in
-from catenary.recording.extract import is_extraction
 from catenary.recording.import_formats.sources import is_bag, is_other_make
 from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
@@ -63,10 +62,6 @@ def check_file(
         robot: Catalogue name or file of the robot that a recording is of; its own when None.
         max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.
         typed: Options that say how a recording is read, for the command to use next.
-
-    Raises:
-        FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
-        InputError: A recording or robot whose numbers cannot be used; the message says which.
     """
     path = Path(source)
     reading = reading if reading is not None else Reading()
@@ -116,7 +111,7 @@ def check_file(
 
 def _is_no_recording(folder: Path) -> bool:
     inside = bags_in(folder)
-    return inside == [folder] and not (is_extraction(folder) or is_journal(folder) or (folder / METADATA).is_file())
+    return inside == [folder] and not (is_journal(folder) or (folder / METADATA).is_file())
 
 
 def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tuple[float, ...] | None) -> FileReport:
@@ -147,6 +142,7 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
 
 def check_robot(model: RobotModel) -> FileReport:
     """Check a robot: inertia, masses that cannot be, limits, what its file holds that the model leaves out."""
+    found = FileReport("robot")
     joints, limits = [], []
     for name, unit, lower, upper in zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True):
         joints.append({"name": name, "unit": unit, "lower": float(lower), "upper": float(upper)})
@@ -155,30 +151,17 @@ def check_robot(model: RobotModel) -> FileReport:
         told = f"{scale * lower:g} to {scale * upper:g} {shown}" if has_limits else "no limits"
         limits.append(f"{name} [{unit}] {told}")
     mass, drives = float(model.tree.mass.sum()), _drives(model)
-    facts = {
-        "name": model.name,
-        "joints": joints,
-        "links": model.link_names,
-        "frames": list(model.frames),
-        "tip": model.tip,
-        "moving_mass_kg": mass,
-        "drives": drives,
-        "massless_links": model.massless,
-        "links_without_inertia": model.missing_inertia,
-        "sources": model.sources,
-    }
-    lines = [
-        ("name", model.name),
-        ("joints", "; ".join(limits)),
-        ("links", ", ".join(model.link_names)),
-        ("frames", ", ".join(model.frames)),
-        ("tip", model.tip),
-        ("moving mass", f"{mass:g} kg"),
-        ("massless links", ", ".join(model.massless) or "none"),
-        ("drives", "; ".join(map(_drive_in_words, drives or ())) or "nothing known of friction and rotors"),
-        ("sources", "; ".join(model.sources) or "none stated"),
-    ]
-    found = FileReport("robot", facts, lines)
+    found.tell("name", model.name)
+    found.tell("joints", joints, "; ".join(limits))
+    found.tell("links", model.link_names, ", ".join(model.link_names))
+    found.tell("frames", list(model.frames), ", ".join(model.frames))
+    found.tell("tip", model.tip)
+    found.tell("moving_mass_kg", mass, f"{mass:g} kg", called="moving mass")
+    found.tell("massless_links", model.massless, ", ".join(model.massless) or "none")
+    told = "; ".join(map(_drive_in_words, drives or ())) or "nothing known of friction and rotors"
+    found.tell("drives", drives, told)
+    found.tell("sources", model.sources, "; ".join(model.sources) or "none stated")
+    found.facts["links_without_inertia"] = model.missing_inertia
     if model.missing_inertia == model.link_names:  # nobody meant to give any, as of a catalogue's published lengths
         to_be_identified = ", to be identified (catenary identify)" if model.actuation is not None else ""
         found.remarks.append(f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused")
@@ -249,11 +232,9 @@ def _still(model: RobotModel, samples: Samples, terms: str) -> list[str]:
 def _fit_in_words(result: Identification) -> Sequence[str]:
     left = result.training[0].relative_rms
     shares = ", ".join(f"{n} {v:.3f}" for n, v in zip(result.model.joint_names, left, strict=True))
-    return [
-        f"for identification: shows all {result.base.count} base parameters ({result.options.terms}), condition "
-        f"{result.condition:.3g}",
-        f"fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: {shares}",
-    ]
+    seen = f"shows all {result.base.count} base parameters ({result.options.terms}), condition {result.condition:.3g}"
+    by_itself = "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left"
+    return [f"for identification: {seen}", f"{by_itself}: {shares}"]
 
 
 def _with_card(check: Callable[[Path], FileReport], path: Path) -> FileReport:
@@ -268,6 +249,7 @@ def _with_card(check: Callable[[Path], FileReport], path: Path) -> FileReport:
 
 def _check_identification(path: Path) -> FileReport:
     result, card = load_identification(path)
+    found = FileReport("identified dynamics")
     recordings, lines = [], []
     for part, tested in (("training", result.training), ("test", result.tests)):
         for on in tested:
@@ -275,25 +257,20 @@ def _check_identification(path: Path) -> FileReport:
             recordings.append({"name": on.log, "part": part, "verdict": on.verdict, "relative_rms": relative})
             shares = ", ".join(f"{share:.3f}" for share in relative.values())
             lines.append((f"{on.log}, {on.verdict or 'fitted'}", shares))
-    facts = {
-        "robot": result.model.name,
-        "terms": result.options.terms,
-        "base_parameters": result.base.count,
-        "condition": float(result.condition),
-        "physically_consistent": result.phi is not None,
-        "recordings": recordings,
-        "version": card["version"],
-    }
-    first = [
-        ("robot", result.model.name),
-        ("terms", result.options.terms),
-        ("base parameters", f"{result.base.count}, condition {result.condition:.4g}"),
-        ("physically consistent", "yes" if result.phi is not None else "no"),
+    found.tell("robot", result.model.name)
+    found.tell("terms", result.options.terms)
+    found.tell("base_parameters", result.base.count, f"{result.base.count}, condition {result.condition:.4g}")
+    found.tell("physically_consistent", result.phi is not None, "yes" if result.phi is not None else "no")
+    found.facts |= {"condition": float(result.condition), "recordings": recordings}
+    found.lines += lines
+    _tell_version(found, card)
+    found.faults += [
+        *_copy_faults(path, card),
+        *(f"fails on {one.log}" for one in result.tests if one.verdict == "fails"),
     ]
-    faults = [*_copy_faults(path, card), *(f"fails on {one.log}" for one in result.tests if one.verdict == "fails")]
-    faults += mass_doubts(result.robot(), described=result.model) if result.phi is not None else []
-    every_line = [*first, *lines, _version(card)]
-    return FileReport("identified dynamics", facts, every_line, faults, list(card["notes"]))
+    found.faults += mass_doubts(result.robot(), described=result.model) if result.phi is not None else []
+    found.remarks += card["notes"]
+    return found
 
 
 def _copy_faults(path: Path, card: Card) -> list[str]:
@@ -304,15 +281,21 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
     return [f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"]
 
 
-def _version(card: Card) -> Line:
-    return "version", ", ".join(f"{name} {number}" for name, number in card["version"].items())
+def _tell_version(found: FileReport, card: Card) -> None:
+    found.tell("version", card["version"], ", ".join(f"{name} {number}" for name, number in card["version"].items()))
 
 
 def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
     blocks = {one["joint"]: one for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]}
     last = {one["name"]: one for one in card["errors"]["held_out"] or []}
-    joints, on_blocks, on_last, faults = list[Mapping[str, Any]](), list[Line](), list[Line](), _copy_faults(path, card)
+    found, joints, on_blocks, on_last = (
+        FileReport("calibration model"),
+        list[Mapping[str, Any]](),
+        list[Line](),
+        list[Line](),
+    )
+    found.faults += _copy_faults(path, card)
     for name, unit in zip(model.joint_names, model.joint_units, strict=True):
         shown = DISPLAY[unit][0]
         joint: dict[str, Any] = {"name": name, "unit": unit, "error_unit": shown}
@@ -320,43 +303,33 @@ def _check_model(path: Path) -> FileReport:
         if (one := blocks.get(name)) is not None:
             rmse, sd, offset = one["rmse_mean"], one["rmse_sd"], one["offset_rmse_mean"]
             joint["cross_validation"] = {"rmse": rmse, "rmse_sd": sd, "offset_rmse": offset}
-            spread = f"RMSE {rmse:.3f} ± {sd:.3f} {shown} on unseen blocks of time"
+            spread = f"RMSE {rmse:.3f} ± {sd:.3f} {shown} on unseen data"
             on_blocks.append((name, f"{spread} (fixed offset {offset:.3f})"))
             if rmse > offset * (1.0 + ROUNDING):
-                faults.append(f"{name}: worse than the fixed offset on unseen blocks of time")
+                found.faults.append(f"{name}: worse than the fixed offset on unseen data")
         if (one := last.get(name)) is not None:
             joint["held_out"] = {"rmse": one["rmse"], "offset_rmse": one["offset_rmse"]}
             error = f"RMSE {one['rmse']:.3f} {shown} on the last part of the recordings, which it did not see"
             on_last.append((f"{name}, held out", f"{error} (fixed offset {one['offset_rmse']:.3f})"))
         joints.append(joint)
     seed, inputs = card["run"]["seed"], model.features.names
-    facts = {
-        "model": model.kind,
-        "preset": model.preset,
-        "robot": card["robot"],
-        **{key: card.get(key) for key in ("instrument", "tool", "recorded")},
-        "simulated": card["simulated"],
-        "delay_s": clock_delay(card),
-        "joints": joints,
-        "inputs": inputs,
-        "target": model.target,
-        "fitted_to": [{"name": one["name"], "sha256": one["sha256"]} for one in card["data"]],
-        "rows": card["rows"],
-        "seed": seed,
-        "version": card["version"],
-    }
-    lines = [
-        ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
-        ("robot", card["robot"] or "not stated"),
-        *((key, card[key]) for key in ("instrument", "tool", "recorded") if card.get(key)),
-        *(("delay", text) for text in [delay_in_words(card)] if text),
-        ("simulated", "yes: fitted to simulated recordings" if card["simulated"] else "no"),
-        ("joints", joints_text(model)),
-        ("inputs", f"{len(inputs)}: {shortened(inputs)}"),
-        ("target", model.target),
-        ("fitted to", ", ".join(f"{one['name']} (sha256 {str(one['sha256'])[:12]})" for one in card["data"])),
-        ("rows", str(card["rows"])),
-        ("seed", "none" if seed is None else str(seed)),
-        _version(card),
-    ]
-    return FileReport("calibration model", facts, [*lines, *on_blocks, *on_last], faults, list(card["notes"]))
+    found.facts["preset"] = model.preset
+    found.tell("model", model.kind, model.kind + (f", preset {model.preset}" if model.preset else ""), called="kind")
+    found.tell("robot", card["robot"], card["robot"] or "not stated")
+    for key, text in {key: card.get(key) for key in ("instrument", "tool", "recorded")}.items():
+        found.facts[key] = text
+        found.lines += [(key, text)] if text else []
+    found.facts["delay_s"] = clock_delay(card)
+    found.lines += [("delay", text) for text in [delay_in_words(card)] if text]
+    found.tell("simulated", card["simulated"], "yes: fitted to simulated recordings" if card["simulated"] else "no")
+    found.tell("joints", joints, joints_text(model))
+    found.tell("inputs", inputs, f"{len(inputs)}: {shortened(inputs)}")
+    found.tell("target", model.target)
+    fitted_to = [{"name": one["name"], "sha256": one["sha256"]} for one in card["data"]]
+    found.tell("fitted_to", fitted_to, ", ".join(f"{o['name']} (sha256 {str(o['sha256'])[:12]})" for o in fitted_to))
+    found.tell("rows", card["rows"])
+    found.tell("seed", seed, "none" if seed is None else str(seed))
+    _tell_version(found, card)
+    found.lines += [*on_blocks, *on_last]
+    found.remarks += card["notes"]
+    return found

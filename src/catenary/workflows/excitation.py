@@ -14,17 +14,9 @@ from catenary.collision.contacts import POSES, without_constant_contacts
 from catenary.collision.scene import Names, scene_of
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.identification.excitation import (
-    Comparison,
-    Excitation,
-    compare,
-    fourier_motion,
-    static_poses,
-    torque_noise,
-)
+from catenary.identification.excitation import Excitation, fourier_motion, static_poses
 from catenary.identification.motion_limits import MotionLimits, Room
 from catenary.plant import Jointed
-from catenary.reports.page import Table
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
 
@@ -42,11 +34,10 @@ class MotionSurroundings:
 
 @dataclass(frozen=True)
 class DesignedMotion:
-    """A design, what it keeps, what it shows beside other motions, and notes for the reader."""
+    """A design, what it keeps, and notes for the reader."""
 
     design: Excitation
     limits: MotionLimits
-    comparison: Comparison | None  # None of static poses
     notes: tuple[str, ...]
 
     def kept(self) -> list[str]:
@@ -93,7 +84,7 @@ class DesignedMotion:
             "robot": self.limits.model.name,
             "terms": design.terms,
             "rows": len(design.q),
-            "n_base": design.n_base,
+            "n_base": design.base.count,
             "condition": design.condition,
             "collisions": collisions,
             "torques_checked": self.limits.has_torques,
@@ -101,8 +92,6 @@ class DesignedMotion:
         }
         if checked is not None and checked.torque is not None:
             content["torque_share"] = checked.torque.tolist()
-        if self.comparison is not None:
-            content["expected"] = _expected_data(self.comparison)
         return content
 
 
@@ -114,7 +103,6 @@ def design_excitation(
     *,
     gravity: Floats,
     static: int | None = None,
-    noise: float | None = None,
     **shape: Any,
 ) -> DesignedMotion:
     """Design poses or a motion within limits, apart from whatever it could hit.
@@ -122,21 +110,17 @@ def design_excitation(
     Args:
         gravity: (3,) [m/s2] in base axes.
         static: How many poses to hold; a motion when None.
-        noise: Standard deviation of the torques [Nm or N]; a hundredth of their limits when None.
         shape: Of a motion, as `fourier_motion` takes it: period, harmonics, rate, trials.
 
     Raises:
         LimitError: No motion was found that keeps all limits.
         InputError: Numbers that make no motion, or no pose in which nothing touches.
     """
-    if noise is not None and not 0.0 < noise < np.inf:
-        raise InputError(f"torque noise: expected above zero, got {noise}")
     limits, notes = _limits(model, room, around, gravity, rng)
     if static is not None:
         notes.append("the ways from pose to pose are not checked for collisions")
-        return DesignedMotion(static_poses(limits, static, rng), limits, None, tuple(notes))
-    design = fourier_motion(limits, rng, **shape)
-    return DesignedMotion(design, limits, compare(limits, design, torque_noise(limits, noise), rng), tuple(notes))
+        return DesignedMotion(static_poses(limits, static, rng), limits, tuple(notes))
+    return DesignedMotion(fourier_motion(limits, rng, **shape), limits, tuple(notes))
 
 
 def _limits(
@@ -167,33 +151,6 @@ def _limits(
         why = "limits" if np.isinf(room.effort).all() else "masses"
         notes.append(f"torques are unchecked: {model.name} has no {why} of them".replace("masses of them", "masses"))
     return limits, notes
-
-
-def _expected_data(comparison: Comparison) -> dict[str, Any]:
-    base = comparison.base
-    content: dict[str, Any] = {
-        "parameters": [base.describe(k) for k in range(base.count)],
-        "units": list(base.units),
-        "torque_noise": comparison.noise.tolist(),
-    }
-    for one in (comparison.designed, comparison.random, comparison.single):
-        if one is not None:
-            content[one.motion] = {
-                "condition": one.condition,
-                "not_shown": one.hidden,
-                "standard_errors": one.errors.tolist(),
-            }
-    return content
-
-
-def comparison_table(comparison: Comparison, title: str = "") -> Table:
-    """Return condition and expected errors of the designed motion beside others."""
-    rows: list[list[str]] = []
-    for one in filter(None, (comparison.designed, comparison.random, comparison.single)):
-        told = [f"{v:.3g} x" if np.isfinite(v) else "-" for v in one.times(comparison.designed)]
-        condition = f"{one.condition:.4g}" if np.isfinite(one.condition) else "-"
-        rows.append([one.motion, condition, str(one.hidden), *told])
-    return Table(["motion", "condition", "not shown", "errors, mean", "errors, worst"], rows, title)
 
 
 def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:

@@ -23,8 +23,8 @@ class FileReport:
     """Kind, facts and faults of a file."""
 
     kind: str  # "robot", "calibration model", "identified dynamics" or a recording
-    facts: dict[str, Any]
-    lines: list[Line]  # the facts as people read them
+    facts: dict[str, Any] = field(default_factory=dict)
+    lines: list[Line] = field(default_factory=list)  # the facts as people read them
     faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
     remarks: list[str] = field(default_factory=list)  # worth knowing
     findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
@@ -32,6 +32,11 @@ class FileReport:
     sound: str = SOUND  # the verdict where there is no fault
     draw: "Callable[[], Figure] | None" = None  # a recording's delay
     next: str = ""  # the command line to use next, or what else to do
+
+    def tell(self, key: str, fact: Any, text: str | None = None, *, called: str = "") -> None:
+        """Add a fact, and its line in words: the fact itself where it is a text."""
+        self.facts[key] = fact
+        self.lines.append((called or key.replace("_", " "), str(fact) if text is None else text))
 
     @property
     def verdict(self) -> str:

@@ -17,7 +17,7 @@ from catenary.identification.drive_gains import DriveGains
 from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
-from catenary.identification.part_of_arm import of_joints, part_of_arm
+from catenary.identification.part_of_arm import of_joints, part_of_arm, require_held
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
@@ -28,6 +28,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding, judge, require_names
 from catenary.verdict.stamps import stamp_findings
+from catenary.workflows.external_torque import ExternalTorques, external_torques
 from catenary.workflows.import_recording import import_recording
 
 POOR = 0.6  # relative residual from which on it is asked whether two axes are swapped
@@ -47,21 +48,12 @@ class IdentifyResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         result = self.identification
-        return {
-            "n_base": result.base.count,
-            "condition": result.condition,
-            "rank": result.rank,
-            "robot": result.model.name,
+        told = ("n_base", "condition", "rank", "robot", "physically_consistent", "prior_weight", "friction", "training")
+        return {key: self.card[key] for key in (*told, "tests", "notes")} | {
             "joints": list(result.model.joint_names),
             "terms": result.options.terms,
-            "physically_consistent": result.phi is not None,
-            "prior_weight": result.prior_weight,
-            "friction": [asdict(part) for part in result.friction],
             "rotors": [rotor._asdict() for rotor in result.rotors],
-            "training": [plain_data(r) for r in result.training],
-            "tests": [plain_data(r) for r in result.tests],
             "drive_gains": None if self.gains is None else plain_data(self.gains),
-            "notes": list(self.notes),
         }
 
 
@@ -92,7 +84,7 @@ def identify_files(
         InputError: A recording is not of this robot, in other units, or too short; or currents without a known load.
         ExcitationError: The recordings do not show all base parameters.
     """
-    model, held = load_robot(robot), list[str]()
+    model, held = load_robot(robot), dict[str, float]()
     read, read_tests, with_loads = (
         [_recording(path, model, robot, joints, reading) for path in paths]
         for paths in (logs, tests, [] if load is None else [load[1]])
@@ -127,9 +119,12 @@ def identify_files(
     result = identify_samples(training, model, options).test(held_out)
     if gains is not None:
         result = result.with_gains(gains.gains)
-    notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *held, *gaps]
-    seen = {log.sha256 for log in read}
-    again = [log.name for log in read_tests if log.sha256 in seen]
+    notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *gaps]
+    if held:
+        told = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
+        notes.append(f"{', '.join(joints)} are identified; held: {told}")
+    known = [{"sha256": log.sha256, "runs": log.runs} for log in read]
+    again = [log.name for log in read_tests if log.is_among(known)]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += filter_notes(model, options)
     notes += [f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons]
@@ -148,7 +143,7 @@ def identify_files(
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
-    card = identification_card(result, data, tuple(notes), mends_of(read))
+    card = identification_card(result, data, tuple(notes), mends_of(read)) | {"held": held}
     return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out), gains)
 
 
@@ -281,19 +276,7 @@ def payload_of_files(
         FileFormatError: A file is missing, damaged or of another kind.
         InputError: A recording is not of this robot, in other units, or too short; or an unknown frame.
     """
-    result, card = load_identification(model)
-    # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
-    mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
-    options = result.options if cutoff_hz is None else replace(result.options, cutoff_hz=cutoff_hz)
-    require_names(accept)
-    read = [read_torque_recording(path, result.model, reading, mends) for path in (*logs, *unloaded)]
-    notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
-    notes += [f"{log.name}: {note}" for log in read for note in log.notes]
-    samples = [prepare(log, result.model, options) for log in read]
-    notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
-    tested = result.test(samples)
-    doubts = [(s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False, may_carry=True)]
-    notes += judge(doubts, accept, done="weighed")
+    result, samples, notes = _read_for(model, (*logs, *unloaded), cutoff_hz, reading, accept)
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
     if at is not None:
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
@@ -302,3 +285,42 @@ def payload_of_files(
     if best.mass is None:
         notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))
+
+
+def external_torques_of_file(
+    log: Path,
+    model: Path,
+    *,
+    unloaded: Sequence[Path] = (),
+    cutoff_hz: float | None = None,
+    reading: Reading | None = None,
+    accept: Sequence[str] = (),
+) -> ExternalTorques:
+    """Find what something outside asks of an arm's joints in a recording; arguments as `payload_of_files`."""
+    result, samples, notes = _read_for(model, (log, *unloaded), cutoff_hz, reading, accept)
+    found = external_torques(result, samples[0], samples[1:])
+    return replace(found, notes=(*notes, *found.notes))
+
+
+def _read_for(
+    model: Path, paths: Sequence[Path], cutoff_hz: float | None, reading: Reading | None, accept: Sequence[str]
+) -> tuple[Identification, list[Samples], list[str]]:
+    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first."""
+    result, card = load_identification(model)
+    # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
+    mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
+    options = result.options if cutoff_hz is None else replace(result.options, cutoff_hz=cutoff_hz)
+    require_names(accept)
+    held: dict[str, float] = card.get("held", {})
+    few = result.model.joint_names if held else ()
+    read = [read_torque_recording(path, result.model, reading, mends, joints=few) for path in paths]
+    if held:
+        require_held(read, held)
+        read = [of_joints(log, result.model) for log in read]
+    notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
+    notes += [f"{log.name}: {note}" for log in read for note in log.notes]
+    samples = [prepare(log, result.model, options) for log in read]
+    notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
+    tested = result.test(samples)
+    doubts = [(s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False, may_carry=True)]
+    return result, samples, notes + judge(doubts, accept, done="weighed")

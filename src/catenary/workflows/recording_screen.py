@@ -17,11 +17,10 @@ from catenary.reports.page import Table, TableColumn
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
 from catenary.verdict.check import findings_of, robot_of
-from catenary.verdict.delay import Delay
 from catenary.verdict.finding import Finding
 from catenary.verdict.hysteresis import hysteresis_of
 from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
-from catenary.workflows.file_report import SOUND, FileReport, Line
+from catenary.workflows.file_report import FileReport
 
 LONG_GAP = 10.0  # times the median step between stamps
 FEW_REVERSALS = 6  # of a joint: its slack and hysteresis are hardly shown
@@ -110,13 +109,8 @@ def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
     wild = ", ".join(f"{j['name']} {j['outliers']}" for j in found.facts["joints"] if j["outliers"])
     told = f"{wild} of {measured:,} rows, beyond {OUTLIER_SPREADS:g} robust standard deviations" if wild else "none"
     found.lines += [("outliers", told)] * bool(measured)
-    found.sound = SOUND + _could_hide(delay)
-
-
-def _could_hide(delay: Delay | None) -> str:
-    if delay is None or delay.sure == "certain":
-        return ""
-    return f"; a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"
+    if delay is not None and delay.sure != "certain":
+        found.sound += f"; a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"
 
 
 def _cured(
@@ -165,34 +159,26 @@ def recording_report(
         robot: Whose limits joints are compared with.
         cured: The same with every fault mended that can be, in which slack and hysteresis are looked for.
     """
+    found = FileReport(kind, dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")))
     measured = int(log.ok.sum()) if log.q_encoder is not None else 0
-    began = log.began + (0.0 if log.time is None else float(log.time[0]))
-    units = _units(log)
-    facts: dict[str, Any] = {
-        "name": log.name,
-        "rows": len(log),
-        "measured_rows": measured,
-        "robot": log.robot,
-        "simulated": log.simulated,
-        "sha256": log.sha256,
-        "recorded": date_of(began),
-        "units_from": units,
-        **dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")),
-    }
+    began, units = log.began + (0.0 if log.time is None else float(log.time[0])), _units(log)
+    found.facts |= {key: getattr(log, key) for key in ("name", "robot", "simulated", "sha256")}
+    found.facts |= {"rows": len(log), "measured_rows": measured, "recorded": date_of(began), "units_from": units}
     rows = f"{len(log):,} rows, {f'{measured:,}' if measured else 'none'} with a trusted measurement"
     of = f"{log.robot or 'not stated'}{', simulated' if log.simulated else ''}"
-    lines: list[Line] = [("recording", rows), ("robot", f"{of}; {facts['recorded'] or 'date not stated'}")]
+    found.lines += [("recording", rows), ("robot", f"{of}; {date_of(began) or 'date not stated'}")]
     steps = np.diff(np.empty(0) if log.time is None else log.time)
     if len(forward := steps[steps > 0.0]):
         duration, median = float(forward.sum()), float(np.median(forward))
-        gaps = int((forward > LONG_GAP * median).sum())
-        facts |= {"duration_s": duration, "median_step_s": median, "gaps": gaps}
-        facts["longest_gap_s"] = float(forward.max()) if gaps else None
-        long = f"{gaps} gaps longer than {LONG_GAP:g} steps, the longest {forward.max():.3g} s" if gaps else "no gaps"
-        lines.append(("duration", f"{duration:.1f} s, median step {median:.4g} s ({1.0 / median:.4g} Hz), {long}"))
-    lines.append(("units", f"{', '.join(log.joint_units)}: {units}"))
-    facts["joints"] = _joints(log, robot, log if cured is None else cured)
-    return FileReport(kind, facts, lines, joints=_table(facts["joints"], measured=log.q_encoder is not None))
+        gaps, longest = int((forward > LONG_GAP * median).sum()), float(forward.max())
+        found.facts |= {"median_step_s": median, "gaps": gaps, "longest_gap_s": longest if gaps else None}
+        long = f"{gaps} gaps longer than {LONG_GAP:g} steps, the longest {longest:.3g} s" if gaps else "no gaps"
+        told = f"{duration:.1f} s, median step {median:.4g} s ({1.0 / median:.4g} Hz), {long}"
+        found.tell("duration_s", duration, told, called="duration")
+    found.lines.append(("units", f"{', '.join(log.joint_units)}: {units}"))
+    found.facts["joints"] = _joints(log, robot, log if cured is None else cured)
+    found.joints = _table(found.facts["joints"], measured=log.q_encoder is not None)
+    return found
 
 
 def _units(log: MotionLog) -> str:
@@ -210,20 +196,19 @@ def _joints(log: MotionLog, robot: RobotModel | None, cured: MotionLog) -> list[
     told = []
     for j, (name, unit, shown) in enumerate(zip(log.joint_names, log.joint_units, hysteresis_of(cured), strict=True)):
         low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
-        share = rms = largest = wild = None
+        joint: dict[str, Any] = {"name": name, "unit": unit, "lowest": low, "highest": high, "share_of_limits": None}
+        joint |= {"reversals": shown.reversals, "error_unit": DISPLAY[unit][0]}
+        joint |= dict.fromkeys(("error_rms", "error_largest", "outliers"))
         if robot is not None and (name, unit) in zip(robot.joint_names, robot.joint_units, strict=True):
             k = robot.joint_names.index(name)
             reach = float(robot.upper[k] - robot.lower[k])
-            share = (high - low) / reach if 0.0 < reach < np.inf else None
+            joint["share_of_limits"] = (high - low) / reach if 0.0 < reach < np.inf else None
         if log.q_encoder is not None and log.ok.any():
             error = DISPLAY[unit][1] * (log.q_encoder - log.q_nominal)[log.ok, j]
-            rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-            wild = int(outliers(error[:, None])[0][0])
-        of_joint = {"name": name, "unit": unit, "lowest": low, "highest": high, "share_of_limits": share}
-        of_joint |= {"reversals": shown.reversals, "error_unit": DISPLAY[unit][0], "error_rms": rms}
-        of_joint |= {"error_largest": largest, "outliers": wild}
+            joint |= {"error_rms": float(np.sqrt(np.mean(error**2))), "error_largest": float(np.abs(error).max())}
+            joint["outliers"] = int(outliers(error[:, None])[0][0])
         widths = {"hysteresis": shown.loop, "slack": shown.slack}
-        told.append(of_joint | {key: float(x) if np.isfinite(x) else None for key, x in widths.items()})
+        told.append(joint | {key: float(x) if np.isfinite(x) else None for key, x in widths.items()})
     return told
 
 
@@ -235,16 +220,8 @@ def _table(joints: Sequence[dict[str, Any]], *, measured: bool) -> Table:
     def share(j: dict[str, Any]) -> str:
         return "-" if j["share_of_limits"] is None else f"{100.0 * j['share_of_limits']:.0f} %"
 
-    columns = [
-        TableColumn("joint", "name"),
-        TableColumn("range", reach),
-        TableColumn("of limits", share),
-        TableColumn("reversals", "reversals"),
-    ]
-    seen = [
-        TableColumn("error RMS", "error_rms", ".3f"),
-        TableColumn("largest", "error_largest", ".2f"),
-        TableColumn("hysteresis", "hysteresis", ".2f"),
-        TableColumn("slack", "slack", ".2f"),
-    ]
-    return Table([*columns, *(seen if measured else [])], joints)
+    columns = [TableColumn("joint", "name"), TableColumn("range", reach), TableColumn("of limits", share)]
+    columns.append(TableColumn("reversals", "reversals"))
+    seen = {"error RMS": ("error_rms", ".3f"), "largest": ("error_largest", ".2f")}
+    seen |= {heading: (heading, ".2f") for heading in ("hysteresis", "slack")}
+    return Table([*columns, *(TableColumn(heading, *key) for heading, key in seen.items() if measured)], joints)

@@ -1,19 +1,18 @@
 """Write a whole recording from a damaged one: a journal from a journal, a bag from a bag; the damaged one stays."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag_reader import METADATA, Source, open_recording
+from catenary.recording.bag_reader import METADATA, Source, open_recording, rescue_of
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.bag_writer import ROS2_VERSION
 from catenary.recording.journal import JournalWriter
@@ -57,15 +56,11 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     source = _opened(path)
     is_bag = isinstance(source, BagStream) and source.is_ros1
     place = _place(path, out, is_bag=is_bag)
-    arrivals: dict[str, list[int]] = {topic.name: [] for topic in source.topics}
-    for topic, arrival, _ in source.messages():
-        arrivals.setdefault(topic, []).append(arrival)
-    each = {topic: np.array(there, dtype=np.int64) for topic, there in arrivals.items()}
-    rescue = Rescue.of(each, source.holes, ends_early=source.ends_early)
+    rescue = rescue_of([source])
     problems = tuple(source.problems)
     if not source.damage:
         return Recovery(path, None, rescue, problems)
-    if not any(arrivals.values()):
+    if not any(topic.kept for topic in rescue.topics):
         raise FileFormatError(f"{path}: no whole message is in it, nothing can be recovered: {problems[0]}")
     try:
         with partial_folder(place.parent) as folder:
@@ -130,29 +125,27 @@ def _write_journal(source: JournalReader, part: Path, rescue: Rescue) -> None:
 def _write_bag(source: BagStream, part: Path) -> None:
     with BagWriter(part) as bag:
         to = {
-            one.topic: bag.add_connection(
-                one.topic, one.type.replace("/", "/msg/"), msgdef=one.definition, md5sum=one.md5
-            )
-            for one in source.connections.values()
+            topic: bag.add_connection(topic, kind.replace("/", "/msg/"), msgdef=definition, md5sum=md5)
+            for topic, kind, md5, definition in source.connections.values()
         }
-        for place, (topic, arrival, data) in enumerate(source.messages()):
-            if place == 0 and source.about is not None and ABOUT_TOPIC in to:
-                text = {"data": source.about.as_json()}
-                bag.write(to[ABOUT_TOPIC], arrival, blank_messages(ABOUT_TYPE, 1, text, {}).tobytes())
-            bag.write(to[topic], arrival, data)
+        _copy(source, bag, to, lambda text: blank_messages(ABOUT_TYPE, 1, {"data": text}, {}).tobytes())
 
 
 def _write_mcap(source: Source, part: Path) -> None:
     with McapWriter(part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         to = {
-            one.topic: bag.add_connection(one.topic, one.type, msgdef=one.definition, rihs01=UNKNOWN_HASH)
-            for one in source.connections.values()
+            topic: bag.add_connection(topic, kind, msgdef=definition, rihs01=UNKNOWN_HASH)
+            for topic, kind, _, definition in source.connections.values()
         }
-        for place, (topic, arrival, data) in enumerate(source.messages()):
-            if place == 0 and source.about is not None and ABOUT_TOPIC in to:
-                text = source.about.as_json().encode() + b"\0"
-                bag.write(to[ABOUT_TOPIC], arrival, b"\0\1\0\0" + len(text).to_bytes(4, "little") + text)
-            bag.write(to[topic], arrival, data)
+        _copy(source, bag, to, lambda text: b"\0\1\0\0" + (len(text) + 1).to_bytes(4, "little") + text.encode() + b"\0")
+
+
+def _copy(source: Source, bag: Any, to: Mapping[str, Any], as_message: Callable[[str], bytes]) -> None:
+    """Write all messages of a recording by the bag's connections; what it is of comes first."""
+    for place, (topic, arrival, data) in enumerate(source.messages()):
+        if place == 0 and source.about is not None and ABOUT_TOPIC in to:
+            bag.write(to[ABOUT_TOPIC], arrival, as_message(source.about.as_json()))
+        bag.write(to[topic], arrival, data)
 
 
 def _sync(paths: Iterable[Path]) -> None:

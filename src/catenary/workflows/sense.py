@@ -23,7 +23,7 @@ STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a chea
 
 @dataclass
 class Feed:
-    """Source of samples, and the clock that stamps them: this machine's, unless a kind of source has its own."""
+    """Source of samples, and the clock that stamps them [s]: this machine's, unless a kind of source has its own."""
 
     mailbox: Mailbox  # where samples arrive
     has_gyroscope: bool = False  # angular rates are among them

@@ -19,7 +19,7 @@ from catenary.sensing.agreement import accelerations, compare, integrated
 from catenary.sensing.checks import Fault, SensorRules
 from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import align, fit_orientations, fit_tumble, length_faults, level_and_tilts, rest_faults
+from catenary.sensing.tumble import align, fit_orientations, fit_tumble, level_and_tilts
 from catenary.sensing.vector import Kind, Mailbox, SensorSample, tilt_of, tilted_gravity
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
@@ -84,15 +84,8 @@ def run_tumble(
 
     The sides show a wrong sign or order of axes against those printed on the sensor; the slanted attitudes leave a
     residual; the mounted ones give the rotation, from the base's level and two tilts that nobody needs to measure.
-
-    Args:
-        read: Returns the reading of an attitude, once the sensor is held so.
-        start: What is known already: position, ranges, name.
-        taken: All samples that `read` took, also between the attitudes: those turns check the gyroscope.
-
-    Raises:
-        SensorError: From `read`.
-        InputError: The base was not tilted.
+    `start` is what is known already: position, ranges, name. Of all samples `taken`, also between the attitudes, the
+    turns check the gyroscope.
     """
     readings = {attitude.name: read(attitude) for attitude in ATTITUDES}
     by_hand = np.array([readings[s.name].force for s in (*SIDES, *SLANTED)])
@@ -204,38 +197,22 @@ def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
     return np.array([-tilted_gravity(*tilt) / STANDARD_GRAVITY for tilt in np.deg2rad(tilts_deg).tolist()])
 
 
-def up_of_poses(model: RobotModel, q: ArrayLike, frame: str | None = None) -> Floats:
-    """Return where up is in the axes of a frame (N, 3) of an arm on a level base in poses (N, n) [rad|m]."""
-    # R^T z is the last row of R
-    up: Floats = forward_kinematics(model, np.asarray(q, dtype=float), frame).rotation[:, 2, :]
-    return up
-
-
 def read_orientations(path: Path, model: RobotModel | None = None, frame: str | None = None) -> Floats:
     """Read how a sensor was turned while it rested, a row each, and return where up was (N, 3).
 
-    Args:
-        path: A table with columns roll_deg and pitch_deg of the whole robot, or with the joints of `model` by name.
-        model: The arm that carries the sensor, on a level base.
-        frame: Of it, to which the sensor is fixed; its tip when None.
-
-    Raises:
-        FileFormatError: No table.
-        InputError: Columns are missing.
+    The table has columns roll_deg and pitch_deg of the whole robot, or the joints [rad|m] by name of the arm on a level
+    base that carries the sensor on a frame, its tip when None.
     """
-    rows = read_rows(path, ("roll_deg", "pitch_deg") if model is None else model.joint_names)
-    return up_of_tilts(rows) if model is None else up_of_poses(model, rows, frame)
+    if model is None:
+        return up_of_tilts(read_rows(path, ("roll_deg", "pitch_deg")))
+    up: Floats = forward_kinematics(model, read_rows(path, model.joint_names), frame).rotation[:, 2, :]  # R^T z
+    return up
 
 
 def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _UNKNOWN) -> TumbleOutcome:
-    """Compute mounting and bias of a recorded sensor that rested in known orientations.
+    """Compute mounting and bias of a recorded sensor that rested for a second or more in known orientations, in order.
 
-    Args:
-        recording: With a rest of a second or more in each orientation, in order.
-        start: What is known already: position, ranges, name.
-
-    Raises:
-        InputError: Another number of rests than orientations, or too few, or all alike.
+    `start` is what is known already: position, ranges, name.
     """
     still = rests(recording)
     if len(still) != len(up):
@@ -243,11 +220,9 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _
             f"the recording has {len(still)} rests of {SHORTEST:g} s or more, the orientations are {len(up)}: "
             "expected as many, in the same order"
         )
-    means = np.array([s.force for s in still])
-    faults = [*length_faults(means), *rest_faults(means, up)]
-    if faults:
-        return _outcome(start, still, faults, float("nan"))
-    fit = fit_orientations(means, up)
+    fit = fit_orientations([s.force for s in still], up)
+    if np.isnan(fit.residual):
+        return _outcome(start, still, list(fit.faults), fit.residual)
     wrong, checked = check_gyroscope(recording)
     known = replace(start, rotation=fit.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
     return _outcome(known, still, [*fit.faults, *wrong], fit.residual)

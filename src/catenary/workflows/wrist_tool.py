@@ -17,15 +17,7 @@ WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes
 def wrist_tool_of_file(path: Path, model: RobotModel, frame: str | None, gravity: ArrayLike) -> WristTool:
     """Fit mass, centre of mass and biases to a table with a row for each pose at rest: joints by name, and WRENCH.
 
-    Args:
-        model: The arm that carries the sensor.
-        frame: Of the sensor; the tip when None.
-        gravity: (3,) in base axes [m/s2].
-
-    Raises:
-        FileFormatError: No table.
-        InputError: Columns are missing, an unknown frame, or as `fit_wrist_tool`.
-        ExcitationError: Poses in which gravity points nearly the same way, seen from the sensor.
+    The arm carries the sensor on a frame, its tip when None; gravity (3,) is in base axes [m/s2].
     """
     rows = read_rows(path, (*model.joint_names, *WRENCH))
     q, force, torque = np.split(rows, [model.n, model.n + 3], axis=1)

@@ -64,12 +64,12 @@ def _record(record: Callable[[Path, float], Path], place: Path) -> None:
 
 
 def pipeline(seed: int, folder: Path) -> None:
-    """Fill the disk in any step from a recording to a page: extraction, bags, table, fit, evaluation, report."""
+    """Fill the disk in any step from a recording to a page: extraction, bags, fit, evaluation, report."""
     import shutil
     import warnings
 
     from catenary.calibration.fit_options import FitOptions, FitRun
-    from catenary.recording.import_formats.raven_recordings import write_raven_csv
+    from catenary.recording.logs import Reading
     from catenary.workflows.project import calibrate
     from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
@@ -89,17 +89,17 @@ def pipeline(seed: int, folder: Path) -> None:
         return [motion_log_path(opened(), "train")], [motion_log_path(opened(), "test")]
 
     def fit() -> None:
-        calibrate.fit_models(opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None)
+        calibrate.fit_models(
+            opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None, Reading()
+        )
 
     def conclude() -> None:
-        calibrate.conclude(opened(), models, *logs(), None)
+        calibrate.conclude(opened(), models, *logs(), None, Reading(), FitRun())
 
-    table = folder / "p" / "train.csv"
     steps: list[tuple[str, Callable[[], object]]] = [
         ("extract train", lambda: extract_recording(opened(), "train")),
         ("extract test", lambda: extract_recording(opened(), "test")),
         ("bags", lambda: write_bags(opened(), "train", ("ros1", "mcap")[seed % 2])),
-        ("table", lambda: write_raven_csv(folder / "p" / "extracted" / "train", table)),
         ("fit", fit),
         ("conclude", conclude),
     ]
@@ -114,7 +114,7 @@ def pipeline(seed: int, folder: Path) -> None:
             if lost := sorted(path for path in others if after.get(path) != before[path]):
                 raise Fell(f"{name}: {', '.join(lost)} are not what they were")
         step()
-    if not all(path.is_file() for path in (table, folder / "p" / "report.html", *logs()[0], *logs()[1])):
+    if not all(path.is_file() for path in (folder / "p" / "report.html", *logs()[0], *logs()[1])):
         raise Fell("not all is there in the end")
 
 

@@ -86,21 +86,10 @@ def sqlite_case(seed: int, folder: Path) -> None:
 
 
 @cache
-def _extraction() -> Path:
-    from catenary.recording.extract import extract
-
-    folder = sample("extracted")
-    extract([_journal()], folder)
-    return folder
-
-
-@cache
 def _csv() -> Path:
-    from catenary.recording.import_formats.raven_recordings import write_raven_csv
+    from oracles.raven_recording import write_csv
 
-    path = sample("raven.csv")
-    write_raven_csv(_extraction(), path)
-    return path
+    return write_csv(_journal(), sample("raven.csv"))
 
 
 @cache

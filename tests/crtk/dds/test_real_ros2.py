@@ -116,10 +116,17 @@ def test_states_and_state_commands_are_real_ones(robot: Ticking, peer: Peer) -> 
     place = "/PSM1" if robot.server.arms.keys() == {"PSM1"} else "/arm1"
     peer("hear", topic=f"{place}/operating_state", type="crtk_msgs/OperatingState", latched=True)
     until(lambda: peer("count", topic=f"{place}/operating_state"), every=0.1)
-    for command, state in (("disable", "DISABLED"), ("pause", "DISABLED")):
+    asked = [("disable", "DISABLED", True), ("pause", "DISABLED", True)]
+    if place == "/PSM1":  # which homes by command, in seconds
+        asked += [("unhome", "DISABLED", False), ("enable", "ENABLED", False), ("home", "ENABLED", True)]
+    for command, *wanted in asked:
         peer("say", topic=f"{place}/state_command", type="crtk_msgs/StringStamped", values={"string": command})
-        until(lambda state=state: peer("last", topic=f"{place}/operating_state")["state"] == state, every=0.1)
-    assert robot.plant.operating_state().state == "DISABLED"
+
+        def is_so(wanted: list[object] = wanted) -> bool:
+            said = peer("last", topic=f"{place}/operating_state")
+            return [said["state"], said["is_homed"]] == wanted
+
+        until(is_so, every=0.1)
     robot.plant.state_command("enable")
 
 

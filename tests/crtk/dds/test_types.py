@@ -70,12 +70,11 @@ def test_hashes_are_those_that_ros2_topic_info_prints() -> None:
 
 def test_the_distribution_is_the_one_given_else_the_one_sourced_else_the_default(monkeypatch) -> None:
     monkeypatch.delenv("ROS_DISTRO", raising=False)
-    assert distribution().name == "jazzy"
+    assert distribution() == DISTRIBUTIONS["jazzy"]
     monkeypatch.setenv("ROS_DISTRO", "humble")
-    assert distribution().name == "humble"
-    assert distribution("iron").name == "iron"
+    assert distribution() == DISTRIBUTIONS["humble"]
     monkeypatch.setenv("ROS_DISTRO", "noetic")  # ROS 1's
-    assert distribution().name == "jazzy"
+    assert distribution() == DISTRIBUTIONS["jazzy"]
 
 
 def test_another_distribution_is_refused_with_the_choices() -> None:

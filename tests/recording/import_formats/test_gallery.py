@@ -10,7 +10,12 @@ from numpy.testing import assert_allclose
 import gallery
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.column_motion import by_motion
+from catenary.recording.import_formats.mapping import TrackedPose
+from catenary.recording.import_formats.proposal import Proposal
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.tracked_pose import pose_places, positions_and_rotations
 from catenary.workflows.import_recording import import_recording, propose_mapping
+from gallery import trackers
 
 SAMPLES = gallery.samples()
 
@@ -24,6 +29,9 @@ def test_a_file_of_the_field_is_read_at_the_first_try(sample: gallery.Sample, tm
             import_recording(path, accept_proposal=True, units=sample.units, robot=sample.robot)
         return
     proposal = propose_mapping(path, units=sample.units, robot=sample.robot)
+    if sample.pose:
+        _is_pose(path, sample, proposal)
+        return
     asked = [question.rpartition("--answer ")[2].partition("=")[0] for question in proposal.questions]
     assert asked == list(sample.asks), proposal.toml
     log = import_recording(
@@ -36,6 +44,28 @@ def test_a_file_of_the_field_is_read_at_the_first_try(sample: gallery.Sample, tm
         found = getattr(log, quantity)
         assert found is not None, (quantity, answered)
         assert_allclose(found, expected, atol=sample.within, err_msg=quantity)
+
+
+def _is_pose(path: Path, sample: gallery.Sample, proposal: Proposal) -> None:
+    """A pose is read in metres, and a row on which the tracker saw nothing is no zero."""
+    sources, tracked = Sources([path]), TrackedPose(**sample.pose)
+    places = pose_places(tracked, sources.streams)
+    stream = sources.read({places[0].stream: [place.column for place in places]})[places[0].stream]
+    values = np.column_stack([stream.columns[place.column] for place in places])
+    position, rotation = positions_and_rotations(tracked, values)
+    rows = np.arange(trackers.ROWS)
+    if "tf_" in sample.file:  # where it has any message there, and all of them were seen
+        rows = rows[(rows % 5 > 0) | (rows % 3 > 0)]
+    seen = ~np.isin(rows, trackers.LOST) | ("tf_" in sample.file)
+    assert rotation is not None
+    assert np.isnan(position[~seen]).all()
+    assert_allclose(position[seen], trackers.P[rows[seen]], atol=1e-8)  # nine digits in the file
+    assert_allclose(rotation[seen], trackers.R.as_matrix()[rows[seen]], atol=1e-7)
+    assert any("tells where the joints were" in question for question in proposal.questions)
+    for words in sample.says:
+        assert words in proposal.toml
+    taken = [line for line in proposal.toml.splitlines() if "columns" in line]
+    assert not any("local/measured_cp" in line or "PSM1/measured_cp" in line for line in taken)
 
 
 REAL = Path(os.environ.get("CATENARY_DATA", gallery.PAGE.parents[2] / "shared" / "data"))

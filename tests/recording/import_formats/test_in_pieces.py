@@ -10,9 +10,11 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.import_formats import in_pieces, sources
+from catenary.recording import sqlite_bag
+from catenary.recording.import_formats import in_pieces, message_columns, sources
 from catenary.recording.logs import read_log
 from catenary.workflows.import_recording import ImportedLog, import_recording, import_to_file
+from tests.recording.test_containers import CONTAINERS
 
 ROWS = 6000
 T = np.arange(ROWS) / 100.0
@@ -128,3 +130,24 @@ def test_memory_is_that_of_a_piece(tmp_path: Path) -> None:
         most.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert most[1] < 1.2 * most[0]
+
+
+@pytest.mark.parametrize("container", [*list(CONTAINERS)[:5]])
+def test_a_bags_log_does_not_depend_on_the_pieces(
+    container: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A camera that is blind for two seconds, longer than a piece and what it overlaps."""
+    write, mapping = CONTAINERS[container]
+    paths = write(tmp_path)
+    whole = import_recording(paths, mapping)
+    monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 12 * 40)
+    monkeypatch.setattr(in_pieces, "OVERLAP", 15)
+    monkeypatch.setattr(message_columns, "_BATCH", 20)
+    monkeypatch.setattr(sqlite_bag, "AT_ONCE", 20)
+    done = import_to_file(tmp_path / "log.parquet", paths, mapping)
+    log = read_log(tmp_path / "log.parquet")
+    assert (done.rows, done.measured) == (len(whole), int(whole.ok.sum()))
+    for key in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau"):
+        assert_allclose(getattr(log, key), getattr(whole, key), rtol=0.0, atol=1e-9, err_msg=key)
+    assert log.began == whole.began
+    assert any("more pieces" in note for note in log.notes) != container.startswith("split")  # which is two bags

@@ -7,12 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import FileFormatError
-from catenary.recording.extract import extract
-from catenary.recording.import_formats.raven_recordings import read_raven, write_raven_csv
+from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.recording.logs import read_log, write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.workflows.import_recording import import_recording, known_layout
-from oracles.raven_recording import record, write_bag
+from oracles.raven_recording import record, write_bag, write_csv
 from recordings import recording
 
 
@@ -22,16 +21,14 @@ def raven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_bag(record(folder / "journal", 3.0), folder / "a.bag")
 
 
-def test_a_raven_s_bag_is_what_extract_and_synchronise_make_of_it(raven: Path, tmp_path: Path) -> None:
-    log = import_recording(raven)
-    own = read_raven([extract([raven], tmp_path / "x").folder]).log
+def test_a_raven_s_bag_needs_no_mapping(raven: Path) -> None:
+    log, own = import_recording(raven), read_raven([raven.parent / "journal"]).log
     for key in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau"):
         assert_allclose(getattr(log, key), getattr(own, key))
 
 
 def test_the_252_columns_need_no_mapping(raven: Path, tmp_path: Path) -> None:
-    table = tmp_path / "a.csv"
-    write_raven_csv(extract([raven], tmp_path / "x").folder, table)
+    table = write_csv(raven.parent / "journal", tmp_path / "a.csv")
     assert known_layout([table]) == "RAVEN-II's published CSV"
     assert_allclose(import_recording(table).q_nominal, read_log(table).q_nominal)
 

@@ -5,9 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dvrk_psm import PSM as ROBOT
-from catenary.dvrk_psm import PSM_JOINTS, PSM_TOPICS, psm_topic, psm_topics
+from catenary.dvrk_psm import PSM_JOINTS, psm_topic, psm_topics
 from catenary.errors import InputError
-from catenary.recording.extract import extract
 from catenary.recording.import_formats.known_layouts import read_psm
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
@@ -39,9 +38,7 @@ def record(folder, namespace, **changed):
 @pytest.mark.parametrize("namespace", ["/PSM1", "PSM2", "/cart/PSM3"])
 def test_the_tracker_is_brought_onto_the_robots_stamps(tmp_path, namespace):
     record(tmp_path / "journal", namespace)
-    extraction = extract([tmp_path / "journal"], tmp_path / "extracted")
-    assert set(extraction.files) == {f"/{namespace.strip('/')}/{verb}" for verb in PSM_TOPICS}
-    found = read_psm([tmp_path / "extracted"], namespace)
+    found = read_psm([tmp_path / "journal"], namespace)
     log = found.log
     assert (log.joint_names, log.robot, log.simulated) == (PSM_JOINTS, ROBOT, True)
     assert log.ok.sum() > 0.9 * len(log)
@@ -54,16 +51,19 @@ def test_a_tracker_that_holds_its_last_pose_is_found_by_the_verdict(tmp_path):
     held = TIME[:, None] * SPEED + OFFSET
     held[1000:3000] = held[1000]
     record(tmp_path / "journal", "/PSM1", ext_jpos=held)
-    extract([tmp_path / "journal"], tmp_path / "extracted")
-    log = read_psm([tmp_path / "extracted"], "/PSM1").log
+    log = read_psm([tmp_path / "journal"], "/PSM1").log
     assert "stuck" in [each.name for each in findings_of(log)]
 
 
 def test_a_recording_without_a_tracker_says_so(tmp_path):
-    record(tmp_path / "journal", "/PSM1")
-    extract([tmp_path / "journal"], tmp_path / "extracted", topics=["/PSM1/measured_js"])
+    bag = write_bag(
+        tmp_path / "psm",
+        "ros1",
+        {"/PSM1/measured_js": JOINT_STATE},
+        [(0.0, "/PSM1/measured_js", joint_state(PSM_JOINTS, np.zeros(6)))],
+    )
     with pytest.raises(InputError, match=r"no column .*/PSM1/tracker/measured_js.*; topics are /PSM1/measured_js"):
-        read_psm([tmp_path / "extracted"], "/PSM1")
+        read_psm([bag], "/PSM1")
 
 
 @pytest.mark.parametrize("name", ["/MTML/measured_js", "/PSM1/measured_cp", "/PSM1/jaw/measured_js", "PSM1"])

@@ -101,6 +101,19 @@ class Scene:
         return off, [*stated, *made.offset_error[told]]
 
 
+def test_a_marker_alone_registers_by_few_motions_where_the_zeros_are_held() -> None:
+    """Right zeros, two joints that hardly move: refused with the zeros free, within its error where they are held."""
+    scene = Scene.of("ur5e", single=True, offset=0.0, moving=(0, 1, 2))
+    with pytest.raises(InputError, match="leave open"):
+        scene.register()
+    made = scene.register(zeros="held")
+    assert not made.found.offsets.any()
+    (base, turn, marker), (base_stated, turn_stated, marker_stated) = (each[:3] for each in scene.errors(made))
+    assert base < max(base_stated, 1e-4)
+    assert turn < max(turn_stated, np.deg2rad(0.05))
+    assert marker < max(marker_stated, 1e-4)
+
+
 def shah(A: Pose, B: Pose) -> tuple[Pose, Pose]:
     """X and Z of A Z = X B in closed form, by Kronecker products. [M. Shah, J. Mech. Robotics 5 (2013)]"""
     K = sum(np.kron(b, a) for a, b in zip(A.rotation, B.rotation, strict=True))

@@ -126,7 +126,7 @@ def test_what_is_extracted_is_what_it_did(tmp_path: Path, side: str, monkeypatch
     assert_allclose(log.tau, truth["measured_js_effort"][at, :3], rtol=1e-6, atol=1e-6)
     # encoders come at 100 Hz: within 10 ms joints go at most 7e-2 rad/s, 7e-3 m/s; and a count on either side
     moved = np.abs(np.diff(truth["q"], axis=0)).max(axis=0) * 10
-    count = 1.0 / np.abs(CablePlant(side=side, seed=1).rig.counts)
+    count = 1.0 / np.abs(CablePlant(side=side, seed=1).encoders.rig.counts)
     error = np.abs(log.q_encoder - truth["ext_jpos"][at])
     assert (error <= moved + count).all()
 

@@ -80,16 +80,29 @@ def test_zigzag_runs_on_the_positioning_joints_of_a_larger_arm() -> None:
 def test_observers_see_what_was_measured_and_what_was_commanded() -> None:
     plant = arm()
     trajectory = swing()
-    seen: list[tuple[JointState, Reference]] = []
-    run_trajectory(plant, trajectory, joints=["shoulder"], observe=lambda *both: seen.append(both))
+    seen: list[tuple[JointState, Reference, float]] = []
+    run_trajectory(plant, trajectory, joints=["shoulder"], observe=lambda *each: seen.append(each))
     assert len(seen) == plant.ticks
-    for k, (state, sent) in enumerate(seen):
+    for k, (state, sent, time) in enumerate(seen):
+        assert time == pytest.approx((k + 1) * 0.01)
         wanted = trajectory((k + 1) * 0.01)
         assert state.time == pytest.approx((k + 1) * 0.01)
         assert_array_equal(state.q, sent.q)
         assert_array_equal([values[0] for values in sent], [values[0] for values in wanted])
         assert_array_equal(sent.q[1:], [1.5, 0.4, 0.1])
         assert_array_equal([*sent.qd[1:], *sent.qdd[1:]], 0.0)
+
+
+def test_observers_are_told_when_the_motion_begins() -> None:
+    plant = arm()
+    seen: list[float] = []
+    plant.servo_jp(plant.setpoint_js().q + 0.01)
+    plant.wait()
+    run_trajectory(plant, swing(), joints=["shoulder"], observe=lambda _, __, time: seen.append(time))
+    assert seen[0] < 0.0
+    assert_allclose(np.diff(seen), 0.01)
+    assert np.abs(seen).min() < 1e-9
+    assert seen[-1] == pytest.approx(swing().duration, abs=0.01)
 
 
 @pytest.mark.parametrize("command", ["disable", "pause", "unhome"])

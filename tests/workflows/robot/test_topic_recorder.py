@@ -16,11 +16,10 @@ from catenary.errors import InputError, RecordingError, TransportError
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_writer import write_group_bags
-from catenary.recording.extract import extract, topic_file
 from catenary.recording.import_formats.raven_recordings import read_raven
+from catenary.recording.import_formats.sources import Sources
 from catenary.recording.journal import About
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.topic_samples import topic_named
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.workflows.robot import topic_recorder
@@ -79,18 +78,16 @@ def test_topics_come_at_the_rates_they_are_recorded_at(journal: Path) -> None:
         assert_allclose(len(stamps(journal, topic.name)), SECONDS * topic.rate, atol=2)
 
 
-def test_stamps_and_numbers_are_the_robots_own(journal: Path, robot: RobotOnLoopback, tmp_path: Path) -> None:
-    extract([journal], tmp_path)
-    file = topic_file(tmp_path, RAVENSTATE_100HZ)
-    content = file.read(["stamp", "arrival", "jpos:gold_insertion"])
-    assert (content["stamp"] <= content["arrival"]).all()
-    assert (content["arrival"] - content["stamp"] < 2_000_000).all()  # loopback: the same tick
+def test_stamps_and_numbers_are_the_robots_own(journal: Path, robot: RobotOnLoopback) -> None:
+    sources = Sources([journal])
+    columns = {RAVENSTATE_100HZ.name: ["jpos[gold_insertion]"], EXT_JPOS.name: ["position[shoulder]"]}
+    state, encoders = (sources.read(columns)[name] for name in columns)
+    assert (state.stamp <= state.arrival).all()
+    assert (state.arrival - state.stamp < 2_000_000).all()  # loopback: the same tick
     held = robot.robot.plant.measured_js().q[2]
-    assert_allclose(content["jpos:gold_insertion"][-1], held, atol=1e-6)  # float32 on the way
-    file = topic_file(tmp_path, EXT_JPOS)
-    assert file.about.robot == "raven2"
-    shoulder = file.read(["ext_jpos:shoulder"])["ext_jpos:shoulder"]
-    assert_allclose(shoulder, robot.robot.plant.state.q[0], atol=1e-3)
+    assert_allclose(state.columns["jpos[gold_insertion]"][-1], held, atol=1e-6)  # float32 on the way
+    assert sources.about.robot == "raven2"
+    assert_allclose(encoders.columns["position[shoulder]"], robot.robot.plant.state.q[0], atol=1e-3)
 
 
 def test_bags_of_it_are_made_like_any_others(journal: Path, tmp_path: Path) -> None:
@@ -98,21 +95,66 @@ def test_bags_of_it_are_made_like_any_others(journal: Path, tmp_path: Path) -> N
     assert {bag.name.split(".")[0] for bag in bags} >= {"record_ravenstate", "record_ext_jenc"}
 
 
-@pytest.mark.parametrize("rate", [100.0, 90.0])
-def test_topic_at_the_wanted_rate_is_kept_whole(tmp_path: Path, rate: float) -> None:
-    """An encoder box sends at 100 Hz, unevenly; thinning must not take every other message."""
-    robot = RobotOnLoopback(homed_plant(), encoders=False)
-    box = Loopback("box", robot.network).publisher(EXT_JPOS.name, EXT_JPOS.type)
-    rng = np.random.default_rng(0)
-    recorder = TopicRecorder(robot.transport, tmp_path / "r", (EXT_JPOS,))
-    with recorder:
-        for _ in range(100):
-            robot.clock.sleep(float(1.0 / rate * rng.uniform(0.9, 1.1)))
-            box.publish(joint_state_message(EXT_JPOS.joint_names, robot.clock.now(), [0.1, 0.2, 0.3]))
-            recorder.collect()
-    (count,) = recorder.counts
-    assert count.came == 100
-    assert count.kept >= 95  # within 5 %: a message that is early by more than the grid's slack gives way
+class Box:
+    """A program whose messages of a topic at 100 Hz are recorded as they come."""
+
+    def __init__(self, folder: Path) -> None:
+        self.robot = RobotOnLoopback(homed_plant(), encoders=False)
+        self.publisher = Loopback("box", self.robot.network).publisher(EXT_JPOS.name, EXT_JPOS.type)
+        self.recorder = TopicRecorder(self.robot.transport, folder, (EXT_JPOS,))
+
+    def send(self, stamp: float) -> None:
+        message = joint_state_message(EXT_JPOS.joint_names, round(stamp * SECOND), [0.1, 0.2, 0.3])
+        self.publisher.publish(message)
+
+
+@pytest.mark.parametrize(
+    ("rate", "jitter", "burst", "kept"),
+    [
+        (100.0, 0.1, 1, 200),  # an encoder box sends unevenly
+        (90.0, 0.1, 1, 200),
+        (100.0, 0.0, 40, 200),  # a busy machine lets forty in at once
+        (1000.0, 0.0, 100, 20),
+    ],
+)
+def test_a_topic_is_thinned_by_its_stamps(tmp_path: Path, rate: float, jitter: float, burst: int, kept: int) -> None:
+    box, rng = Box(tmp_path / "r"), np.random.default_rng(0)
+    stamps = 10.0 + np.arange(200) / rate + rng.uniform(-jitter, jitter, 200) / rate
+    with box.recorder:
+        for first in range(0, 200, burst):
+            box.robot.clock.sleep(burst / rate)
+            for stamp in stamps[first : first + burst]:
+                box.send(stamp)
+            box.recorder.collect()
+    (count,) = box.recorder.counts
+    assert count.came == 200
+    assert count.kept == pytest.approx(kept, abs=1)
+    assert count.thinned == 200 - count.kept
+
+
+def test_a_publisher_whose_clock_is_set_back_is_recorded_all_the_same(tmp_path: Path) -> None:
+    box = Box(tmp_path / "r")
+    with box.recorder:
+        for k in range(100):
+            box.robot.clock.sleep(0.01)
+            box.send(0.0 if k < 20 else 5000.0 + 0.01 * k - 3600.0 * (k > 60))  # without a stamp in the beginning
+            box.recorder.collect()
+    assert box.recorder.counts[0].kept == pytest.approx(100, abs=1)
+
+
+def test_a_topic_that_falls_silent_is_noted_with_how_long(tmp_path: Path) -> None:
+    box = Box(tmp_path / "r")
+    with box.recorder:
+        for k in range(400):
+            box.robot.clock.sleep(0.01)
+            if not 100 <= k < 300:
+                box.send(10.0 + 0.01 * k)
+            box.recorder.collect()
+    reader = JournalReader(tmp_path / "r")
+    assert len(list(reader.messages())) == 200
+    (remark,) = [one for one in reader.problems if "nothing came" in one]
+    assert "/ext_jpos: nothing came for 2.0 s, 1.0 s after the begin" in remark
+    assert box.recorder.counts[0].longest_gap == pytest.approx(2.01, abs=1e-3)
 
 
 def test_topic_that_never_comes_or_has_another_type_is_refused(tmp_path: Path) -> None:
@@ -144,15 +186,13 @@ def test_setting_the_machines_clock_costs_no_message_and_is_noted(tmp_path: Path
             robot.clock.sleep(0.02)
             recorder.collect()
     assert any(f"set by {by:+.3f} s, 0.2 s after" in problem for problem in recorder.problems())
-    extraction = extract([tmp_path / "r"], tmp_path / "x")
-    assert any(f"set by {by:+.3f} s" in problem for problem in extraction.problems)
-    for name in extraction.messages:
-        arrival = topic_file(tmp_path / "x", topic_named(name)).read(["arrival"])["arrival"]
-        assert (np.diff(arrival) > 0).all(), name
-        assert np.diff(arrival).max() < 0.05 * SECOND, name
-    assert extraction.messages["/ravenstate"] >= 12
-    log = read_raven([tmp_path / "x"]).log
-    assert len(log) == extraction.messages["/ravenstate"]
+    read = read_raven([tmp_path / "r"])
+    assert any(f"set by {by:+.3f} s" in note for note in read.log.notes)
+    for topic in read.topics:
+        assert topic.longest_gap < 0.05, topic
+        assert not topic.shuffled, topic
+    log = read.log
+    assert len(log) >= 12
     assert log.time is not None
     assert_allclose(log.time[-1], 0.4, atol=0.05)
     assert log.ok[2:-2].all()
@@ -209,7 +249,7 @@ def test_a_simulated_arm_is_recorded_at_its_topics_rates(tmp_path: Path) -> None
     counts = Counter(topic for topic, _, _ in open_recording(tmp_path / "run").messages())
     assert counts["/ravenstate"] == pytest.approx(30, abs=3)
     assert counts["/ext_jpos"] > 10
-    assert extract([tmp_path / "run"], tmp_path / "out").problems == ()
+    assert not open_recording(tmp_path / "run").damage
 
 
 def test_a_full_disk_ends_only_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,13 +1,11 @@
-"""Who is on the network: ends of topics, the quality they offer or ask for, their ROS nodes, and who hears whom not.
+"""Who is on the network: ends of topics, the quality they offer or ask for, and their ROS nodes.
 
 Each program writes rmw_dds_common/ParticipantEntitiesInfo to DDS's topic `ros_discovery_info`: its own number, and for
 each node its name and the numbers of its readers and writers (ROS 2 design 151). A number (Gid) is DDS's of 16 bytes,
 followed by zeros up to 24 in distributions up to Humble.
 """
 
-import logging
-import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -20,7 +18,8 @@ from cyclonedds.idl import types as idl
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 
-from catenary.crtk.dds.types import array, dds_type, ros_topic, ros_type, sequence
+from catenary.crtk.dds.types import array, ros_topic, ros_type, sequence
+from catenary.crtk.transport import UNNAMED
 
 _NEVER = 0  # [ns] that a publisher waits for its readers
 
@@ -30,20 +29,6 @@ class Quality(NamedTuple):
 
     is_reliable: bool = True  # lost messages are sent again; else best effort, as of sensors
     is_latched: bool = False  # transient local: whoever comes later gets the last message; else volatile
-
-    def __str__(self) -> str:
-        """Say it in ROS 2's words."""
-        reliability = "reliable" if self.is_reliable else "best effort"
-        return f"{reliability}, {'transient local' if self.is_latched else 'volatile'}"
-
-    def lacks(self, asked: "Quality") -> tuple[str, ...]:
-        """Return what a reader asks for and this, a writer's, does not offer, in ROS 2's names of policies."""
-        found = []
-        if asked.is_reliable and not self.is_reliable:
-            found.append("reliability")
-        if asked.is_latched and not self.is_latched:
-            found.append("durability")
-        return tuple(found)
 
 
 def profile(quality: Quality, depth: int, user_data: str = "") -> Qos:
@@ -75,7 +60,7 @@ Gid = bytes  # 16 of them
 
 
 @cache
-def _types(gid_bytes: int) -> tuple[Any, Any, Any]:
+def discovery_types(gid_bytes: int) -> tuple[Any, Any, Any]:
     """Return DDS's classes of a number, of what a program tells of a node, and of all that it tells."""
     gid = _struct("Gid", data=array[idl.uint8, gid_bytes])
     gids = sequence[gid]
@@ -87,11 +72,6 @@ def _struct(name: str, **members: Any) -> Any:
     return make_idl_struct(f"{name}_", f"rmw_dds_common::msg::dds_::{name}_", members)
 
 
-def discovery_type(gid_bytes: int) -> Any:
-    """Return DDS's class of what a program tells, with numbers of so many bytes."""
-    return _types(gid_bytes)[-1]
-
-
 def discovery_profile(depth: int = 1) -> Qos:
     """Return the policies of `ros_discovery_info`; a reader keeps more than one, since programs are not told apart."""
     return profile(Quality(is_latched=True), depth)
@@ -101,23 +81,13 @@ def presence(
     gid_bytes: int, program: Gid, namespace: str, node: str, readers: Iterable[Gid], writers: Iterable[Gid]
 ) -> Any:
     """Return what a program of one node tells of itself; `namespace` begins with a slash."""
-    number_type, node_type, program_type = _types(gid_bytes)
+    number_type, node_type, program_type = discovery_types(gid_bytes)
 
     def gid(number: Gid) -> Any:
         return number_type(data=list(number.ljust(gid_bytes, b"\0")))
 
     ends = ([gid(number) for number in listed] for listed in (readers, writers))
     return program_type(gid(program), [node_type(namespace, node, *ends)])
-
-
-def node_names(told: Any) -> tuple[Gid, dict[Gid, str]]:
-    """Return a program's number, and the names of the nodes that its ends of topics belong to."""
-    names: dict[Gid, str] = {}
-    for node in told.node_entities_info_seq:
-        name = f"{node.node_namespace.rstrip('/')}/{node.node_name}"
-        for gid in (*node.reader_gid_seq, *node.writer_gid_seq):
-            names[bytes(gid.data)[:16]] = name
-    return bytes(told.gid.data)[:16], names
 
 
 MANY = 1000  # of anything that is taken at once
@@ -166,22 +136,21 @@ class Directory:
                 elif handle not in known:
                     known[handle] = _endpoint(sample)
                     came.append(known[handle])
-        for sample in _taken(self._discovery):
-            if sample.sample_info.valid_data:
+        for told in _taken(self._discovery):
+            if told.sample_info.valid_data:
                 self.changes += 1
-                gid, names = node_names(sample)
-                self._nodes[gid] = names
+                self._nodes[bytes(told.gid.data)[:16]] = {
+                    bytes(gid.data)[:16]: f"{node.node_namespace.rstrip('/')}/{node.node_name}"
+                    for node in told.node_entities_info_seq
+                    for gid in (*node.reader_gid_seq, *node.writer_gid_seq)
+                }
         return came
 
     def node(self, end: Endpoint) -> str:
         """Return the name of the node that an end belongs to; its program's number where that is no ROS node."""
         if end.participant == self._own[0]:
             return self._own[1]
-        return self._nodes.get(end.participant, {}).get(end.guid, f"participant_{end.participant.hex()}")
-
-    def is_named(self, end: Endpoint) -> bool:
-        """Return whether the node that an end belongs to is known."""
-        return end.guid in self._nodes.get(end.participant, {})
+        return self._nodes.get(end.participant, {}).get(end.guid, f"{UNNAMED}{end.participant.hex()}")
 
     def process(self, end: Endpoint) -> str:
         """Return the node's name, a space, and what differs when it is started again."""
@@ -190,10 +159,6 @@ class Directory:
     def publishers(self, dds_name: str) -> list[Endpoint]:
         """Return who publishes a topic."""
         return [end for end in tuple(self.publications.values()) if end.topic == dds_name]
-
-    def subscribers(self, dds_name: str) -> list[Endpoint]:
-        """Return who listens to a topic."""
-        return [end for end in tuple(self.subscriptions.values()) if end.topic == dds_name]
 
     def published(self) -> Iterator[tuple[str, str, Endpoint]]:
         """Return the topics of ROS that are published, each with its type and who publishes it."""
@@ -219,51 +184,3 @@ def _endpoint(sample: Any) -> Endpoint:
     return Endpoint(
         sample.key.bytes, sample.participant_key.bytes, sample.topic_name, sample.type_name, quality_of(sample.qos)
     )
-
-
-_PATIENCE = 1.0  # [s] until a program without a ROS node is called by its number
-_logger = logging.getLogger(__name__)
-Ours = Mapping[str, tuple[str, Quality]]  # type and quality, by DDS's names of topics
-
-
-class Mismatches:
-    """Compares the ends of this program's topics with those of others."""
-
-    def __init__(self, directory: Directory, own: bytes, node: str) -> None:
-        """Prepare; `own` is this program's number."""
-        self._directory, self._own, self._node = directory, own, node
-        self._said: set[bytes] = set()  # ends by their numbers
-        self._seen: dict[bytes, float] = {}  # when, of those whose node is not known yet
-        self._changes = -1
-
-    @property
-    def is_due(self) -> bool:
-        """Return whether others have come since the last look, or wait to be named."""
-        return self._changes != self._directory.changes or bool(self._seen)
-
-    def look(self, published: Ours, heard: Mapping[str, str]) -> None:
-        """Warn of those that have come; called where that is due."""
-        self._changes = self._directory.changes
-        for dds_name, (kind, quality) in published.items():
-            topic = ros_topic(dds_name)
-            for end in self._others(self._directory.subscribers(dds_name)):
-                if end.type_name != dds_type(kind):
-                    self._say(end, f"{topic}: {{}} takes {ros_type(end.type_name)}, {self._node} publishes {kind}")
-                elif missing := quality.lacks(end.quality):
-                    asked = f"it asks for {end.quality}, offered is {quality} ({', '.join(missing)})"
-                    self._say(end, f"{topic}: {{}} hears nothing of {self._node}: {asked}")
-        for dds_name, kind in heard.items():
-            topic = ros_topic(dds_name)
-            for end in self._others(self._directory.publishers(dds_name)):
-                if end.type_name != dds_type(kind):
-                    self._say(end, f"{topic}: {{}} publishes {ros_type(end.type_name)}, {self._node} takes {kind}")
-
-    def _others(self, ends: list[Endpoint]) -> Iterator[Endpoint]:
-        return (end for end in ends if end.participant != self._own and end.guid not in self._said)
-
-    def _say(self, end: Endpoint, text: str) -> None:
-        since = self._seen.setdefault(end.guid, time.monotonic())
-        if self._directory.is_named(end) or time.monotonic() > since + _PATIENCE:
-            del self._seen[end.guid]
-            self._said.add(end.guid)
-            _logger.warning("topic %s", text.format(self._directory.node(end)))

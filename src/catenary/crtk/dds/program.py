@@ -33,7 +33,7 @@ from catenary.crtk.dds.directory import (
     Endpoint,
     Quality,
     discovery_profile,
-    discovery_type,
+    discovery_types,
     presence,
     profile,
 )
@@ -154,11 +154,10 @@ class Program:
         self._came = came
         self._takers: dict[int, Callable[[], None]] = {}
         self._stopped = False
-        self.each_look: Callable[[], None] | None = None  # what else is to be done, by the receiver
         try:
             self._participant = DomainParticipant(enter_domain(), Qos(Policy.Userdata(b"enclave=/;")))
             self.gid: bytes = self._participant.guid.bytes
-            topic = Topic(self._participant, DISCOVERY, discovery_type(distribution.gid))
+            topic = Topic(self._participant, DISCOVERY, discovery_types(distribution.gid)[-1])
             self._presence = DataWriter(self._participant, topic, discovery_profile())
             self.directory = Directory(
                 self._participant, DataReader(self._participant, topic, discovery_profile(MANY)), (self.gid, self.node)
@@ -222,8 +221,6 @@ class Program:
                 self._came(end)
             for take in tuple(self._takers.values()):
                 take()
-            if self.each_look is not None:
-                self.each_look()
             if not self._is_told:
                 self._is_told = True
                 ends: tuple[list[bytes], list[bytes]] = ([], [])

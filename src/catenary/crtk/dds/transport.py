@@ -16,7 +16,7 @@ from cyclonedds.sub import DataReader
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
-from catenary.crtk.dds.directory import MANY, Endpoint, Mismatches, Quality
+from catenary.crtk.dds.directory import MANY, Endpoint, Quality
 from catenary.crtk.dds.program import Program
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
 from catenary.crtk.inbox import Origin
@@ -145,6 +145,10 @@ class DdsPublisher(Publisher):
             self._matched = len(handles)
             return program.directory.names(program.ends(program.directory.subscriptions, handles))
 
+    def is_heard(self) -> bool:
+        """Return whether anybody listens."""
+        return not self.is_closed and bool(self._writer.get_publication_matched_status().current_count)
+
     def _send(self, message: Message) -> None:
         if self._sent % _ASK == 0 or not self._matched:
             self._matched = self._writer.get_publication_matched_status().current_count
@@ -184,27 +188,13 @@ class DdsTransport(Transport):
         others = distribution(self._arguments.distro)
         self.program = Program(self.name, self._arguments.namespace, others, self._come)
         self._heard_lock = self.program.lock  # which the receiver holds
-        self._mismatches = Mismatches(self.program.directory, self.program.gid, self.program.node)
-        self.program.each_look = self._look
         wait_until_settled(lambda: self.program.directory.changes, settle)
-
-    def _look(self) -> None:
-        if not self._mismatches.is_due:
-            return
-        published = {
-            one.dds_name: (one.type_name, one.quality)
-            for one in tuple(self._publishers.values())
-            if isinstance(one, DdsPublisher) and not one.is_closed
-        }
-        self._mismatches.look(published, {one.dds_name: one.type_name for one in self._listened()})
 
     def _come(self, end: Endpoint) -> None:
         """Listen to a publisher that has come."""
-        for topic in self._listened():
-            topic.hear(end)
-
-    def _listened(self) -> list[ListenedTopic]:
-        return [topic for topic in tuple(self._heard.values()) if isinstance(topic, ListenedTopic)]
+        for topic in tuple(self._heard.values()):
+            if isinstance(topic, ListenedTopic):
+                topic.hear(end)
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> DdsPublisher:
         quality = Quality(latch or self.sending.is_reliable, is_latched=latch)
@@ -228,6 +218,5 @@ class DdsTransport(Transport):
         if self.inbox.closed:
             return
         super().close()
-        self.program.each_look = None
         self._end_topics()
         self.program.close()

@@ -51,7 +51,6 @@ def ros_type(name: str) -> str:
 class Distribution(NamedTuple):
     """A distribution of ROS 2, as its programs find each other."""
 
-    name: str
     gid: int  # bytes by which a program or a topic's end is told in ros_discovery_info
     has_hashes: bool  # topics' ends carry a hash of their type, which ROS 2 warns without
 
@@ -62,16 +61,7 @@ class Distribution(NamedTuple):
 
 # rmw's storage of a gid had 24 bytes up to Humble; type hashes came with Iron (REP 2016)
 DISTRIBUTIONS: Mapping[str, Distribution] = MappingProxyType(
-    {
-        name: Distribution(name, gid, has_hashes)
-        for name, gid, has_hashes in (
-            ("humble", 24, False),
-            ("iron", 16, True),
-            ("jazzy", 16, True),
-            ("kilted", 16, True),
-            ("rolling", 16, True),
-        )
-    }
+    {"humble": Distribution(24, False)} | dict.fromkeys(("iron", "jazzy", "kilted", "rolling"), Distribution(16, True))
 )
 DEFAULT = "jazzy"  # the newest with support of five years
 

@@ -53,7 +53,7 @@ class Master:
 
     def pid(self) -> int:
         """Process number, by which a master that was restarted is told from the one before."""
-        return int(self._ask(self.uri, "getPid"))
+        return int(self.ask(self.uri, "getPid"))
 
     def node(self, name: str) -> str | None:
         """URI of a node that the master knows, or None."""
@@ -66,7 +66,7 @@ class Master:
     def node_answers(self, uri: str) -> bool:
         """Return whether a node is alive: the master also lists those that crashed."""
         try:
-            self._ask(uri, "getPid")
+            self.ask(uri, "getPid")
         except (TransportError, Refused):
             return False
         return True
@@ -89,7 +89,7 @@ class Master:
 
     def publisher_names(self) -> dict[str, frozenset[str]]:
         """Nodes that publish each topic, whether they answer or not."""
-        published, _, _ = self._ask(self.uri, "getSystemState")
+        published, _, _ = self.ask(self.uri, "getSystemState")
         return {str(topic): frozenset(map(str, nodes)) for topic, nodes in published}
 
     def publishing(self) -> dict[str, frozenset[str]]:
@@ -100,24 +100,16 @@ class Master:
 
     def topics(self) -> dict[str, str]:
         """Topics that somebody publishes, and their types as the publisher spells them."""
-        return {str(topic): str(kind) for topic, kind in self._ask(self.uri, "getPublishedTopics", "")}
-
-    def tell_publishers(self, node_uri: str, topic: str, publisher_uris: list[str]) -> None:
-        """Tell a node who publishes a topic, as the master does; it connects to those that are new to it."""
-        self._ask(node_uri, "publisherUpdate", topic, publisher_uris)
-
-    def register(self, method: str, *arguments: str) -> Any:
-        """Register a publisher, a subscriber or a service."""
-        return self._ask(self.uri, method, *arguments)
+        return {str(topic): str(kind) for topic, kind in self.ask(self.uri, "getPublishedTopics", "")}
 
     def _lookup(self, method: str, name: str) -> str | None:
         try:
-            return str(self._ask(self.uri, method, name))
+            return str(self.ask(self.uri, method, name))
         except Refused:
             return None
 
-    def _ask(self, uri: str, method: str, *arguments: Any) -> Any:
-        """Ask in a thread of its own, because looking up a host's address knows no time limit."""
+    def ask(self, uri: str, method: str, *arguments: Any) -> Any:
+        """Ask the master, or a node, in a thread of its own: looking up a host's address knows no time limit."""
         answer: list[Any] = []
 
         def ask() -> None:

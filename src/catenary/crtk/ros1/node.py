@@ -14,7 +14,7 @@ import os
 import threading
 import warnings
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import genpy
@@ -88,8 +88,7 @@ class Node:
             )
         os.environ["ROS_MASTER_URI"] = uri  # rospy knows no other way, and asks again for services
         configure, rospy.core.configure_logging = rospy.core.configure_logging, lambda *_, **__: None
-        peers.bound_what_is_read()
-        peers.read_greetings_apart()
+        peers.change_rospy()
         try:
             # no arguments of the program, whose names could otherwise be remapped
             rospy.init_node(name, argv=[], disable_signals=True, disable_rosout=True, disable_rostime=True)
@@ -196,16 +195,19 @@ class Node:
         )
         # incomplete at two looks: a publisher that has only just come is being connected
         for topic in incomplete & self._incomplete:
-            self.master.tell_publishers(self.uri, topic, self.master.publisher_uris(listed[topic]))
+            self._tell_publishers(topic, self.master.publisher_uris(listed[topic]))
         self._incomplete = incomplete
 
+    def _tell_publishers(self, topic: str, uris: list[str]) -> None:
+        """Tell this node who publishes a topic, as the master does; it connects to those that are new to it."""
+        self.master.ask(self.uri, "publisherUpdate", topic, uris)
+
     def _register(self) -> None:
-        register = self.master.register
+        register = partial(self.master.ask, self.master.uri)
         for topic, publisher in list(self._publishers.items()):
             register("registerPublisher", topic, publisher.type, self.uri)
         for topic, subscriber in list(self._subscribers.items()):
-            found = register("registerSubscriber", topic, subscriber.type, self.uri)
-            self.master.tell_publishers(self.uri, topic, found)
+            self._tell_publishers(topic, register("registerSubscriber", topic, subscriber.type, self.uri))
         for name, service in list(self._services.items()):
             register("registerService", name, service.uri, self.uri)
 

@@ -1,16 +1,18 @@
-"""Who is connected to a topic of rospy's, and what waits for peers that do not keep up.
+"""The one place that reaches behind rospy's public methods: what it changes, and what each change is for.
 
-The one place that reaches behind rospy's public methods, into a topic's list of connections (`Topic.impl.connections`)
-and their sockets, to its server of connections and to what reads them, for four things that they do not offer:
+Tried against Debian 12's python3-rospy 1.15.15 and python3-rosgraph 1.15.15, which need them all.
 
-- The names of peers.
-- A new peer that says nothing keeps no other out.
-- What a peer says takes no more memory than was asked for, whatever length it announces: rospy would keep 2 GB.
-- A publisher that waits for nobody and serves a robot at 1 kHz. With `queue_size=None` rospy's `publish` waits for the
-  slowest peer. With `queue_size=N` it does not, but wakes a thread per topic and peer: 14 topics at 1 kHz to one peer
-  then take 1.1 cores and come at 500 to 780 Hz (without other load, two cores).
+- `TCPROSServer._tcp_server_callback`: a new peer that says nothing keeps no other out. rospy reads what it says first
+  in the thread that accepts peers, for as long as it takes.
+- `read_ros_handshake_header`: what a new peer says first takes 64 KiB at most. rospy keeps as much as it announces.
+- `TCPROSTransportProtocol.read_messages`: a message larger than its topic takes (`take_up_to`) is passed over. Beyond
+  64 MiB it can hardly be one, and the connection is closed; the node connects again. rospy keeps up to 2 GB.
+- `SilenceableXMLRPCRequestHandler.do_POST` and `timeout`: a call of the node takes 64 KiB at most, and 30 s.
 
-So rospy brings peers and topics together, and `Peers` writes the messages into the peers' sockets.
+`Topic.impl.connections` is only read: the names of peers, and their sockets, into which `Peers` writes, since a
+publisher of a robot at 1 kHz must wait for nobody. With `queue_size=None` rospy's `publish` waits for the slowest peer.
+With `queue_size=N` it does not, but wakes a thread per topic and peer: 14 topics at 1 kHz to one peer then take 1.1
+cores and come at 500 to 780 Hz (without other load, two cores).
 """
 
 import select
@@ -38,22 +40,11 @@ _PATIENCE = 30.0  # [s] for the rest of a call, and between two
 _takes: dict[str, Callable[[int], bool]] = {}  # whether a topic takes a message of so many bytes, by its name
 
 
-def read_greetings_apart() -> None:
-    """Have what a new peer says first read in a thread of its own.
-
-    rospy reads it in the thread that accepts peers, so one that says nothing would keep all others out for a minute.
-    """
+def change_rospy() -> None:
+    """Make the changes that are listed above; called before the node is started."""
     server = tcpros_base.init_tcpros_server()  # the only one, which `rospy.init_node` takes
-    read = server._tcp_server_callback
-    server._tcp_server_callback = lambda *peer: threading.Thread(target=read, args=peer, daemon=True).start()
-
-
-def bound_what_is_read() -> None:
-    """Have no peer, and no caller of the node, take more memory than is allowed; called before the node is started.
-
-    A message that its topic does not take (`take_up_to`) is passed over. Beyond 64 MiB the connection is closed, since
-    it can hardly be a message; the node connects again. So it is with a greeting and a call beyond 64 KiB.
-    """
+    greeted = server._tcp_server_callback
+    server._tcp_server_callback = lambda *peer: threading.Thread(target=greeted, args=peer, daemon=True).start()
     tcpros_base.read_ros_handshake_header = _read_greeting
     read = tcpros_base.TCPROSTransportProtocol.read_messages
 
@@ -109,24 +100,16 @@ def _pass_over(topic: str, buffer: BytesIO, sock: Any) -> None:
 
 
 def _read_greeting(sock: Any, buffer: BytesIO, size: int) -> dict[str, str]:
-    """Return what a new peer says first; as rospy does it, within bounds."""
-    while True:
-        came = sock.recv(size)
-        if not came:
-            raise rosgraph.network.ROSHandshakeException("the connection ended before its header had come")
-        buffer.write(came)
-        data = buffer.getvalue()
-        if len(data) <= _LENGTH.size:
-            continue
-        (length,) = _LENGTH.unpack_from(data)
-        if length > _GREETING:
-            raise rosgraph.network.ROSHandshakeException(f"a header of {length} bytes was announced")
-        if len(data) >= _LENGTH.size + length:
-            buffer.seek(0)
-            buffer.truncate()
-            buffer.write(data[_LENGTH.size + length :])
-            header: dict[str, str] = rosgraph.network.decode_ros_handshake_header(data)
-            return header
+    """Return what a new peer says first, by a socket that waits; as rospy does it, within bounds."""
+    head = sock.recv(_LENGTH.size, socket.MSG_WAITALL)
+    if len(head) < _LENGTH.size:
+        raise rosgraph.network.ROSHandshakeException("the connection ended before its header had come")
+    (length,) = _LENGTH.unpack(head)
+    if length > _GREETING:
+        raise rosgraph.network.ROSHandshakeException(f"a header of {length} bytes was announced")
+    said = head + sock.recv(length, socket.MSG_WAITALL)  # one that is cut off is refused
+    header: dict[str, str] = rosgraph.network.decode_ros_handshake_header(said)
+    return header
 
 
 class _Peer:

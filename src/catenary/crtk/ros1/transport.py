@@ -15,9 +15,8 @@ from typing import Any
 
 from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import codec
 from catenary.crtk.ros1.master import master_uri
-from catenary.crtk.transport import Handler, HeardTopic, Publisher, Transport, answer_of, other_type
+from catenary.crtk.transport import Answer, HeardTopic, Publisher, Transport, other_type
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name
 
@@ -154,30 +153,18 @@ class Ros1Transport(Transport):
         if self.node.master.publisher_uris(names):  # not only one that crashed
             raise other_type(topic, type_name, published)
 
-    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+    def _serve(self, name: str, type_name: str, answer: Answer) -> None:
         if name in self._services or self.node.master.service_answers(name):
             raise TransportError(f"service {name} is offered already")
-        asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
-
-        def serve(data: bytes) -> Any:
-            request = Request(lambda: answer.encode(handler(asked.decode(data)), 0))
-            self.inbox.put(request.run)
-            while not request.wait(0.1):
-                if self.inbox.closed:
-                    raise TransportError("the server was closed")
-            return request.result()
-
-        self.node.serve(name, type_name, serve)
+        self.node.serve(name, type_name, lambda data: self._polled(answer, data))
         self._services.append(name)
 
-    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
-        asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
-        data = asked.encode(request, 0)
+    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
         if self.node.master.service(name) is None:
             raise TransportError(f"service {name}: nobody offers it")
-        waiting = Request(lambda: answer.decode(self.node.call(name, type_name, data)))
-        threading.Thread(target=waiting.run, daemon=True).start()  # rospy itself would wait for ever
-        return answer_of(name, waiting, timeout)
+        called = Request(lambda: self.node.call(name, type_name, data))
+        threading.Thread(target=called.run, daemon=True).start()  # rospy itself would wait for ever
+        return called
 
     def _published(self) -> Iterator[tuple[str, str, str]]:
         types = self.node.master.topics()

@@ -16,7 +16,6 @@ class LazyPublisher:
     """A topic that a server publishes, while somebody listens."""
 
     def __init__(self, transport: Transport, topic: CrtkTopic) -> None:
-        self._transport = transport
         self.topic = topic
         self._latched = topic.is_latched  # whoever comes later knows it at once
         self.publisher = transport.publisher(topic.name, topic.type, latch=self._latched)
@@ -26,8 +25,8 @@ class LazyPublisher:
         self.due = True
 
     def watch(self) -> None:
-        """Look whether anybody listens; called some ten times a second."""
-        self.heard = bool(self._transport.connections(self.topic.name).subscribers)
+        """Look whether anybody listens; called some thirty times a second."""
+        self.heard = self.publisher.is_heard()
         self.due = self._latched
 
 

@@ -16,7 +16,6 @@ from catenary.crtk.topic_names import GRAV_DIR, RAVEN, CrtkTopic
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.raven2.topics import CHANNELS, RAVENSTATE, STATE_COLUMNS
-from catenary.raven2.transmission import joint_torques
 from catenary.recording.messages import NUMBERS, fields
 from catenary.spatial import Pose, rotation_vector
 
@@ -108,12 +107,8 @@ class RavenDialect(Dialect):
 
     is_one_robot = True
 
-    def __init__(self, arms: Mapping[str, ServedArm], *, torque_arm: str | None = None) -> None:
-        """Speak for arms of seven joints, both of them.
-
-        Args:
-            torque_arm: Whose `servo_jp` carries torques of its motors [mNm], as the UW's torque controller uses it.
-        """
+    def __init__(self, arms: Mapping[str, ServedArm]) -> None:
+        """Speak for arms of seven joints, both of them."""
         for name in ("gold", "green"):
             found = 0 if name not in arms else len(arms[name].names)
             if found != len(_RVIZ):
@@ -121,7 +116,6 @@ class RavenDialect(Dialect):
                     f"dialect raven: the {name} arm has {found} joints, expected {len(_RVIZ)}; other robots speak crtk"
                 )
         super().__init__(arms, RAVEN, _PUBLISHED, _OBEYED)
-        self._torque_arm = torque_arm
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])
         self._slow: int | None = None
 
@@ -173,18 +167,15 @@ class RavenDialect(Dialect):
         if topic.verb == "raven_automove":
             self._automove(message)
         elif topic.verb == GRAV_DIR:
-            self.switch_own_gravity(_whole(message))
-        elif topic.verb == "servo_jp" and topic.arm is not None and topic.arm == self._torque_arm:
-            self.follow(topic, message, _servo_torques)
+            self._switch_own_gravity(message)
         else:
             super().obey(topic, message)
 
-    def switch_own_gravity(self, grav_dir: tuple[int, int, int] | None) -> None:
-        """Switch the gravity compensation of the arms' own, by whole cm/s2 with z down; zeros and None are off."""
-        wanted = grav_dir if grav_dir is not None and any(grav_dir) else None
+    def _switch_own_gravity(self, message: Message) -> None:
+        """Switch the gravity compensation of the arms' own, by whole cm/s2 with z down; zeros are off."""
         for arm in self.arms.values():
             if arm.machine.can_change:
-                arm.switch_own_gravity(wanted)
+                arm.switch_own_gravity(tuple(message) if any(message) else None)
 
     def _automove(self, message: Message) -> None:
         for i, arm in enumerate((self.arms["gold"], self.arms["green"])):
@@ -195,23 +186,6 @@ class RavenDialect(Dialect):
             if not (step.any() or vector.any()) or not arm.is_ready:
                 continue
             moves.servo_pose_increment(arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector))
-
-
-def _whole(vector: Message) -> tuple[int, int, int]:
-    """Return a geometry_msgs/Vector3 as the whole cm/s2 that the robot's `grav_dir` holds."""
-    values = as_array("grav_dir", tuple(vector), (3,))
-    if (values != np.rint(values)).any():
-        raise InputError(f"grav_dir: expected whole cm/s2, got {', '.join(f'{value:g}' for value in values)}")
-    x, y, z = (int(value) for value in values)
-    return x, y, z
-
-
-def _servo_torques(arm: ServedArm, message: Message) -> None:
-    """Push with torques of the motors at their capstans, in mNm, which a changed robot takes in place of positions."""
-    if len(message.position) < len(arm.names):
-        raise InputError(f"servo_jp: {len(message.position)} torques, expected {len(arm.names)} or more [mNm]")
-    motors = as_array("servo_jp", message.position[: len(arm.names)], (len(arm.names),))
-    arm.push_with(joint_torques(1e-3 * motors))
 
 
 def _is_grasp(arm: ServedArm, message: Message) -> bool:

@@ -1,7 +1,7 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -253,7 +253,7 @@ class ServedArm:
         self._give_way()
         self._plan = plan
 
-    def switch_own_gravity(self, grav_dir: tuple[int, int, int] | None) -> None:
+    def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
         """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off."""
         switch = getattr(self.plant, "switch_own_gravity", None)
         if switch is None:

@@ -32,7 +32,7 @@ from catenary.crtk.topic_names import (
     CrtkTopic,
 )
 from catenary.crtk.transport import Transport
-from catenary.errors import CatenaryError, InputError
+from catenary.errors import CatenaryError
 from catenary.plant import OperatingState, Plant, fault_of
 from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 from catenary.topics import Topic
@@ -129,15 +129,6 @@ _String = message_class("std_msgs/String")
 MOST = 8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
 
 
-def whole_numbers(text: str) -> tuple[int, int, int]:
-    """Return three whole numbers, as 0,0,980."""
-    try:
-        x, y, z = map(int, text.split(","))
-    except ValueError as error:
-        raise InputError(f'grav-dir "{text}": expected three whole numbers, as 0,0,980, or off') from error
-    return x, y, z
-
-
 class Server:
     """Serves arms over a transport, in a dialect."""
 
@@ -219,10 +210,10 @@ class Server:
         if self._encoders is not None:
             self._encoders.publish(now, stamp)
         self.ticks += 1
+        # a topic a tick: whoever has just connected reads at once, as of a robot that publishes to nobody too
+        self._heard[self.ticks % len(self._heard)].watch()
         if not 0 <= now - self._watched < WATCH:
             self._watched = now
-            for lazy in self._heard:
-                lazy.watch()
             for source in self._sources:
                 source.watch(now)
             for name, arm in self.arms.items():
@@ -239,6 +230,9 @@ class Server:
             free = left - MOST // 2 if k < self._others else left  # state commands leave half to the others
             count = min(len(source), OF_A_TOPIC, free // source.cost)
             left -= count * source.cost
+            if count and k < self._others:  # who asks for a state reads the robot next
+                for lazy in self._heard:
+                    lazy.watch()
             for message in source.take(now, count) if count else ():
                 self.commands += 1
                 self._obey(source, message, now)
@@ -262,21 +256,8 @@ class Server:
         return said
 
     def person_says(self, line: str) -> None:
-        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms.
-
-        Also "grav-dir X,Y,Z" and "grav-dir off": the gravity compensation of the robot's own.
-        """
+        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms."""
         now = self.transport.steady()
-        word, _, rest = line.partition(" ")
-        if word == "grav-dir":
-            try:
-                by = None if rest.strip() == "off" else whole_numbers(rest)
-                for arm in self.arms.values():
-                    if arm.machine.can_change:
-                        arm.switch_own_gravity(by)
-            except InputError as error:
-                self.reports.say("keyboard", str(error), now)
-            return
         if line == "button" or (line == "start" and self.button is not None):
             said = self.press_button()
             if not any(text.endswith(STARTS) for text in said):

@@ -143,11 +143,7 @@ def joint_units_of(
 ) -> tuple[Units, Units | None, bool, list[str]]:
     """Return the joints' SI units, the units of q_nominal's columns, whether any were assumed, and what to say of it.
 
-    Args:
-        mapping: With units or without.
-        one: The columns of q_nominal, with some of their numbers.
-        model: The robot, if it is known.
-        names: Of the joints.
+    `one` holds the columns of q_nominal, with some of their numbers.
     """
     n = len(names)
     given: tuple[str, ...] | None = mapping.joint_units or None
@@ -172,12 +168,8 @@ def joint_units_of(
         return si, told, True, [f"q_nominal: its units were not stated; taken in {', '.join(told)}: {why}"]
     for units in mapping.assumed_units:
         if len(units) == n:
-            return (
-                units,
-                None,
-                True,
-                [f"units not stated: took {','.join(units)} (order of RAVEN-II and da Vinci PSM)"],
-            )
+            note = f"units not stated: took {','.join(units)} (order of RAVEN-II and da Vinci PSM)"
+            return units, None, True, [note]
     raise InputError(
         f"{one.stream.name}: the units of its {n} joints are not stated, and not clear; give one of rad, deg, m, mm "
         f"for each of {', '.join(names)}, for example --units {','.join(told)}, or the robot"
@@ -189,11 +181,7 @@ def factors(
 ) -> tuple[tuple[str, ...] | None, Floats]:
     """Return the units of joints that a quantity's units stand for, or None, and what turns its numbers into SI, (n,).
 
-    Args:
-        name: Of the quantity, for messages.
-        quantity: With units, scales and signs.
-        joint_units: "rad" or "m" for each joint, where they are known.
-        n: Number of its columns.
+    `joint_units` are "rad" or "m" for each joint, where they are known.
     """
     units = _each(f"{name}: units", quantity.units, n)
     scale = np.array(_each(f"{name}: scale", quantity.scale, n) or (1.0,) * n)

@@ -1,8 +1,8 @@
 """Columns of a recording that share their rows: a topic of a bag, or a table."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -35,6 +35,41 @@ class Stream:
     starts: tuple[int, ...] = (0,)  # rows of a table at which a recording begins
     began: float = 0.0  # [s since 1970] at time zero of a table's first recording, where its container says it
     notes: tuple[str, ...] = ()
+
+    def part(self, first: int, last: int) -> "Stream":
+        """Return rows from the first to the one before the last, which hold no more in memory than themselves."""
+        columns = {name: values[first:last].copy() for name, values in self.columns.items()}
+        stamp, arrival = (None if each is None else each[first:last] for each in (self.stamp, self.arrival))
+        return replace(self, columns=columns, rows=min(last, self.rows) - first, stamp=stamp, arrival=arrival)
+
+
+def joined(parts: Sequence[Stream]) -> Stream:
+    """Return parts of one stream one behind the other; NaN where one lacks a column that others have."""
+    if len(parts) == 1:
+        return parts[0]
+    lengths = [part.rows if part.stamp is None else len(part.stamp) for part in parts]
+
+    def column(name: str) -> NDArray[Any]:
+        pairs = zip(parts, lengths, strict=True)
+        return np.concatenate([part.columns[name] if name in part.columns else np.full(n, np.nan) for part, n in pairs])
+
+    def stamps(name: str) -> NDArray[np.int64] | None:
+        each = [getattr(part, name) for part in parts]
+        return None if each[0] is None else np.concatenate(each)
+
+    def in_order(several: Iterable[Iterable[str]]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(each for some in several for each in some))
+
+    arrays = in_order(part.joints for part in parts)
+    return replace(
+        parts[0],
+        columns={name: column(name) for name in in_order(part.columns for part in parts)},
+        rows=sum(part.rows for part in parts),
+        stamp=stamps("stamp"),
+        arrival=stamps("arrival"),
+        joints={array: in_order(part.joints.get(array, ()) for part in parts) for array in arrays},
+        notes=in_order(part.notes for part in parts),
+    )
 
 
 @dataclass(frozen=True)

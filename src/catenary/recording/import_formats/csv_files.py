@@ -37,6 +37,8 @@ class TextTable:
         lines, ends, last = _lines(path)
         self.head: TextHead = read_head(str(path), lines, last)
         self._first_byte = ends[self.head.begins - 1] if self.head.begins else 0
+        head, rows = self._first_byte, len(ends) - self.head.begins
+        self.about_rows = round((self._size - head) / max(1.0, (ends[-1] - head) / rows)) if rows else 0
         self._torn = "" if _ends_with_line_feed(path, self._size) else (last or lines or [""])[-1]
         self.notes = list(self.head.notes)  # and, once it was read, on rows that were passed over
 
@@ -71,17 +73,13 @@ class TextTable:
                 source = file if self.head.dialect.separator != " " else pa.PythonFile(_OneBlank(file), "r")
                 for batch in pa.csv.open_csv(source, read, parse, convert):
                     progress(min(1.0, file.tell() / self._size))
-                    yield {column.name: _numbers(column, batch, carried) for column in columns}
+                    if batch.num_rows:
+                        yield {column.name: _numbers(column, batch, carried) for column in columns}
         except (pa.ArrowException, OSError, MemoryError, ValueError) as error:
             raise FileFormatError(f"{self.path}: cannot be read as CSV: {cut(str(error))}") from error
         said = [f"{comments[0]} comment lines among the rows were passed over"] * bool(comments[0])
         said += ["its last line is torn, and was left out"] * bool(torn[0])
         self.notes += [note for note in said if note not in self.notes]
-
-
-def joined(blocks: list[Block]) -> Block:
-    """Return blocks one behind the other."""
-    return {name: np.concatenate([block[name] for block in blocks]) for name in (blocks[0] if blocks else {})}
 
 
 def _arrow_type(column: TextColumn) -> pa.DataType:

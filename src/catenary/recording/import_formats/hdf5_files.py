@@ -45,11 +45,7 @@ def is_hdf5(path: Path) -> bool:
 
 
 def read_hdf5(path: Path, wanted: str = "") -> list[Stream]:
-    """Read a file's arrays: of all its episodes one behind the other, or of the wanted one.
-
-    Raises:
-        FileFormatError: h5py is missing, the file is damaged or holds more than its size allows, no such episode.
-    """
+    """Read a file's arrays: of all its episodes one behind the other, or of the wanted one."""
     try:
         import h5py
     except ImportError as error:

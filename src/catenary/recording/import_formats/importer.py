@@ -17,6 +17,7 @@ from catenary.recording.import_formats.column_units import encoder_units, factor
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock
+from catenary.recording.import_formats.own_tip import tip_columns, tip_said
 from catenary.recording.import_formats.registration import TrackedPoses
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import times_among
@@ -56,6 +57,7 @@ class _Columns:
     ok: _Found | None = None
     tracked: TrackedPose | None = None
     pose: list[Place] = field(default_factory=list)
+    tip: tuple[str, tuple[str, ...]] | None = None  # where the robot says its tip is
 
     @classmethod
     def of(cls, where: str, mapping: RecordingMapping, streams: Sequence[Stream]) -> Self:
@@ -74,6 +76,9 @@ class _Columns:
         if made.tracked is not None:
             made.pose = pose_places(made.tracked, streams)
             made._keep(made.pose)
+        if mapping.robot is not None:
+            made.tip = tip_columns(streams, made.joints["q_nominal"].places[0].stream)
+            made._keep([Place(made.tip[0], column) for column in made.tip[1]] if made.tip else [])
         for name in mapping.reported:
             if any(stream.name == name for stream in streams):
                 made.wanted.setdefault(name, {})
@@ -122,7 +127,7 @@ class Synchronisation:
     topics: tuple[TopicReport, ...]
     without_encoder: int  # rows whose `ok` is not set
     dropped: int  # rows left out since something that a log must have was not there
-    rows: NDArray[np.int64]  # (N,) of a table that each row of the log is
+    rows: NDArray[np.int64]  # (N,) of q_nominal's stream that each row of the log is
 
 
 class NoRowError(InputError):
@@ -130,7 +135,7 @@ class NoRowError(InputError):
 
 
 def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, Collection[str]]:
-    """Return the columns that a mapping wants of each stream, those of time among them."""
+    """Return the columns that a mapping wants of each stream, those of time among them; q_nominal's stream first."""
     return _Columns.of(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
 
 
@@ -147,11 +152,7 @@ def synchronise(
     Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
     `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out.
 
-    Args:
-        sources: The files.
-        mapping: Which column is what.
-        model: The robot; the mapping's when None.
-        is_piece: Of a longer recording: q_encoder may be on no row of it.
+    `model` is the mapping's robot when None. On a piece of a longer recording q_encoder may be on no row.
     """
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:
@@ -178,7 +179,13 @@ def synchronise(
             streams, turns = unwrap_columns(streams, columns.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
             jumped |= set(turns)
-    clock = OneClock(streams, found.places(), mapping)
+    if found.tip is not None and model is not None and set(names) == set(model.joint_names):
+        told_by = streams[base[0].stream]
+        order = [names.index(name) for name in model.joint_names]
+        q = np.column_stack([told_by.columns[base[i].column] * scaled["q_nominal"][i] for i in order])
+        notes += tip_said(model, q, told_by, streams[found.tip[0]], found.tip[1])
+    used = {place.stream for places in found.places().values() for place in places} | set(mapping.reported)
+    clock = OneClock({name: stream for name, stream in streams.items() if name in used}, found.places(), mapping)
     del streams  # of a long recording as large as all that is made of it
 
     rows = {key: clock.rows(key) * scaled[key] for key in joints}
@@ -239,7 +246,7 @@ def synchronise(
     if model is not None:
         in_order = Joints(tuple(name for name in model.joint_names if name in names))
         log = log.in_order_of(in_order, of=f'robot "{model.name}" has')
-    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()), clock.rows_of_table[whole])
+    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()), clock.rows_of_base[whole])
 
 
 def _scale(

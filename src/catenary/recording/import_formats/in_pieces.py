@@ -1,12 +1,12 @@
-"""A text table of any length as the pieces of a motion log, so that only a piece of it is held at a time.
+"""A bag or text table of any length as the pieces of a motion log, so that only a piece of it is held at a time.
 
 Each piece is read by the one synchroniser, with some rows before and behind it that are then cut off; units and time
-are told once, by the first rows.
+are told once, by a sample.
 """
 
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,79 +16,120 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.import_formats.csv_files import Block, joined
+from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.import_formats.importer import NoRowError, columns_wanted, synchronise
 from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.import_formats.sources import Sources
-from catenary.recording.import_formats.table_files import stream_of_text
+from catenary.recording.import_formats.sources import LongText, Sources
 from catenary.recording.import_formats.table_time import time_of
 from catenary.robots.model import RobotModel
 
-MOST_NUMBERS = 3_000_000  # of a piece
+MOST_NUMBERS = 1_500_000  # of a piece
 _COUNTS = re.compile(r"\d+ of \d+ |\(s\)|\d repeated|\d messages|\d rows")  # in a note that is of a piece's rows
 OVERLAP = 10_000  # rows before and behind a piece: of an encoder at a hundredth of the rate a hundred samples
 
 
 def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | None = None) -> Iterator[MotionLog]:
-    """Yield the log of a recording, piece after piece; whole where it is no long text table.
+    """Yield the log of a recording, piece after piece; whole where it is short, or no single bag or long text table.
 
     Notes of a piece are those of all before it, too. Whole turns and time go on from one piece to the next.
     """
-    table = sources.long_text
+    container = sources.alone
     optional = any(part is not None and part.optional for part in (mapping.qd, mapping.tau, *mapping.signals.values()))
     pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
     registers = pose is not None and None in (pose.T_base_tracker, pose.T_marker_frame)
-    if table is None or optional or registers:  # a piece may have what another lacks, or be registered elsewhere
+    if container is None or optional or registers:  # a piece may have what another lacks, or be registered elsewhere
         yield synchronise(sources, mapping, model=model).log
         return
-    sample = sources.streams[0]
-    time = time_of(sample, mapping.time, mapping.time_unit, mapping.rate_hz)
-    if time is not None and time.column:
-        mapping = mapping.model_copy(update={"time": (time.column,), "time_unit": time.unit})
+    wanted = columns_wanted(sources, mapping)
     said: dict[str, dict[str, None]] = {}  # notes, by what they say but for numbers
-    told = f"{sample.name}: time is "
-    if time is not None:
-        said[told] = {f"{sample.name}: {time.said}": None}
+    told = ""
+    if isinstance(container, LongText):
+        sample = sources.streams[0]
+        time = time_of(sample, mapping.time, mapping.time_unit, mapping.rate_hz)
+        if time is not None and time.column:
+            mapping = mapping.model_copy(update={"time": (time.column,), "time_unit": time.unit})
+        if time is not None:
+            told = f"{sample.name}: time is "
+            said[told] = {f"{sample.name}: {time.said}": None}
     before: tuple[MotionLog, NDArray[np.int64]] | None = None
     measured = repeated = 0
-    for first, last, begin, columns in _windows(table.blocks(columns_wanted(sources, mapping))):
-        stream = stream_of_text(table.table, columns)
-        where = f"rows {begin + 1} to {begin + stream.rows}: "
+    for first, last, begin, streams in _windows(container.parts(wanted), wanted):
+        piece = sources.holding(streams)
+        if first == begin == 0 and last is None:
+            piece.notes += container.problems
+            yield synchronise(piece, mapping, model=model).log
+            return
+        where = f"rows {begin + 1} to {begin + streams[0].rows}: "
         try:
-            found = synchronise(sources.holding(stream), mapping, model=model, is_piece=True)
+            found = synchronise(piece, mapping, model=model, is_piece=True)
         except NoRowError as error:
             said.setdefault(_shape(str(error)), {})[where + str(error)] = None
             continue
         log, rows = found.log, found.rows + begin
         log = log if before is None else _going_on(log, rows, *before)
         before = (log, rows)
-        inside = np.flatnonzero((rows >= first) & (rows < last))
+        inside = np.flatnonzero((rows >= first) & (rows < (np.inf if last is None else last)))
         if not len(inside):
             continue
-        for note in [note for note in log.notes if not note.startswith(told)]:
+        for note in [note for note in log.notes if not told or not note.startswith(told)]:
             said.setdefault(_shape(note), {})[where + note if _COUNTS.search(note) else note] = None
         measured, repeated = measured + int(log.ok[inside].sum()), repeated + log.repeated
-        piece = log.part(int(inside[0]), int(inside[-1]) + 1)
-        yield replace(piece, notes=tuple(map(_in_words, said.values())), repeated=repeated)
+        notes = (*map(_in_words, said.values()), *container.problems)
+        yield replace(log.part(int(inside[0]), int(inside[-1]) + 1), notes=notes, repeated=repeated)
     if before is None or (before[0].q_encoder is not None and not measured):
         raise InputError("; ".join([f"{sources.paths[0]}: no usable row", *map(_in_words, said.values())]))
 
 
-def _windows(blocks: Iterator[Block]) -> Iterator[tuple[int, int, int, Block]]:
-    """Yield first and last row of a piece, and its columns from some rows before it on, whose first row that is."""
-    held: list[Block] = []
-    first = begin = count = 0
-    for block in blocks:
-        held.append(block)
-        count += len(next(iter(block.values()), ()))
-        size = max(2 * OVERLAP, MOST_NUMBERS // max(1, len(block)))
+def _windows(
+    parts: Iterator[list[Stream]], wanted: Mapping[str, Collection[str]]
+) -> Iterator[tuple[int, int | None, int, list[Stream]]]:
+    """Yield pieces: their first and last row of q_nominal, None of the last piece, and streams from some rows before.
+
+    The third number is the row that the streams begin with; q_nominal's comes first. Of others it has what arrived
+    meanwhile.
+    """
+    held: dict[str, list[Stream]] = {name: [] for name in wanted}
+    base, width = next(iter(wanted)), max(1, sum(map(len, wanted.values())))
+    size, first, begin, count = max(2 * OVERLAP, MOST_NUMBERS // width), 0, 0, 0
+    for part in (part for together in parts for part in [*together[1:], together[0]]):
+        held[part.name].append(part)
+        count += part.rows if part.name == base else 0
         while count >= first + size + OVERLAP:
-            columns = joined(held)
-            yield first, first + size, begin, {n: v[: first + size + OVERLAP - begin] for n, v in columns.items()}
+            held = {name: [joined(several)] for name, several in held.items() if several}
+            yield first, first + size, begin, _between(held, wanted, 0, first + size + OVERLAP - begin)
             first, kept = first + size, first + size - OVERLAP
-            held, begin = [{name: values[kept - begin :].copy() for name, values in columns.items()}], kept
-    if count > first:
-        yield first, count, begin, joined(held)
+            left = _between(held, wanted, kept - begin, None)
+            held, begin = {stream.name: [stream] for stream in left}, kept
+    if count:
+        held = {name: [joined(several)] for name, several in held.items() if several}
+        yield first, None, begin, _between(held, wanted, 0, None)
+
+
+def _between(
+    held: Mapping[str, list[Stream]], wanted: Mapping[str, Collection[str]], first: int, last: int | None
+) -> list[Stream]:
+    """Return rows of q_nominal's stream, and what of others arrived from the first to the last of them.
+
+    Of what did not come it has a row without a number.
+    """
+    name, *others = wanted
+    (base,) = held[name]
+    base = base.part(first, base.rows if last is None else last)
+    found = [base]
+    for other in others:
+        stamp, arrival = (None if each is None else each[:1] for each in (base.stamp, base.arrival))
+        none = {column: np.full(1, np.nan) for column in wanted[other]}
+        (stream,) = held.get(other, [Stream(other, base.type, none, 1, stamp, arrival)])
+        if stream.arrival is not None and base.arrival is not None:
+            late = np.inf if last is None else base.arrival[-1]
+            early = base.arrival[0] if first else -np.inf
+            rows = np.flatnonzero((stream.arrival >= early) & (stream.arrival <= late))
+            if len(rows):
+                stream = stream.part(int(rows[0]), int(rows[-1]) + 1)
+            else:
+                stream = replace(stream, columns=none, rows=1, stamp=stamp, arrival=arrival)
+        found.append(stream)
+    return found
 
 
 def _going_on(log: MotionLog, rows: NDArray[np.int64], before: MotionLog, its: NDArray[np.int64]) -> MotionLog:

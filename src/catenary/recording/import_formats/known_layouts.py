@@ -18,7 +18,6 @@ from catenary.files import table_ending
 from catenary.plant import MotionLog, nameless, places_of
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, ROBOT, Arm
 from catenary.recording.bag_reader import open_recordings
-from catenary.recording.extract import is_extraction
 from catenary.recording.import_formats.importer import Synchronisation, import_sources, synchronise
 from catenary.recording.import_formats.mapping import layout_mapping
 from catenary.recording.import_formats.raven_recordings import raven_table, read_raven
@@ -47,13 +46,9 @@ RAVEN_STATE = Layout("RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)")
 
 
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
-    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js.
+    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js; `namespace` is such as /PSM1.
 
     A row is a message of measured_js: `q_nominal`, `qd` and `tau` are its positions, velocities and efforts.
-
-    Args:
-        paths: Extraction, journal or bags.
-        namespace: Of the arm, such as /PSM1.
     """
     psm_topic(namespace, "measured_js")  # refuses a namespace that no PSM has
     return synchronise(Sources(paths), layout_mapping("recording/dvrk_psm", namespace=f"/{namespace.strip('/')}"))
@@ -64,10 +59,7 @@ def layout_of_files(paths: Sequence[Path]) -> Layout | None:
     if not paths or not all(is_bag(path) and path.exists() for path in paths):
         return layout_of_file(paths[0]) if len(paths) == 1 else None
     try:
-        if len(paths) == 1 and is_extraction(paths[0]):
-            topics = {stream.name for stream in Sources(paths).streams}
-        else:
-            topics = {topic.name for source in open_recordings(paths, salvage=True) for topic in source.topics}
+        topics = {topic.name for source in open_recordings(paths, salvage=True) for topic in source.topics}
     except FileFormatError:  # of other types under these names, say
         return None
     state = topics & {RAVENSTATE.name, RAVENSTATE_100HZ.name}
@@ -105,12 +97,7 @@ def read_layout(
 ) -> MotionLog:
     """Read a recording of a known layout, but a motion log.
 
-    Args:
-        paths: The file; bags may be several.
-        layout: Which one it has.
-        model: The robot, where the layout needs one.
-        units: "rad" or "m" per joint, for a file that does not state them.
-        joint_names: For a file that does not state them.
+    `units` ("rad" or "m" per joint) and `joint_names` are for a file that does not state them.
     """
     path = paths[0]
     if layout in (RAVEN_BAG, RAVEN_CSV):

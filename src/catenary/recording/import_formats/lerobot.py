@@ -23,11 +23,7 @@ def is_lerobot(path: Path) -> bool:
 
 
 def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
-    """Read a dataset: all its episodes one behind the other, or the wanted one, with the joints' names of its features.
-
-    Raises:
-        FileFormatError: No version that is read, a file is damaged, no such episode.
-    """
+    """Read a dataset: all its episodes one behind the other, or the wanted one, with its features' names of joints."""
     info = json_table(read_bounded(path / INFO, MOST_JSON), str(path / INFO))
     files, version = sorted(path.glob("data/chunk-*/*.parquet")), str(info.get("codebase_version"))
     number = re.search(r"(\d{1,9})\Z", wanted)

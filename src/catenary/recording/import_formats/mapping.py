@@ -73,6 +73,7 @@ class TrackedPose(Settings):
     # how far from a pose the nearest joints may leave the frame: noise, or an arm with fewer than six joints
     within_mm: Annotated[float, Field(gt=0.0)] = 1.0
     within_deg: Annotated[float, Field(gt=0.0)] = 1.0
+    zeros: Literal["free", "held"] = "free"  # of the joints, where the transforms are found; held, they are right
     # found from the recording (registration.py) where not given
     T_base_tracker: Transform | None = None  # the tracker's frame in the robot's base
     T_marker_frame: Transform | None = None  # the robot's frame in the marker's; in its own axes if only a position is

@@ -6,8 +6,9 @@ elements by name, `jpos[gold_elbow]`: `raven2/topics.py` knows what the robot pu
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_stream import BagConnection
-from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name
 from catenary.recording.parquet_files import MOST_COLUMNS
@@ -65,81 +66,83 @@ class Bag:
     def sample(self) -> list[Stream]:
         """Return some messages of every topic, evenly over the recording; topics that cannot be read have a note."""
         streams: dict[str, Stream] = {}
-        fields = {}
-
-        def unread(name: str, error: FileFormatError) -> None:
-            kind = self._reader.connections[name].type
-            streams[name] = Stream(name, kind, {}, self.counts[name], notes=(str(error),))
-
+        columns: dict[str, _TopicColumns] = {}
         for name in self.counts:
             try:
-                fields[name] = self._fields(name)
-            except FileFormatError as error:
-                unread(name, error)
-        for name, columns in self._collected(fields, None, self._evenly(fields)).items():
-            try:
-                streams[name] = self._stream(name, columns)
+                columns[name] = self._columns(name, None)
             except FileFormatError as error:  # harms no other topic
-                unread(name, error)
+                streams[name] = self._unread(name, error)
+        for name, arrivals, block in self._evenly(columns):
+            columns[name].add(arrivals, block)
+        for name, found in columns.items():
+            try:
+                streams[name] = replace(found.taken(), rows=self.counts[name])
+            except FileFormatError as error:
+                streams[name] = self._unread(name, error)
         return [streams[name] for name in self.counts]
+
+    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
+        """Yield the columns that are wanted of topics, thousands of messages at once, in the order of arrival."""
+        columns = {name: self._columns(name, those) for name, those in wanted.items()}
+        seen, every = 0, max(1, sum(self.counts[name] for name in columns))
+        in_chunk = set[str]()  # topics, whose messages come topic by topic
+        for name, arrivals, block in self._reader.blocks(tuple(columns)):
+            if name in in_chunk:
+                in_chunk.clear()
+                if max(each.waiting for each in columns.values()) >= _BATCH:
+                    yield [each.taken() for each in columns.values()]
+            in_chunk.add(name)
+            columns[name].add(arrivals, block)
+            seen += len(block)
+            self._progress(min(1.0, seen / every))
+        yield [each.taken() for each in columns.values()]
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
         """Return topics with the columns that are wanted of each, all messages."""
-        fields = {name: self._fields(name) for name in wanted}
-        collected = self._collected(fields, wanted, self._reader.blocks(tuple(fields)))
-        return [self._stream(name, columns) for name, columns in collected.items()]
+        parts: dict[str, list[Stream]] = {name: [] for name in wanted}
+        for part in chain.from_iterable(self.parts(wanted)):
+            parts[part.name].append(part)
+        return [joined(parts.pop(name)) for name in wanted]
 
     def _evenly(self, topics: Collection[str]) -> _Blocks:
         """Yield SAMPLED messages of each topic at most, and no long ones."""
-        seen = dict.fromkeys(topics, 0)
+        seen, read = dict.fromkeys(topics, 0), 0
         for name, arrivals, block in self._reader.blocks(tuple(topics)) if topics else ():
             every = -(-self.counts[name] // SAMPLED)
             rows = np.flatnonzero((seen[name] + np.arange(len(block))) % every == 0)
             seen[name] += len(block)
+            read += len(block)
+            self._progress(min(1.0, read / sum(self.counts[each] for each in topics)))
             rows = rows[block.lengths[rows] <= LONGEST]
             if len(rows):
                 yield name, arrivals[rows], Block.of([block[row] for row in rows.tolist()])
 
-    def _fields(self, topic: str) -> FieldsOf:
+    def _columns(self, topic: str, wanted: Collection[str] | None) -> "_TopicColumns":
+        connection = self._reader.connections[topic]
         if topic not in self._known:
-            connection = self._reader.connections[topic]
             key = (connection.type, connection.definition)
             if key not in self._parsed:
                 self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
             self._known[topic] = self._parsed[key]
-        return self._known[topic]
+        where = f"{self.path}: topic {cut(topic)}"
+        return _TopicColumns(topic, connection.type, self.encoding, self._known[topic], wanted, where)
 
-    def _stream(self, name: str, columns: "_TopicColumns") -> Stream:
-        return columns.stream(name, self.counts[name], f"{self.path}: topic {cut(name)}")
-
-    def _collected(
-        self, fields: Mapping[str, FieldsOf], wanted: Mapping[str, Collection[str]] | None, blocks: _Blocks
-    ) -> dict[str, "_TopicColumns"]:
-        connections = self._reader.connections
-        columns = {
-            name: _TopicColumns(connections[name].type, self.encoding, fields[name], wanted and wanted[name])
-            for name in fields
-        }
-        seen, every = 0, max(1, sum(self.counts[name] for name in fields))
-        for name, arrivals, block in blocks if fields else ():
-            columns[name].add(arrivals, block)
-            seen += len(block)
-            self._progress(min(1.0, seen / every))
-        return columns
+    def _unread(self, name: str, error: FileFormatError) -> Stream:
+        return Stream(name, self._reader.connections[name].type, {}, self.counts[name], notes=(str(error),))
 
 
 @dataclass
 class _TopicColumns:
     """Numbers of a topic's messages as they come."""
 
+    name: str
     type: str
     encoding: Encoding
     fields_of: FieldsOf
     wanted: Collection[str] | None  # all when None
-    _arrivals: list[NDArray[np.int64]] = field(default_factory=list)
-    _waiting: list[tuple[NDArray[np.int64], Block]] = field(default_factory=list)
-    _count: int = 0  # of messages that wait
-    _parts: list[tuple[int, dict[str, NDArray[Any]]]] = field(default_factory=list)
+    where: str  # of the topic, for errors
+    waiting: int = 0  # messages
+    _blocks: list[tuple[NDArray[np.int64], Block]] = field(default_factory=list)
     _joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
     _notes: dict[str, None] = field(default_factory=dict)
 
@@ -148,59 +151,40 @@ class _TopicColumns:
         self._joints |= {path: own.labels for path, own in self._own.items() if own.width > 1}
 
     def add(self, arrivals: NDArray[np.int64], block: Block) -> None:
-        self._waiting.append((arrivals, block))
-        self._count += len(block)
-        if self._count >= _BATCH:
-            self._read()
+        self._blocks.append((arrivals, block))
+        self.waiting += len(block)
 
-    def stream(self, name: str, rows: int, where: str) -> Stream:
-        """Return what came, in the order in which it arrived."""
-        try:
-            self._read()
-        except FileFormatError as error:
-            raise FileFormatError(f"{where}: {error}") from error
-        count = sum(length for length, _ in self._parts)
-        names = dict.fromkeys(column for _, part in self._parts for column in part if column)
-        columns = {column: np.full(count, np.nan) for column in names}
-        stamp = np.zeros(count, dtype=np.int64)
-        first = 0
-        while self._parts:  # each is let go once it was copied
-            length, part = self._parts.pop(0)
-            for column, values in part.items():
-                (columns[column] if column else stamp)[first : first + length] = values
-            first += length
-        arrival = np.concatenate(self._arrivals) if self._arrivals else np.zeros(0, dtype=np.int64)
-        return Stream(name, self.type, columns, rows, stamp, arrival, self._joints, notes=tuple(self._notes))
-
-    def _read(self) -> None:
-        """Turn the messages that wait into columns; those of one shape together."""
-        if not self._waiting:
-            return
-        arrivals = np.concatenate([came for came, _ in self._waiting])
-        waiting, self._waiting, self._count = Block.joined([block for _, block in self._waiting]), [], 0
+    def taken(self) -> Stream:
+        """Return the messages that wait as columns, in the order in which they arrived; those wanted that none has."""
+        arrivals = np.concatenate([np.zeros(0, dtype=np.int64), *(came for came, _ in self._blocks)])
+        waiting, self._blocks, self.waiting = Block.joined([block for _, block in self._blocks]), [], 0
         pieces: dict[str, list[tuple[NDArray[np.int64], NDArray[Any]]]] = {}
         of, count = list[NDArray[np.int64]](), 0  # the message that each row is of
-        for messages, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
-            for own, part_of in _by_child(messages, records):
-                numbers = list(self._numbers(part_of))
-                if part_of is not records and not any(column for _, column, _ in numbers):
-                    continue  # a child that nobody wants
-                for inside, column, values in numbers:
-                    pieces.setdefault(column, []).append((count + inside, values))
-                    if len(pieces) > MOST_COLUMNS:  # before as many arrays are made
-                        raise FileFormatError(f"more than {MOST_COLUMNS} columns")
-                of.append(own)
-                count += len(own)
+        try:
+            for messages, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
+                for own, part_of in _by_child(messages, records):
+                    numbers = list(self._numbers(part_of))
+                    if part_of is not records and not any(column for _, column, _ in numbers):
+                        continue  # a child that nobody wants
+                    for inside, column, values in numbers:
+                        pieces.setdefault(column, []).append((count + inside, values))
+                        if len(pieces) > MOST_COLUMNS:  # before as many arrays are made
+                            raise FileFormatError(f"more than {MOST_COLUMNS} columns")
+                    of.append(own)
+                    count += len(own)
+        except FileFormatError as error:
+            raise FileFormatError(f"{self.where}: {error}") from error
         rows = np.concatenate([np.zeros(0, dtype=np.int64), *of])
         order = np.argsort(rows, kind="stable")
-        part: dict[str, NDArray[Any]] = {}
-        for column, numbers_of in pieces.items():
-            whole = np.zeros(count, dtype=np.int64) if column == "" else np.full(count, np.nan)
+        columns: dict[str, NDArray[Any]] = {name: np.full(count, np.nan) for name in self.wanted or ()}
+        for column, numbers_of in {"": [], **pieces}.items():
+            whole = np.full(count, np.nan) if column else np.zeros(count, dtype=np.int64)
             for at, values in numbers_of:
                 whole[at] = values
-            part[column] = whole[order]
-        self._arrivals.append(arrivals[rows[order]])
-        self._parts.append((count, part))
+            columns[column] = whole[order]
+        stamp = columns.pop("")
+        joints, notes = dict(self._joints), tuple(self._notes)
+        return Stream(self.name, self.type, columns, count, stamp, arrivals[rows[order]], joints, notes=notes)
 
     def _numbers(self, records: NDArray[np.void]) -> Iterator[tuple[NDArray[np.int64], str, NDArray[Any]]]:
         """Yield rows, column and numbers; the stamp of the header as the column "" [ns]."""

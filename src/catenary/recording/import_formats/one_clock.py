@@ -80,9 +80,8 @@ class OneClock:
         self._at: dict[tuple[str, str], Floats] = {}
         self.stamp = series.stamp
         self._own_stamp, self._seconds = series.stamp, None
-        self.rows_of_table = np.arange(len(series.stamp))
+        self.rows_of_base = rows = series.values[:, -1].astype(np.int64)  # in the order in which they were read
         if table is not None:
-            self.rows_of_table = rows = series.values[:, -1].astype(np.int64)
             self._own_stamp = table.stamp[rows]
             self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
         self._began = streams[self.base].began
@@ -184,13 +183,12 @@ class OneClock:
                 index = np.flatnonzero(rows)
                 if not len(index):
                     raise InputError(f"{name}: no row has a time")
-                # the last column is the row in the file
-                values = [stream.columns[column][index] for column in columns]
-                values += [index] * (name in stamps.table)
+                # the last column is the row as it was read
+                values = [*(stream.columns[column][index] for column in columns), index]
                 series = clean_series(
                     f"{name} ({part})" if part else name,
                     stamp[index],
-                    np.column_stack(values).astype(np.float64) if values else np.empty((len(index), 0)),
+                    np.column_stack(values).astype(np.float64),
                     max_gap=self._mapping.max_gap_s,
                     arrival=None if arrival is None else arrival[index],
                     span=span,

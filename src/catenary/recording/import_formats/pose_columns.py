@@ -51,7 +51,7 @@ def poses_of(streams: Sequence[Stream]) -> list[PoseColumns]:
         own = any(other.name.startswith(f"{place}/") and re.search(r"_j[spvf]\Z", other.name) for other in streams)
         if verb.endswith("_cp") and (verb != "measured_cp" or own or _ARM.match(place)):
             continue
-        poses = [*_by_parts(stream), *(_by_names(stream) if stream.type == "table" else ())]
+        poses = [*poses_by_parts(stream), *(_by_names(stream) if stream.type == "table" else ())]
         found += [one for one in poses if any(_moves(stream.columns[column]) for column in one.taken)]
     return found
 
@@ -61,7 +61,7 @@ def _moves(values: NDArray[Any]) -> bool:
     return len(finite) > 0 and finite.max() > finite.min()
 
 
-def _by_parts(stream: Stream) -> list[PoseColumns]:
+def poses_by_parts(stream: Stream) -> list[PoseColumns]:
     """Return poses such as pose.position.x ... pose.orientation.w, and points alone."""
     front, found = "" if stream.type == "table" else f"{stream.name}.", list[PoseColumns]()
     for name in [name for name in stream.columns if name.endswith(".x")]:

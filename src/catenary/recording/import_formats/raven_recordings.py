@@ -6,21 +6,18 @@ of insertion too; ext_jpos and measured_js are rad and m. Which columns are whic
 """
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
 from catenary.config import parse_settings
 from catenary.errors import FileFormatError, InputError
-from catenary.files import table_ending, written_whole
+from catenary.files import table_ending
 from catenary.raven2.topics import (
     EXT_JPOS,
     RAVENSTATE,
@@ -32,14 +29,12 @@ from catenary.raven2.topics import (
     measured_topic,
 )
 from catenary.raven2.transmission import CALIBRATED, COUPLING, JOINT_TORQUE
-from catenary.recording.extract import topic_file
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.importer import Synchronisation, synchronise
 from catenary.recording.import_formats.mapping import RecordingMapping, layout_mapping
 from catenary.recording.import_formats.sources import Sources
-from catenary.recording.import_formats.text_head import is_number
-from catenary.recording.series import ClockStep, Series, clean_series, without_steps
-from catenary.topics import SECOND, Topic, TopicColumn
+from catenary.recording.import_formats.table_files import read_table_file
+from catenary.topics import SECOND
 
 
 @cache
@@ -58,7 +53,7 @@ def read_raven(
     and the further columns that are asked for. measured_js, which repeats jpos, is only reported on.
 
     Args:
-        paths: Extraction, journal, bags, or the published CSV.
+        paths: Journal, bags, or the published CSV.
         arm: Whose log.
         columns: Further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",).
         max_gap: Between two samples that are interpolated between [s].
@@ -71,7 +66,7 @@ def read_raven(
     there = {stream.name for stream in sources.streams}
     states = [topic.name for topic in (RAVENSTATE, RAVENSTATE_100HZ) if topic.name in there]
     if len(states) > 1:
-        raise FileFormatError(f"{paths[0]}: has {' and '.join(states)}; expected one, extract only that")
+        raise FileFormatError(f"{paths[0]}: has {' and '.join(states)}; expected one")
     state = states[0] if states else RAVENSTATE.name
     mapping = layout_mapping(
         "raven2/topics",
@@ -95,9 +90,7 @@ def read_raven(
 def raven_columns(path: Path) -> Sources:
     """Open RAVEN-II's published CSV as the topics that it was made from, in SI."""
     table = _read_numbers(path)
-    if len(table) == 0:
-        raise InputError(f"{path}: has no rows")
-    parts, first, origin = {}, 0, 0.0
+    parts, first = {}, 0
     for topic in raven_table()["topics"]:
         width = 1 + sum(count for _, count in topic["columns"])
         parts[topic["name"]] = topic, table[:, first : first + width]
@@ -154,90 +147,11 @@ def _part(
 
 
 def _read_numbers(path: Path) -> NDArray[Any]:
-    if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
-    with path.open("rb") as file:
-        head = file.readline(100_000).decode(errors="replace").strip().split(",")
+    (table,) = read_table_file(path)
     widths = raven_table()["widths"]
-    if len(head) not in widths:
+    if len(table.columns) not in widths:
         raise FileFormatError(
-            f"{path}: {len(head)} columns, expected RAVEN-II's {widths[0]}, or {widths[1]} with force; "
-            f"`catenary import {path}` proposes how to read others"
+            f"{path}: {len(table.columns)} columns of numbers, expected RAVEN-II's {widths[0]}, or {widths[1]} with "
+            f"force; `catenary import {path}` proposes how to read others"
         )
-    names = [str(i) for i in range(len(head))]
-    try:
-        read = pa.csv.ReadOptions(column_names=names, skip_rows=0 if is_number(head[0]) else 1)
-        convert = pa.csv.ConvertOptions(
-            column_types={name: pa.float64() for name in names}, null_values=["", "nan", "NaN", "-nan"]
-        )
-        table = pa.csv.read_csv(path, read, convert_options=convert)
-    except (pa.ArrowException, OSError, MemoryError) as error:
-        raise FileFormatError(f"{path}: cannot be read as RAVEN-II's CSV: {error}") from error
-    return np.column_stack([column.to_numpy() for column in table.columns]).astype(np.float64)
-
-
-def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: float = 0.05) -> int:
-    """Write an extraction in the published layout without force, in bounded memory.
-
-    Args:
-        folder: What `extract` wrote.
-        path: The file; replaced if it is there.
-        arm: Whose measured_js.
-        max_gap: A sample further away than this [s] is left out: its stamp and numbers are `nan`.
-
-    Returns:
-        Number of rows.
-    """
-    there = [topic for topic in (RAVENSTATE_100HZ,) if (folder / f"{topic.stem}.parquet").is_file()]
-    file = topic_file(folder, there[0] if there else RAVENSTATE)
-    told = file.read(["stamp", "arrival"])
-    stamps, steps = without_steps(told["stamp"], told["arrival"])
-    topics = (EXT_JPOS, measured_topic(arm))
-    parts = [_positions(folder, topic, max_gap, steps) for topic in topics]
-    rows = 0
-    listed = next(topic["columns"] for topic in raven_table()["topics"] if topic["name"] == RAVENSTATE.name)
-    columns = [STATE_COLUMNS[name] for name, _ in listed]
-    names = [name for column in columns for name in column.names]
-    options = pa.csv.WriteOptions(include_header=False, quoting_style="none")
-    with written_whole(path) as out:
-        first = int(stamps[0]) if file.rows else 0
-        for group in range(file.row_groups):
-            content = file.read(names, group)
-            stamp_ns = stamps[rows : rows + len(content[names[0]])]
-            blocks: list[NDArray[Any]] = [*_nearest(parts[0], stamp_ns, max_gap, first)]
-            blocks += [*_nearest(parts[1], stamp_ns, max_gap), stamp_ns / SECOND]
-            blocks += [_published(column, content[name]) for column in columns for name in column.names]
-            table = pa.table(blocks, names=[str(i) for i in range(len(blocks))])
-            pa.csv.write_csv(table, out, options)
-            rows += len(stamp_ns)
-    return rows
-
-
-def _positions(folder: Path, topic: Topic, max_gap: float, steps: Sequence[ClockStep]) -> Series:
-    """Return the positions of an extracted topic, in order of time."""
-    file = topic_file(folder, topic)
-    names = topic.columns[0].names
-    told = file.read(["stamp", "arrival", *names])
-    values = np.column_stack([told[name] for name in names])
-    return clean_series(topic.name, told["stamp"], values, max_gap=max_gap, arrival=told["arrival"], clock_steps=steps)
-
-
-def _nearest(series: Series, stamp: NDArray[np.int64], max_gap: float, origin: int = 0) -> Iterator[Floats]:
-    """Stamp [s] and numbers of the samples nearest in time, column by column."""
-    right = np.clip(np.searchsorted(series.stamp, stamp), 0, len(series.stamp) - 1)
-    left = np.maximum(right - 1, 0)
-    nearer = np.abs(series.stamp[left] - stamp) <= np.abs(series.stamp[right] - stamp)
-    index = np.where(nearer, left, right)
-    near = np.abs(series.stamp[index] - stamp) <= max_gap * SECOND
-    yield np.where(near, (series.stamp[index] - origin) / SECOND, np.nan)
-    for column in series.values.T:
-        yield np.where(near, column[index], np.nan)
-
-
-def _published(column: TopicColumn, values: NDArray[Any]) -> NDArray[Any]:
-    """Numbers in the robot's own units and type: the float32 or whole number that was in the message."""
-    if column.whole:
-        return values
-    if column.path in ("pos", "pos_d"):
-        return np.rint(values / column.to_si).astype(np.int32)
-    return (values / column.to_si).astype(np.float32)
+    return np.column_stack(list(table.columns.values())).astype(np.float64)

@@ -12,7 +12,7 @@ told: L. Everett & T.-W. Hsu, J. Mech. Design 110 (1988)]
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,11 +135,11 @@ def register(
     frame: str | None = None,
     base: Pose | None = None,
     marker: Pose | None = None,
+    zeros: Literal["free", "held"] = "free",
 ) -> TrackerRegistration:
-    """Find the transforms that are not given, and the chosen joints' offsets.
+    """Find the transforms that are not given, and the chosen joints' offsets unless their zeros are held.
 
     Args:
-        model: The robot.
         tracked: Poses; rows that are not finite are left out.
         chosen: Joints that were recorded, as indices.
         frame: The robot's frame that the marker is fixed to; its tip when None.
@@ -161,7 +161,7 @@ def register(
     joints = [1.0 if model.joint_units[j] == "m" else 1.0 / reach for j in chosen]
     units = np.concatenate([turns, np.ones(3), turns, np.ones(3), joints, [1.0 / max(speed, 1e-6)]])
     free = [base is None] * 6 + [marker is None and seen.rotation is not None] * 3 + [marker is None] * 3
-    basis = np.eye(len(units))[:, [*free, *[True] * len(joints), speed > 1e-6]]
+    basis = np.eye(len(units))[:, [*free, *[zeros == "free"] * len(joints), speed > 1e-6]]
     every = _Problem(model, seen, list(chosen), frame, middle, reach, units, basis, USUAL)
     coarse = replace(every, tracked=seen.evenly(_COARSE), noise=np.array([0.1 * reach, 0.1]))
     starts = [coarse.solved(start, robust=True, steps=20) for start in coarse.starts(base, marker)]

@@ -5,20 +5,16 @@ from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Self
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import ADVICE, TEXT_ENDINGS, fingerprint, sha256_of, table_ending
 from catenary.recording.bag_reader import bags_in, is_bag_file
-from catenary.recording.extract import TopicFile, is_extraction
-from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.csv_files import Block, TextTable, joined
+from catenary.recording.import_formats.columns import Stream, joined
+from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.import_formats.hdf5_files import is_hdf5, read_hdf5
 from catenary.recording.import_formats.lerobot import is_lerobot, read_lerobot
-from catenary.recording.import_formats.message_columns import SAMPLED, Bag
+from catenary.recording.import_formats.message_columns import Bag
 from catenary.recording.import_formats.table_files import read_table_file, stream_of_text
 from catenary.recording.import_formats.tracker_files import is_tracker_file
 from catenary.recording.journal import About, same_origin
@@ -30,83 +26,41 @@ _NAMELESS = (".mat", ".npy", ".txt")  # tables that no layout is of
 Progress = Callable[[float], object]
 
 
-class ExtractedTopics:
-    """What `extract` wrote: a Parquet file for each topic, its columns called as in the topic's messages."""
-
-    def __init__(self, path: Path) -> None:
-        """Open its files."""
-        files = [TopicFile(file) for file in sorted(path.glob("*.parquet"))]
-        self._files = {file.topic.name: file for file in files}
-        self.counts = {name: file.rows for name, file in self._files.items() if file.rows}
-        self.about = next((file.about for file in files), None)
-        self.problems: list[str] = []
-
-    def sample(self) -> list[Stream]:
-        """Return the first messages of every topic."""
-        return [self._stream(name, None) for name in self.counts]
-
-    def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
-        """Return topics with the columns that are wanted of each, all messages."""
-        return [self._stream(name, columns) for name, columns in wanted.items()]
-
-    def _stream(self, name: str, wanted: Collection[str] | None) -> Stream:
-        file = self._files[name]
-        stored = dict(pair for c in file.topic.columns for pair in zip(c.paths, c.names, strict=True))
-        chosen = [column for column in stored if wanted is None or column in wanted]
-        groups = range(file.row_groups) if wanted is not None else range(1)
-        rows = file.rows if wanted is not None else min(file.rows_of(0), SAMPLED)
-        columns = {column: np.empty(rows) for column in chosen}
-        stamp, arrival = np.empty((2, rows), dtype=np.int64)
-        first = 0
-        for group in groups:
-            content = file.read(["stamp", "arrival", *(stored[column] for column in chosen)], group)
-            here = slice(first, min(rows, first + len(content["stamp"])))
-            count = here.stop - first
-            stamp[here], arrival[here] = content["stamp"][:count], content["arrival"][:count]
-            for column in chosen:
-                columns[column][here] = content[stored[column]][:count]
-            first = here.stop
-        # a column of no number stands for a field that no message has
-        there = {column: v for column, v in columns.items() if np.isfinite(v).any() or wanted is not None}
-        joints = {
-            column.path: tuple(label for label in column.labels if f"{column.path}[{label}]" in there)
-            for column in file.topic.columns
-            if column.width > 1
-        }
-        return Stream(name, file.topic.type, there, file.rows, stamp, arrival, joints)
-
-
 class LongText:
     """A text table whose first rows are looked at, and of which columns are read when they are wanted."""
+
+    about: About | None = None
 
     def __init__(self, path: Path, progress: Progress) -> None:
         """Open it."""
         self.table, self._progress = TextTable(path), progress
-        self.about, self.problems = None, list[str]()
-        with path.open("rb") as file:
-            lines = sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 22), b""))
-        self.counts = {path.stem: lines - self.table.head.begins}
+        self.counts = {path.stem: self.table.about_rows}
+
+    @property
+    def problems(self) -> list[str]:
+        """What was found among the rows; complete once they were read."""
+        return [f"{self.table.path.stem}: {note}" for note in self.table.notes[len(self.table.head.notes) :]]
 
     def sample(self) -> list[Stream]:
         """Return its first rows."""
-        held, count = list[Block](), 0
+        held, count = list[Stream](), 0
         for block in self.table.blocks():
-            held.append(block)
+            held.append(stream_of_text(self.table, block))
             count += sum(map(len, block.values()))
             if count >= SAMPLED_NUMBERS:
                 break
-        stream = stream_of_text(self.table, joined(held))
-        (rows,) = self.counts.values()
-        notes = (*stream.notes, f"of about {rows} rows the first {stream.rows} were looked at")
-        return [replace(stream, rows=rows, notes=notes)]
+        stream = joined(held)
+        notes = (*stream.notes, f"of about {self.table.about_rows} rows the first {stream.rows} were looked at")
+        return [replace(stream, rows=self.table.about_rows, notes=notes)]
 
-    def blocks(self, wanted: Mapping[str, Collection[str]]) -> Iterator[Block]:
+    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
         """Yield columns, some thousand rows at a time."""
-        return self.table.blocks(wanted[self.table.path.stem], self._progress)
+        for block in self.table.blocks(wanted[self.table.path.stem], self._progress):
+            yield [stream_of_text(self.table, block)]
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
         """Return the columns that are wanted, whole."""
-        return [stream_of_text(self.table, joined(list(self.blocks(wanted))))]
+        return [joined([part for (part,) in self.parts(wanted)])]
 
 
 class Sources:
@@ -116,14 +70,14 @@ class Sources:
         """Open them: a sample of each bag's topics, tables whole, but the first rows of a long text.
 
         Args:
-            paths: Bags, tables, journals, extractions, or folders of bags.
+            paths: Bags, tables, journals, or folders of bags.
             progress: Is told the share of a file that was read.
         """
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
         self.notes: list[str] = []
-        self._bags: list[Bag | ExtractedTopics | LongText] = []
+        self._bags: list[Bag | LongText] = []
         self._whole: list[Stream] = []
         bags: list[Bag] = []
         for path in paths:
@@ -134,8 +88,6 @@ class Sources:
                 self._whole += read_lerobot(container, episode)
             elif is_hdf5(container):
                 self._whole += read_hdf5(container, episode)
-            elif is_extraction(path):
-                self._bags.append(ExtractedTopics(path))
             elif is_bag(path):
                 bags += [Bag(part, progress) for part in bags_in(path)]
             elif table_ending(path) in TEXT_ENDINGS and path.stat().st_size > LONG_TEXT and not is_tracker_file(path):
@@ -160,16 +112,15 @@ class Sources:
         return made
 
     @property
-    def long_text(self) -> LongText | None:
-        """The one long text table, where the recording is that alone."""
-        only = self._bags[0] if len(self._bags) == 1 and not self._whole else None
-        return only if isinstance(only, LongText) else None
+    def alone(self) -> Bag | LongText | None:
+        """The one bag or long text table, where the recording is that alone: it can be read in parts."""
+        return self._bags[0] if len(self._bags) == 1 and not self._whole else None
 
-    def holding(self, piece: Stream) -> Self:
-        """Return it with a piece of its table to be read; what its first rows told stays."""
+    def holding(self, streams: Sequence[Stream]) -> Self:
+        """Return it with these to be read in place of its own; what was told of its columns stays."""
         self.sha256  # noqa: B018  once for all pieces
         made = copy(self)
-        made._whole, made._bags, made.notes = [piece], [], []
+        made._whole, made._bags, made.notes = list(streams), [], []
         return made
 
     @property
@@ -222,40 +173,13 @@ def is_bag(path: Path) -> bool:
 
 def _joined(streams: Sequence[Stream]) -> list[Stream]:
     """Return streams with the parts of a topic that lie in several bags put one behind the other."""
-    found: dict[str, Stream] = {}
+    found: dict[str, list[Stream]] = {}
     for stream in streams:
-        if stream.name not in found:
-            found[stream.name] = stream
-        elif stream.type == "table" or found[stream.name].type != stream.type:
+        parts = found.setdefault(stream.name, [])
+        if parts and (stream.type == "table" or parts[0].type != stream.type):
             raise InputError(
-                f"{stream.name}: is there twice, as {found[stream.name].type} and as {stream.type}; "
+                f"{stream.name}: is there twice, as {parts[0].type} and as {stream.type}; "
                 "expected parts of one recording"
             )
-        else:
-            found[stream.name] = _behind(found[stream.name], stream)
-    return list(found.values())
-
-
-def _behind(first: Stream, second: Stream) -> Stream:
-    lengths = [0 if stream.stamp is None else len(stream.stamp) for stream in (first, second)]
-
-    def column(name: str) -> NDArray[Any]:
-        parts = zip((first, second), lengths, strict=True)
-        return np.concatenate([s.columns[name] if name in s.columns else np.full(n, np.nan) for s, n in parts])
-
-    def stamps(name: str) -> NDArray[np.int64]:
-        return np.concatenate([getattr(first, name), getattr(second, name)])
-
-    joints = {
-        array: tuple(dict.fromkeys([*first.joints.get(array, ()), *second.joints.get(array, ())]))
-        for array in {**first.joints, **second.joints}
-    }
-    return replace(
-        first,
-        columns={name: column(name) for name in {**first.columns, **second.columns}},
-        rows=first.rows + second.rows,
-        stamp=stamps("stamp"),
-        arrival=stamps("arrival"),
-        joints=joints,
-        notes=tuple(dict.fromkeys([*first.notes, *second.notes])),
-    )
+        parts.append(stream)
+    return list(map(joined, found.values()))

@@ -18,9 +18,9 @@ from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.files import ADVICE, TEXT_ENDINGS, table_ending
-from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.csv_files import Block, TextTable, joined
-from catenary.recording.import_formats.tracker_files import read_tracker_file
+from catenary.recording.import_formats.columns import Stream, joined
+from catenary.recording.import_formats.csv_files import Block, TextTable
+from catenary.recording.import_formats.tracker_files import is_tracker_file, read_tracker_file
 from catenary.recording.parquet_files import MOST_COLUMNS
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
@@ -29,12 +29,7 @@ DEEPEST = 8  # structs and cells within each other
 
 
 def read_rows(path: Path, names: Sequence[str]) -> Floats:
-    """Read columns of a table by their names, (N, k).
-
-    Raises:
-        FileFormatError: No table.
-        InputError: Columns are missing.
-    """
+    """Read columns of a table by their names, (N, k)."""
     (stream,) = read_table_file(path)
     missing = [name for name in names if name not in stream.columns]
     if missing:
@@ -58,11 +53,13 @@ def read_table_file(path: Path) -> list[Stream]:
         return _unpacked(path)
     ending = table_ending(path)
     if ending in TEXT_ENDINGS:
-        exported = read_tracker_file(path)
-        if exported is not None:
-            return [exported]
+        if is_tracker_file(path):
+            return [read_tracker_file(path)]
         text = TextTable(path)
-        return [stream_of_text(text, joined(list(text.blocks())))]
+        parts = [stream_of_text(text, block) for block in text.blocks()]
+        if not parts:
+            raise FileFormatError(f"{path}: has no row of numbers")
+        return [replace(joined(parts), notes=tuple(text.notes))]
     if ending == ".parquet":
         return [read_parquet_table(path)]
     if ending == ".npz":
@@ -77,10 +74,12 @@ def read_table_file(path: Path) -> list[Stream]:
     )
 
 
-def stream_of_text(text: TextTable, columns: Block) -> Stream:
-    """Return columns of a text table as a stream."""
+def stream_of_text(text: TextTable, block: Block) -> Stream:
+    """Return rows of a text table as a stream."""
     dates = tuple(column.name for column in text.head.columns if column.date is not None)
-    return replace(_table(text.path, columns, {}, text.notes), joints=text.head.joints, dates=dates)
+    columns = {name: v if v.dtype.kind == "i" else v.astype(np.float64) for name, v in block.items()}
+    rows, notes = len(next(iter(columns.values()))), tuple(text.head.notes)
+    return Stream(text.path.stem, "table", columns, rows, joints=text.head.joints, dates=dates, notes=notes)
 
 
 def _unpacked(path: Path) -> list[Stream]:

@@ -43,7 +43,6 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
     """Return the stamps of a table's rows; None where it has none.
 
     Args:
-        stream: The table.
         columns: Which column holds the time, one for each table; without, the one whose name says so.
         unit: Of that column; where None it is told by its name, by being a time since 1970, or by the rate of rows.
         rate: Rows a second [Hz], for a table without time.

@@ -85,10 +85,7 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = ()) -> Tex
     above numbers. The line of names is the last line before them, or the last comment, that has a cell for each
     column; a line of units behind it goes into the names. A table without names has `data[0]`, `data[1]`, ...
 
-    Args:
-        where: The file, for errors.
-        lines: Its first lines, empty ones too.
-        last: Its last lines, where they are not among the first.
+    `lines` are its first ones, empty ones too, `last` its last ones, where they are not among the first.
     """
     lines = [lines[0].lstrip("\ufeff"), *lines[1:]] if lines else []
     plain = [k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
@@ -182,8 +179,6 @@ def _names(
     texts = [cell for cell in cells if cell and not dialect.is_value(cell)]
     if len(cells) == used and len(texts) >= used / 2:
         return [_with_unit(*each) for each in zip(cells, units, strict=True)], []
-    if len(cells) == used - 1 and len(texts) == len(cells) and _counts([row[0] for _, row in rows]):
-        return ["row", *cells], ["its first column has no name and counts the rows"]  # R's write.table
     few = f"{len(cells)} names for {used} columns ({', '.join(map(cut, cells[:5]))}, ...): none was taken"
     is_prose = COMMENT.match(said[-1]) and len(cells) < used / 2
     return [], [few] * (len(cells) > 1 and len(texts) == len(cells) and not is_prose)
@@ -199,12 +194,6 @@ def _words(line: str, used: int, dialect: TextDialect) -> list[str]:
 
 def _with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit not in ("", "-", "1") and not re.search(r"[\[(]", name) else name
-
-
-def _counts(cells: Sequence[str]) -> bool:
-    """Return whether cells are 1, 2, 3, ... or 0, 1, 2, ..."""
-    numbers = [int(cell) if (cell := each.strip('"')).isdigit() else -1 for each in cells[:20]]
-    return numbers[0] in (0, 1) and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
 def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:

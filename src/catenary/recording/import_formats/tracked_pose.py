@@ -115,7 +115,7 @@ def registered(
     marker = None if tracked.T_marker_frame is None else tracked.T_marker_frame.pose().inverse()
     if base is not None and marker is not None:
         return base, marker, []
-    made = register(model, poses, chosen, frame=tracked.frame, base=base, marker=marker)
+    made = register(model, poses, chosen, frame=tracked.frame, base=base, marker=marker, zeros=tracked.zeros)
     names, units = ([of[j] for j in chosen] for of in (model.joint_names, model.joint_units))
     return made.found.base, made.found.marker, made.notes(names, units)
 
@@ -129,8 +129,6 @@ def joints_from_poses(
     frame where it sits is nearest.
 
     Args:
-        model: The robot.
-        tracked: Frame, whether the orientation counts, and how near is near.
         poses: Of the marker, and what the robot reported then; NaN where one has none.
         base: T_base_tracker.
         marker: T_frame_marker.

@@ -22,17 +22,9 @@ FAR = 1.0  # [rad] from the others of a measurement that is no matter of turns
 def unwrap_columns(
     streams: Mapping[str, Stream], places: Sequence[Place], scale: Floats, units: Sequence[str], names: Sequence[str]
 ) -> tuple[dict[str, Stream], dict[str, int]]:
-    """Make columns of angles continuous that jump by a turn from one row to the next.
+    """Make columns of angles continuous that jump by a turn from one row to the next; say how often each joint did.
 
-    Args:
-        streams: By name.
-        places: Columns of the joints (n).
-        scale: (n,) what makes them rad and m.
-        units: "rad" or "m" per joint.
-        names: Of the joints.
-
-    Returns:
-        The streams, and how often each joint jumped that did.
+    `scale` (n,) makes the columns at `places` rad and m.
     """
     changed, jumped = dict(streams), dict[str, int]()
     for place, factor, unit, name in zip(places, scale, units, names, strict=True):
@@ -73,13 +65,8 @@ def in_one_turn(
 ) -> tuple[Floats, Floats | None, list[str]]:
     """Bring measurements into the turn of the commands, and both into the robot's limits, by whole turns; say so.
 
-    Args:
-        q_nominal: (N, n) [rad|m].
-        q_encoder: (N, n), NaN where nothing was measured.
-        units: "rad" or "m" per joint.
-        names: Of the joints.
-        model: The robot, if it is known.
-        jumped: Joints that were made continuous: at which turn they began is not known.
+    Positions are (N, n) [rad|m], NaN where nothing was measured. Of the joints that `jumped`, and were made
+    continuous, it is not known at which turn they began.
     """
     q, measured = q_nominal.copy(), None if q_encoder is None else q_encoder.copy()
     notes = []

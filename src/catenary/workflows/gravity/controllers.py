@@ -28,10 +28,6 @@ def make_controller(name: str, arm: SimulatedArm, *, damping: Damping = "relativ
     """Return one of CONTROLLERS for an arm, with the arm's own gains.
 
     Damping "absolute" leaves the reference's velocity out, as RAVEN-II's firmware does.
-
-    Raises:
-        InputError: No such controller, one that the arm has no springs for, or an option that it does not take.
-        MissingInertiaError: The model has links without inertia.
     """
     if name not in CONTROLLERS:
         raise InputError(f'controller "{name}": expected one of {", ".join(CONTROLLERS)}')

@@ -48,18 +48,12 @@ def make_motion(
     """Return a motion of all joints by name.
 
     Args:
-        name: "cartesian", the paper's sinusoids of the tip along axes of the base; "random", each joint by itself over
-            half of its range; "poses", at rest at POSES positions along the first joint's range.
+        name: "cartesian", the paper's sinusoids of the tip along `axes` of the base by an amplitude [m]; "random", each
+            joint by itself over half of its range for some seconds; "poses", at rest at POSES positions along the first
+            joint's range.
         limits: Its plant or itself: the joint limits to keep.
         q_start: (n,) where cartesian begins, and where the other joints of poses stand [rad|m]; RAVEN_START, or the
             middle of the range, when None.
-        amplitude: Of the sinusoids [m].
-        axes: Of the base; a planar arm has two.
-        seconds: Of the random motion.
-
-    Raises:
-        InputError: No such motion, or joints without limits where their range is needed.
-        LimitError: The sinusoids leave the robot's reach.
     """
     if name not in MOTIONS:
         raise InputError(f'motion "{name}": expected one of {", ".join(MOTIONS)}')

@@ -77,13 +77,10 @@ def simulated_arm(
         base: What it stands on from the start; a level base when None.
         payload: Mass at the tool's wrist, or at the tip [kg], of which the model knows nothing.
         seed: Draws another robot of the same kind, which cables have; the nominal one when None.
-        massless: Links of a file that are meant to have no mass (`load_robot`).
-        strict: Refuse inertias that no body has.
-        kp: Stiffness of PD, one number or (n,) [Nm/rad|N/m]; the arm's own when None.
-        kd: Its damping, likewise [Nms/rad|Ns/m].
-        friction: Coulomb friction of joints, one number or (n,) [Nm|N]; of a robot without cables; what was
-            identified, if anything, when None.
-        viscous: Viscous friction, likewise [Nms/rad|Ns/m].
+        massless: Links of a file that are meant to have no mass; see `load_robot`, also for `strict`.
+        kp: Stiffness of PD, one number or (n,) [Nm/rad|N/m]; kd: its damping [Nms/rad|Ns/m]; the arm's own when None.
+        friction: Coulomb friction of a robot without cables, one number or (n,) [Nm|N]; viscous: likewise
+            [Nms/rad|Ns/m]; what was identified, if anything, when None.
 
     Raises:
         UnsupportedModelError: A seed for a robot that has no cables, or joint friction for one that has.
@@ -137,12 +134,8 @@ def rigid_arm(
 ) -> SimulatedArm:
     """Simulate any robot as rigid bodies, enabled, with gains by rule.
 
-    Args:
-        base: What it stands on; a level base when None.
-        payload: Mass at the tip [kg], of which the model knows nothing.
-        start: (n,) where it stands at first [rad|m]; zero, or the middle of its limits, when None.
-        motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
-        hardware: Friction of its joints, none when None; its rotors are `motor_inertia`.
+    It stands at `start` (n,) [rad|m] on a base, as `open_robot` has them when None, with a payload [kg] at its tip
+    of which the model knows nothing. `hardware` is its friction, `motor_inertia` (n,) rotors at its joints [kg m2|kg].
     """
     model.require_inertia()
     n = model.n
@@ -185,15 +178,13 @@ def raven_gains(firmware: Firmware) -> JointGains:
 
     [RAVEN-II source: Kp, Kd per motor, at the gearbox's output]
     """
-    n = POSITIONING
-    return gains_at_joints(firmware.kp[:n], firmware.kd[:n], firmware.ratio[:n], firmware.gearbox[:n])
+    return gains_at_joints(*(getattr(firmware, name)[:POSITIONING] for name in ("kp", "kd", "ratio", "gearbox")))
 
 
 def raven_motor_inertia(arm: CableArm) -> Floats:
     """Return what RAVEN-II's motors add to the mass matrix, by its nominal ratios and coupling, (3, 3)."""
-    n = POSITIONING
-    firmware = arm.firmware
-    return reflected_inertia(arm.cable.rotor_inertia, np.abs(firmware.ratio[:n]), firmware.coupling)
+    ratio = np.abs(arm.firmware.ratio[:POSITIONING])
+    return reflected_inertia(arm.cable.rotor_inertia, ratio, arm.firmware.coupling)
 
 
 def base_sensor(
@@ -207,13 +198,8 @@ def base_sensor(
 ) -> tuple[SimulatedSensor, Mounting]:
     """Put a cheap inertial unit, 200 Hz, at the origin of a base; return it and the mounting that is told of it.
 
-    Args:
-        start: Time of its first sample [s]; the plant's.
-        bias: (3,) of its accelerometer, of which the mounting knows nothing [m/s2]: what a calibration left.
-        noise: Standard deviation of an axis of a reading [m/s2]; an MPU-6050's when None.
-
-    Raises:
-        InputError: A bias that is no vector, or negative noise.
+    It begins at `start` [s] of the plant. Of the accelerometer's bias (3,) [m/s2], left by a calibration, the mounting
+    knows nothing. Noise is the standard deviation of an axis of a reading [m/s2]; an MPU-6050's when None.
     """
     model = SensorModel()
     if noise is not None:

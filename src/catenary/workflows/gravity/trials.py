@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.control.gravity_pd import GravityPD
-from catenary.control.loop import GravitySource, Observer, Tick, run_loop
+from catenary.control.loop import Flags, GravitySource, Observer, Tick, run_loop
 from catenary.control.loop_report import Holding, Tracking
 from catenary.control.pd import Controller, SplitController
 from catenary.errors import InputError
+from catenary.plant import JointState
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
 from catenary.workflows.robot.motion import check_motion, gentle_way
@@ -33,20 +34,14 @@ def track(
     gravity: GravitySource | None = None,
     observers: Sequence[Observer] = (),
 ) -> Tracking:
-    """Bring an arm to a motion's start, let it settle there, and follow the motion, all with the same controller.
+    """Bring an arm to a motion's start, let it settle there [s], and follow the motion, all with the same controller.
 
-    All is measured at the motors, as the paper did.
-
-    Args:
-        settle: Time at the start before the motion begins [s].
-        windows: Times of the motion that count in the measures, from and to [s]; all of it when None.
-        gravity: Says what gravity is; what the plant says when None.
-        observers: Called with every tick of the motion itself, the way to its start and the settling left out.
+    All is measured at the motors, as the paper did. Windows are the times of the motion that count in the measures,
+    from and to [s]. `gravity` says what gravity is; what the plant says when None. Observers get the motion's ticks.
 
     Raises:
         LimitError: The motion leaves the joint limits; nothing has moved.
         InputError: The motion is of other joints, or a window lies outside it.
-        NotReadyError: The arm is not ready.
     """
     plant = arm.plant
     check_motion(plant, trajectory)
@@ -90,17 +85,36 @@ def with_approach(arm: SimulatedArm, trajectory: Trajectory, settle: float) -> t
     return InTurn([way, Rest(goal, max(0.0, begin - way.duration)), trajectory]), begin
 
 
+class TruePositions:
+    """Positions of a simulated arm's joints as they truly are, as from a perfect calibration; a StateCorrector."""
+
+    def __init__(self, arm: SimulatedArm) -> None:
+        self._arm = arm
+
+    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
+        """Do nothing: there is nothing to forget."""
+
+    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
+        """Write the true positions (n,) [rad|m]."""
+        out[:], inside[:], interval[:] = self._arm.q_true(), True, 0.0
+
+
 def hold(
-    arm: SimulatedArm, controller: Controller, q: ArrayLike, seconds: float, *, gravity: GravitySource | None = None
+    arm: SimulatedArm,
+    controller: Controller,
+    q: ArrayLike,
+    seconds: float,
+    *,
+    gravity: GravitySource | None = None,
+    calibrated: bool = False,
 ) -> Holding:
     """Place an arm at q (n,) [rad|m] by PD and sensed gravity, then let the controller alone hold it for a time.
 
-    `gravity` says what gravity is; what the plant says when None.
+    `gravity` says what gravity is; what the plant says when None. The controllers see joints as the robot reports them,
+    or, calibrated, as they truly are.
 
     Raises:
         LimitError: q lies outside the joint limits; nothing has moved.
-        InputError: q of another shape, or a time that is not positive.
-        NotReadyError: The arm is not ready.
     """
     plant = arm.plant
     pose = as_array("q", q, (arm.model.n,))
@@ -110,13 +124,16 @@ def hold(
     placing = GravityPD(arm.model, arm.gains.kp, arm.gains.kd)
     whole, _ = with_approach(arm, Rest(pose, 0.0), SETTLE)
     limits, rate = arm.limits(), 1.0 / plant.period
-    run_loop(plant, placing, whole, limits=limits, rate_hz=rate, gravity=gravity)
+    corrector = TruePositions(arm) if calibrated else None
+    run_loop(plant, placing, whole, limits=limits, rate_hz=rate, gravity=gravity, corrector=corrector)
     rows: list[tuple[float, Floats, Floats]] = []
 
     def observe(tick: Tick) -> None:
         rows.append((tick.time, tick.q_nominal, arm.q_true()))
 
-    held = Rest(plant.measured_js().q, seconds)
-    report = run_loop(plant, controller, held, limits=limits, rate_hz=rate, gravity=gravity, observers=[observe])
+    held = Rest(arm.q_true() if calibrated else plant.measured_js().q, seconds)
+    report = run_loop(
+        plant, controller, held, limits=limits, rate_hz=rate, gravity=gravity, corrector=corrector, observers=[observe]
+    )
     time, reported, true = (np.array(column) for column in zip(*rows, strict=True))
     return Holding(plant.joint_names, plant.joint_units, time, reported, true, gravity=report.gravity)

@@ -124,35 +124,7 @@ def calibrate_robot(
     project.ran.clear()
     run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
     models = _models(project, project.settings.robot, asked, run)
-    with project:
-        return _calibrated(project, SimulatedRobot() if robot is None else robot, models, run, progress)
-
-
-def _models(project: Project, robot: str | None, asked: FitOptions | None, run: FitRun) -> Mapping[str, FitOptions]:
-    """Return the options of a project's models, before minutes of motion and fits."""
-    asked = FitOptions(kind="auto") if asked is None else asked
-    require_folds(asked, run)
-    return models_for(robot, replace(asked, seed=project.settings.seed or 0))
-
-
-def _calibrated(
-    project: Project,
-    robot: ProjectRobot,
-    models: Mapping[str, FitOptions],
-    run: FitRun,
-    progress: Callable[[str], Progress],
-) -> CalibrationResult:
-    progress("home")
-    robot.home(project)
-    robot.record(project, TRAIN, *excitation(project), after="home", progress=progress("excite"))
-    test_motion = random_motion(project, 60.0 * project.settings.test_minutes)
-    robot.record(project, TEST, *test_motion, after=TRAIN, progress=progress("record the test motion"))
-    progress("extract")
-    for name in (TRAIN, TEST):
-        extract_recording(project, name)
-    train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
-    fit_models(project, train, models, run, progress)
-
+    robot = SimulatedRobot() if robot is None else robot
     deployed = project.folder / "deployment.json"
 
     def deploy() -> None:
@@ -160,11 +132,29 @@ def _calibrated(
         motion, _ = random_motion(project, DEPLOY_SECONDS, 1)
         write(deployed, robot.deploy(project, model, motion, after=TEST))
 
-    progress("deploy")
-    made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), DEPLOY_SECONDS]
-    project.run("deploy", made_from, [deployed], deploy)
-    progress("report")
-    return conclude(project, models, train, test, deployed, run=run)
+    with project:
+        progress("home")
+        robot.home(project)
+        robot.record(project, TRAIN, *excitation(project), after="home", progress=progress("excite"))
+        test_motion = random_motion(project, 60.0 * project.settings.test_minutes)
+        robot.record(project, TEST, *test_motion, after=TRAIN, progress=progress("record the test motion"))
+        progress("extract")
+        for name in (TRAIN, TEST):
+            extract_recording(project, name)
+        train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
+        fit_models(project, train, models, run, progress, Reading())
+        progress("deploy")
+        made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), DEPLOY_SECONDS]
+        project.run("deploy", made_from, [deployed], deploy)
+        progress("report")
+        return conclude(project, models, train, test, deployed, Reading(), run)
+
+
+def _models(project: Project, robot: str | None, asked: FitOptions | None, run: FitRun) -> Mapping[str, FitOptions]:
+    """Return the options of a project's models, before minutes of motion and fits."""
+    asked = FitOptions(kind="auto") if asked is None else asked
+    require_folds(asked, run)
+    return models_for(robot, replace(asked, seed=project.settings.seed or 0))
 
 
 def calibrate_recordings(
@@ -224,7 +214,7 @@ def calibrate_recordings(
             train, test = (keep_imports(project, each) for each in imports)
         fit_models(project, train, models, run, progress, reading)
         progress("report")
-        return conclude(project, models, train, test, None, reading=reading, run=run)
+        return conclude(project, models, train, test, None, reading, run)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -238,12 +228,11 @@ def fit_models(
     models: Mapping[str, FitOptions],
     run: FitRun,
     progress: Callable[[str], Progress],
-    reading: Reading | None = None,
+    reading: Reading,
 ) -> None:
     """Fit every model that has not been fitted to these recordings; folds are run for the recommended one."""
     (project.folder / "models").mkdir(exist_ok=True)
     hashes = _hashes(train)
-    reading = reading if reading is not None else Reading()
     for name, options in models.items():
         path = model_path(project, name)
         folds = run.folds if name == RECOMMENDED else 0
@@ -280,12 +269,10 @@ def conclude(
     train: Sequence[Path],
     test: Sequence[Path],
     deployed: Path | None,
-    *,
-    reading: Reading | None = None,
-    run: FitRun | None = None,
+    reading: Reading,
+    run: FitRun,
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
-    run = run if run is not None else FitRun()
     results = {
         name: held_against(
             model_path(project, name), test, reading, accept=run.accept, max_error=run.max_error
@@ -320,7 +307,7 @@ def conclude(
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
     fitted = [sha256_of(model_path(project, name)) for name in models]
-    mended: list[Any] = [] if reading is None else [asdict(reading)]
+    mended: list[Any] = [asdict(reading)]
     mended += [[run.accept, run.max_error]] if run.accept or run.max_error else []
     made_from = [recordings, fitted, deployment, project.settings.connection, __version__, *mended]
     project.run("report", made_from, [evaluation, page], work)

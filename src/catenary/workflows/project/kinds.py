@@ -60,7 +60,7 @@ class ProjectKind:
     excitation: Callable[[], Motion]  # what is trained on
     random_motion: Callable[[float, Sequence[int]], Motion]  # of so many seconds, by a seed
     refresh_motion: Callable[[], Motion]  # a minute that shows enough to bring a model up to date
-    synchronise: Callable[[Path], Synchronisation]  # the motion log of an extracted recording
+    synchronise: Callable[[Path], Synchronisation]  # the motion log of a recording
 
     def plant(self) -> FirmwarePlant[Any]:
         """Return the simulated robot, just switched on."""

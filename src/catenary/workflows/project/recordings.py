@@ -8,9 +8,8 @@ from typing import Any
 from catenary.errors import ConfigError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.bag_reader import open_recording
+from catenary.recording.bag_reader import open_recording, open_recordings, rescue_of
 from catenary.recording.bag_writer import BagKind, write_group_bags
-from catenary.recording.extract import extract
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
 from catenary.workflows.project.folder import Project, write
@@ -20,20 +19,17 @@ from catenary.workflows.project.state import contents, describe, hold, missing
 
 
 def extract_recording(project: Project, name: str) -> bool:
-    """Extract recordings/NAME and synchronise it into a motion log, NAME.parquet; return whether that had to be done.
+    """Synchronise recordings/NAME into a motion log, NAME.parquet; return whether that had to be done.
 
     A recording that no step made is extracted as well: somebody put it there, or what recorded it was killed. Of one
     that is not whole what is whole is taken; the report, the log's notes and the step say so (`rescued`).
 
     Raises:
         ConfigError: There is no such recording.
-        FileFormatError: Nothing in it can be read, or a topic without which there is no log is not there.
-        InputError: Such a topic has no message.
-        InUseError: Another process is writing in the project.
+        FileFormatError, InputError: Nothing in it can be read, or a topic without which there is no log lacks messages.
     """
-    folder = project.folder / "extracted" / name
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
-    recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report, folder]
+    recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report]
     if missing([recording]) and project.outputs_of(f"record {name}") is None:
         raise ConfigError(f"{project.folder}: record {name} was not done yet")
 
@@ -49,17 +45,18 @@ def extract_recording(project: Project, name: str) -> bool:
         made_from = as_it_is()
 
     def work() -> dict[str, Any]:
-        empty(folder)
-        extraction = extract([recording], folder, salvage=True)
-        result = kind_of(project.settings).synchronise(folder)
-        rescued = None if extraction.rescued is None else extraction.rescued.as_data()
-        notes = [] if extraction.rescued is None else [f"rescued: {extraction.rescued.text()}"]
+        sources = open_recordings([recording], salvage=True)
+        result = kind_of(project.settings).synchronise(recording)
+        found_whole = rescue_of(sources)
+        is_whole = not any(source.damage for source in sources)
+        rescued = None if is_whole else found_whole.as_data()
+        notes = [] if is_whole else [f"rescued: {found_whole.text()}"]
         write_parquet(replace(result.log, notes=(*result.log.notes, *notes)), path)
         found = {
             "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
             "rows": len(result.log),
             "rows_without_encoder": result.without_encoder,
-            "problems": [*notes, *changed, *extraction.problems],
+            "problems": [*notes, *changed, *(problem for source in sources for problem in source.problems)],
             "rescued": rescued,
         }
         write(report, found)
@@ -71,11 +68,7 @@ def extract_recording(project: Project, name: str) -> bool:
 def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
     """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless that was done; return them.
 
-    What a killed command has left half written is no bag, and goes away.
-
-    Raises:
-        InputError: Bags are there that no step of this project wrote.
-        InUseError: Another process is writing in the project.
+    What a killed command has left half written is no bag, and goes away; bags of others are never overwritten.
     """
     step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
     files = [project.folder / written for written in project.outputs_of(step) or {}]

@@ -21,13 +21,12 @@ from catenary.config import plain_data
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
-from catenary.plant import JointState
 from catenary.recording.journal import About, LeftOff
 from catenary.recording.recorder import Recorder
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.trajectories.reference import GoneOn, Reference, Trajectory
+from catenary.trajectories.reference import GoneOn, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
@@ -43,15 +42,9 @@ from catenary.workflows.robot.homing import (
     have_done,
     home_client,
 )
-from catenary.workflows.robot.motion import (
-    at_rest_afterwards,
-    check_motion,
-    move_to,
-    pause,
-    paused_if_interrupted,
-    run_trajectory,
-)
-from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off, refuse_missing
+from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, pause, paused_if_interrupted
+from catenary.workflows.robot.recorded_passes import record_passes
+from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off
 from catenary.workflows.simulated_recording import driven
 
 _log = logging.getLogger(__name__)
@@ -116,30 +109,22 @@ class ProjectRobot(ABC):
         """Run a model in its 1 kHz loop along a trajectory, and return its `Deployment` as plain data."""
 
 
-def set_aside(project: Project, name: str) -> None:
-    """Move what was recorded under a name before to replaced/NAME, or NAME.2 and so on: it cannot be made again."""
-    folder = project.folder / "recordings" / name
+def set_aside(project: Project, name: str, left: LeftOff | None) -> None:
+    """Move what was recorded under a name before, or the pass of it that was cut off, to replaced/NAME, NAME.2, ..."""
+    folder, kept = project.folder / "recordings" / name, project.folder / "replaced"
     if not folder.exists():
         return
-    place = _place_aside(project, name)
-    folder.rename(place)
-    _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
-
-
-def _place_aside(project: Project, name: str) -> Path:
-    kept = project.folder / "replaced"
     kept.mkdir(exist_ok=True)
     numbered = (kept / (name if number == 1 else f"{name}.{number}") for number in count(1))
-    return next(path for path in numbered if not path.exists())
-
-
-def _set_pass_aside(project: Project, name: str, left: LeftOff) -> None:
-    """Move the files of a pass that was cut off to where what was recorded before lies: the robot makes it again."""
-    place = _place_aside(project, name)
-    place.mkdir()
-    for file in left.dropped:
-        file.rename(place / file.name)
-    _log.warning("%s: goes on from %.1f s; the pass that was cut off lies in %s", name, left.begins, place)
+    place = next(path for path in numbered if not path.exists())
+    if left is not None:
+        place.mkdir()
+        for file in left.dropped:
+            file.rename(place / file.name)
+        _log.warning("%s: goes on from %.1f s; the pass that was cut off lies in %s", name, left.begins, place)
+    else:
+        folder.rename(place)
+        _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
 
 
 def empty(folder: Path) -> None:
@@ -237,8 +222,6 @@ def left_at(project: Project, step: str) -> Path:
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
-COLLECT_EVERY = 20  # ticks between two looks at what has come
-PASS = 20.0  # [s] of a motion, which a recording that is cut off loses at most
 SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
 
 
@@ -288,12 +271,11 @@ class RosRobot(ProjectRobot):
         Unless the robot had to home since: its joints' zeros are not those of the passes before.
         """
         with self._connected(project) as client, paused_if_interrupted(client):
-            joints = kind_of(project.settings).joints
-            check_motion(client, take.trajectory, joints=joints)
+            kind = kind_of(project.settings)
+            check_motion(client, take.trajectory, joints=kind.joints)
             was_homed = client.operating_state().is_homed
             self._make_homed(client, project)
             client.require_free()
-            kind = kind_of(project.settings)
             about = About(robot=kind.recorded_as, simulated=self._simulated, configuration={"motion": take.motion})
             left = left_off(take.folder, about, kind.topics, self._transport.steady(), in_passes=True)
             if not was_homed:
@@ -301,13 +283,17 @@ class RosRobot(ProjectRobot):
             motion = GoneOn(take.trajectory, 0.0 if left is None else left.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
-                move_to(client, motion(0.0).q, joints=joints)
-                if left is None:
-                    set_aside(project, take.name)
-                else:
-                    _set_pass_aside(project, take.name, left)
+                set_aside(project, take.name, left)
+                if left is not None:
                     self._guide.say(f"{take.name}: {left.gap(self._transport.steady())}")
-                self._record(client, take, kind, about, motion, left)
+                required = [topic.name for topic in kind.required]
+                with TopicRecorder(self._transport, take.folder, kind.topics, about=about, after=left) as recorder:
+                    self._comes(lambda: recorder.silent(required) or None)
+                    recorder.require(required)  # before anything moves
+                    record_passes(client, recorder, motion, joints=kind.joints, progress=take.progress)
+                    recorder.require(required)
+        for problem in recorder.problems():
+            self._guide.say(problem)
 
     def deploy(
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
@@ -344,11 +330,10 @@ class RosRobot(ProjectRobot):
         if isinstance(self._guide, AnswerYes) or client.dialect == "crtk":  # a dVRK has no pedal that enables it
             client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
 
-        def missing() -> str | None:
-            now = client.operating_state().state
-            return None if now == "ENABLED" else f"the robot is {now}"
-
-        self._have("press the pedal, so that the robot is ENABLED", missing)
+        self._have(
+            "press the pedal, so that the robot is ENABLED",
+            lambda: None if (now := client.operating_state().state) == "ENABLED" else f"the robot is {now}",
+        )
 
     def _have(self, text: str, missing: Check) -> None:
         have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
@@ -364,36 +349,6 @@ class RosRobot(ProjectRobot):
     def _no_encoders(self, kind: ProjectKind) -> str | None:
         topic = kind.required[-1].name
         return None if topic in self._transport.topics() else f"nobody publishes {topic}"
-
-    def _record(
-        self, client: CrtkClient, take: Take, kind: ProjectKind, about: About, motion: GoneOn, left: LeftOff | None
-    ) -> None:
-        begins = 0.0 if left is None else left.begins
-        tick, lead = 0, round(motion.lead / client.period)
-        next_pass = begins + PASS
-
-        with TopicRecorder(self._transport, take.folder, kind.topics, about=about, after=left) as recorder:
-
-            def observe(_: JointState, __: Reference) -> None:
-                nonlocal tick, next_pass
-                tick += 1
-                if tick == lead:
-                    recorder.pass_over()
-                elif tick > lead and tick % COLLECT_EVERY == 0:
-                    recorder.collect()
-                    at = begins + (tick - lead) * client.period
-                    if at >= next_pass:
-                        recorder.journal.begin_pass(at)
-                        next_pass = at + PASS
-
-            def progress(done: float) -> None:
-                take.progress(1.0 - (1.0 - done) * motion.duration / (motion.duration + begins))
-
-            run_trajectory(client, motion, joints=kind.joints, observe=observe, progress=progress)
-            recorder.collect()
-            refuse_missing(recorder.counts, [topic.name for topic in kind.required])
-        for problem in recorder.problems():
-            self._guide.say(problem)
 
 
 def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:

@@ -12,7 +12,7 @@ from catenary.documents import cut, no_file
 from catenary.errors import FileFormatError, InputError
 from catenary.files import TEXT_ENDINGS, table_ending
 from catenary.plant import MotionLog
-from catenary.recording.import_formats.csv_files import TextTable, joined
+from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.logs import read_parquet
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
@@ -83,9 +83,10 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
 
 def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
     table = TextTable(path)
-    columns = joined(list(table.blocks()))
-    if not columns:
+    blocks = list(table.blocks())
+    if not blocks:
         raise FileFormatError(f"{path}: has no row of numbers")
+    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     odd = next((column for column in table.head.columns if column.kind == "text"), None)
     if odd is not None:
         where = f", {odd.odd}" if odd.odd else ""

@@ -15,6 +15,8 @@ from catenary.trajectories.reference import Reference, Rest, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 
 HOLD_TICKS = 20  # during which a robot is told to stay where it is
+ARRIVAL = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
+ARRIVED = 1e-6  # [rad|m]
 
 
 @contextmanager
@@ -64,7 +66,8 @@ def pause(plant: Plant) -> None:
     plant.state_command("pause")
 
 
-Observer = Callable[[JointState, Reference], None]  # after each tick: what is measured, what was commanded
+# after each tick: what is measured, what was commanded, and the motion's time [s], below 0 on the way there
+Observer = Callable[[JointState, Reference, float], None]
 
 # A go-to nobody asked to be fast: about ten times slower than RAVEN-II's servo limits, 2.5 rad/s and 0.05 m/s
 GENTLE_VELOCITY = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
@@ -92,8 +95,6 @@ def check_motion(
 
     Raises:
         LimitError: The first violation: which joint, when, value and limit.
-        InputError: A joint that there is not, another number of joints than the trajectory moves, or a step
-            or velocity that is not positive.
     """
     moved = _indices(limits, trajectory, joints)
     lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
@@ -113,7 +114,12 @@ def check_motion(
         bad = ~((q >= lower) & (q <= upper) & (np.abs(qd) <= fastest))
         if bad.any():
             k, j = (int(i) for i in np.argwhere(bad)[0])
-            raise LimitError(_violation(limits, int(moved[j]), times[k], q[k, j], qd[k, j], fastest[j]))
+            unit = limits.joint_units[moved[j]]
+            how = f"velocity {qd[k, j]:.6g} {unit}/s beyond {fastest[j]:.6g} {unit}/s"
+            if not lower[j] <= q[k, j] <= upper[j]:
+                low, high = limits.lower[moved[j]], limits.upper[moved[j]]
+                how = f"position {q[k, j]:.6g} {unit} outside [{low:.6g}, {high:.6g}]"
+            raise LimitError(f'joint "{limits.joint_names[moved[j]]}" at {times[k]:.3f} s: {how}')
 
 
 def gentle_way(
@@ -152,16 +158,13 @@ def move_to(
 
     Raises:
         LimitError: The goal lies outside the limits; nothing has moved.
-        NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way.
         NotFiniteError: Measured positions were not finite for 20 ticks in a row; the robot holds, and is paused.
-        UnsupportedCommandError: It has no servo_jp.
-        InputError: An argument has another shape, or a joint that there is not.
     """
     require_ready(plant, "servo_jp")
     moved = _named_indices(plant, joints)
     goal = as_array("q", q, (len(moved),))
     motion = _approach(plant, moved, goal, max_velocity, max_acceleration)
-    _stream(plant, motion, moved, observe, progress)
+    _stream(plant, motion, moved, observe, progress, is_way=True)
 
 
 def run_trajectory(
@@ -185,8 +188,7 @@ def run_trajectory(
         progress: Called with the share done, from 0 to 1.
 
     Raises:
-        LimitError: The trajectory leaves the limits; nothing has moved.
-        NotReadyError, NotFiniteError, UnsupportedCommandError, InputError: As `move_to`.
+        LimitError, NotFiniteError: As `move_to`.
     """
     require_ready(plant, "servo_jp")
     moved = _indices(plant, trajectory, joints)
@@ -197,18 +199,33 @@ def run_trajectory(
     whole = approach.duration + trajectory.duration
     share = approach.duration / whole if whole > 0.0 else 0.0
     if approach.duration > 0.0:
-        _stream(plant, approach, moved, observe, lambda done: progress(share * done))
+        _stream(plant, approach, moved, observe, lambda done: progress(share * done), is_way=True)
     _stream(plant, trajectory, moved, observe, lambda done: progress(share + (1.0 - share) * done))
 
 
+def arrive(plant: Plant, q: Floats) -> None:
+    """Wait until a robot behind a transport has taken up the last setpoint (n,) [rad|m]; half a second at most."""
+    for _ in range(round(ARRIVAL / plant.period)):
+        if plant.operating_state().state != "ENABLED" or np.abs(plant.setpoint_js().q - q).max() <= ARRIVED:
+            return
+        plant.wait()
+
+
 def _stream(
-    plant: Plant, trajectory: Trajectory, moved: NDArray[np.int64], observe: Observer | None, progress: Progress
+    plant: Plant,
+    trajectory: Trajectory,
+    moved: NDArray[np.int64],
+    observe: Observer | None,
+    progress: Progress,
+    *,
+    is_way: bool = False,
 ) -> None:
-    """Send one setpoint a tick; the last one is the trajectory's end."""
+    """Send one setpoint a tick; the last one is the trajectory's end. On a way there observers get times below 0."""
     held = np.array(plant.setpoint_js().q)
     none = np.zeros(len(held))
     finite = FiniteTicks(plant.joint_names, plant.measured_js().q)
     ticks = int(np.ceil(trajectory.duration / plant.period - 1e-9))
+    begin = -ticks * plant.period if is_way else 0.0
     progress(0.0)
     for first in range(1, ticks + 1, _BLOCK):
         last = min(first + _BLOCK, ticks + 1)
@@ -233,7 +250,7 @@ def _stream(
             if observe is not None:
                 velocity, acceleration = none.copy(), none.copy()
                 velocity[moved], acceleration[moved] = qd[k], qdd[k]
-                observe(measured, Reference(rows[k], velocity, acceleration))
+                observe(measured, Reference(rows[k], velocity, acceleration), begin + (first + k) * plant.period)
         progress((last - 1) / ticks)
     if ticks == 0:
         progress(1.0)
@@ -277,12 +294,3 @@ def _indices(limits: Bounded, trajectory: Trajectory, joints: Sequence[str] | No
             f"{', '.join(limits.joint_names[j] for j in moved)}"
         )
     return moved
-
-
-def _violation(limits: Bounded, joint: int, time: float, q: float, qd: float, fastest: float) -> str:
-    name, unit = limits.joint_names[joint], limits.joint_units[joint]
-    low, high = limits.lower[joint], limits.upper[joint]
-    where = f'joint "{name}" at {time:.3f} s'
-    if not low - _AT_LIMIT <= q <= high + _AT_LIMIT:
-        return f"{where}: position {q:.6g} {unit} outside [{low:.6g}, {high:.6g}]"
-    return f"{where}: velocity {qd:.6g} {unit}/s beyond {fastest:.6g} {unit}/s"

@@ -24,7 +24,14 @@ from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import BLEND
 from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
-from catenary.workflows.robot.motion import GENTLE_VELOCITY, at_rest_afterwards, check_motion, move_to, run_trajectory
+from catenary.workflows.robot.motion import (
+    GENTLE_VELOCITY,
+    arrive,
+    at_rest_afterwards,
+    check_motion,
+    move_to,
+    run_trajectory,
+)
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
@@ -32,8 +39,6 @@ LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
 # way to the start of a file that is gone without being asked twice
 NEAR = {"rad": np.deg2rad(60.0), "m": 0.15}  # [rad], [m]
 MIDDLE = 0.3  # share of the range, to either side of its middle, in which other robots than RAVEN-II move at random
-ARRIVAL = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
-ARRIVED = 1e-6  # [rad|m]
 
 
 @dataclass(frozen=True)
@@ -210,7 +215,7 @@ def _watched(
     begin, late = plant.measured_js().time, robot.late()
     sent: Floats | None = None
 
-    def observe(state: JointState, reference: Reference) -> None:
+    def observe(state: JointState, reference: Reference, _: float) -> None:
         nonlocal count, sent
         error = np.abs(state.q - reference.q)
         np.maximum(largest, error, out=largest)
@@ -222,7 +227,7 @@ def _watched(
         with at_rest_afterwards(plant, began=lambda: count > 0):
             move(plant, to, observe=observe, **options)
             if sent is not None:
-                _arrive(plant, sent)
+                arrive(plant, sent)
     except KeyboardInterrupt as stop:  # SIGTERM and SIGHUP, too, whose names are its text
         if getattr(stop, "__notes__", ()):
             raise  # the robot does not hold, or is not paused
@@ -236,11 +241,3 @@ def _watched(
         None if truth is None else end.q[: len(truth.q)] - truth.q,
         robot.model.tip, None if truth is None else math.dist(robot.tip(end.q), robot.tip(truth.q)),
     )  # fmt: skip
-
-
-def _arrive(plant: Plant, q: Floats) -> None:
-    """Wait until a robot behind a transport has taken up the last setpoint (n,) [rad|m]; half a second at most."""
-    for _ in range(round(ARRIVAL / plant.period)):
-        if plant.operating_state().state != "ENABLED" or np.abs(plant.setpoint_js().q - q).max() <= ARRIVED:
-            return
-        plant.wait()

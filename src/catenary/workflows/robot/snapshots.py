@@ -68,9 +68,6 @@ class _Deployed:
         self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
         self._intervals = Latest(client.transport, f"{place}/interval", JOINT_STATE)
 
-    def take(self, state: JointState) -> None:
-        """Do nothing: the deployed model hears the robot itself."""
-
     def latest(self) -> _Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
         message = self._positions.message()
@@ -156,7 +153,7 @@ def watch_robot(
         if silent is None and state.time != last:
             states.count(now)
             last = state.time
-            if corrected is not None:
+            if isinstance(corrected, _Calibrated):
                 corrected.take(state)
         late.count(now, robot.late() - seen_late)
         seen_late = robot.late()

@@ -1,8 +1,8 @@
 """Record a robot's topics as they come, with the robot's own stamps, into the journal that everything else reads.
 
 Unlike `Recorder`, which makes messages from a simulator's telemetry, this one keeps what was published: headers, stamps
-and bytes. Topics that come faster than they are wanted are thinned; one that comes at the wanted rate, however
-unevenly, is kept whole.
+and bytes. Topics that come faster than they are wanted are thinned, by their own stamps: one that comes at the wanted
+rate is kept whole, also where a busy machine lets it in by bursts.
 """
 
 import time
@@ -17,7 +17,8 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import Progress, silent
 from catenary.crtk.clock import SECOND
-from catenary.crtk.inbox import Received, Subscription
+from catenary.crtk.inbox import Subscription
+from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
@@ -34,7 +35,7 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
 TICK = 0.02  # [s] between two `collect` of a recording without a motion of ours
 CLOCK_SET = 0.1  # [s] by which the machine's clock has to be set to be noted
-STOOD_STILL = 0.5  # [s] between two looks at what has come
+SILENCE = 0.5  # [s] between two messages of a topic, or two looks at what has come, that is noted
 
 
 @dataclass
@@ -44,15 +45,18 @@ class TopicCount:
     name: str
     came: int = 0
     kept: int = 0
+    thinned: int = 0  # came faster than the topic is recorded
     lost: int = 0  # came faster than they were collected
     longest_gap: float = 0.0  # [s] between two that came
 
     def note(self) -> str | None:
-        """Return what is wrong, or None."""
+        """Return what is wrong, or None; thinning to less than half is what was asked for."""
         if self.came == 0:
             return f"topic {self.name}: nothing came"
         if self.lost:
             return f"topic {self.name}: {self.lost} messages came faster than they were collected"
+        if 0 < self.thinned < self.kept:
+            return f"topic {self.name}: {self.thinned} of {self.came} messages came faster than it is recorded"
         return None
 
 
@@ -61,8 +65,21 @@ class _Kept:
     topic: Topic
     subscription: Subscription
     count: TopicCount
-    due: int = 0  # [ns] arrival from which the next message is kept
+    due: int = 0  # [ns] stamp of the next message that is kept, or half a period earlier
+    stamp: int = 0  # [ns] of the newest message
     last: int = 0  # [ns] arrival of the newest message
+
+    def takes(self, stamp: int) -> bool:
+        """Return whether a message of a stamp [ns] is kept, on a grid of the topic's rate; never two to catch up."""
+        period = round(SECOND / self.topic.rate)
+        if stamp < self.stamp:  # the publisher's clock was set back, or it is another one
+            self.due = stamp
+        self.stamp = stamp
+        if stamp < self.due - period // 2:
+            self.count.thinned += 1
+            return False
+        self.due = (self.due if stamp - self.due <= period else stamp) + period
+        return True
 
 
 class TopicRecorder:
@@ -102,6 +119,17 @@ class TopicRecorder:
             self.close()
             raise
 
+    def silent(self, names: Sequence[str]) -> str:
+        """Return which of these topics are still missing, in words; empty where all have come."""
+        there = {kept.topic.name for kept in self._kept if kept.count.came or len(kept.subscription)}
+        return ", ".join(name for name in names if name not in there)
+
+    def require(self, names: Sequence[str]) -> None:
+        """Refuse a recording of which one of these topics never came."""
+        if silent := self.silent(names):
+            counts = ", ".join(f"{count.name}: {count.came}" for count in self.counts)
+            raise RecordingError(f"recording: nothing came of {silent}; {counts}")
+
     def pass_over(self) -> None:
         """Drop what has arrived since the last call: a robot on its way to where a recording goes on."""
         for kept in self._kept:
@@ -110,27 +138,27 @@ class TopicRecorder:
     def collect(self) -> int:
         """Write what has arrived since the last call; return how many messages were kept."""
         self._note_clock()
-        self._note_stall()
-        if self._after is not None:
-            self.journal.note(self._after.gap(self._transport.steady()))
-            self._after = None
-        chosen: list[tuple[int, _Kept, Received]] = []
+        stood_still = self._note_stall()
+        chosen: list[tuple[int, _Kept, Message]] = []
         for kept in self._kept:
-            period = round(SECOND / kept.topic.rate)
-            for received in kept.subscription.take():
-                arrival = received.time
-                if kept.count.came:
-                    kept.count.longest_gap = max(kept.count.longest_gap, (arrival - kept.last) / SECOND)
-                kept.count.came += 1
+            count = kept.count
+            for message, arrival in kept.subscription.take():
+                if count.came:
+                    gap = (arrival - kept.last) / SECOND
+                    count.longest_gap = max(count.longest_gap, gap)
+                    if gap > max(SILENCE, 5.0 / kept.topic.rate) and not stood_still:
+                        at = (kept.last - self._begin) / SECOND
+                        self._note(f"topic {count.name}: nothing came for {gap:.1f} s, {at:.1f} s after the begin")
+                count.came += 1
                 kept.last = arrival
-                if arrival >= kept.due:
-                    # on a grid, so that a topic which comes at this very rate is kept whole; never two to catch up
-                    kept.due = max(kept.due, arrival - period) + period
-                    chosen.append((arrival, kept, received))
-            kept.count.lost = kept.subscription.overflowed + kept.subscription.damaged
+                if kept.takes(getattr(message, kept.topic.header).stamp or arrival):
+                    chosen.append((arrival, kept, message))
+            count.lost = kept.subscription.overflowed + kept.subscription.damaged
         chosen.sort(key=lambda one: one[0])
-        for arrival, kept, received in chosen:
-            message = received.message
+        if self._after is not None and chosen:
+            self.journal.note(self._after.gap(chosen[0][0]))
+            self._after = None
+        for arrival, kept, message in chosen:
             seq = getattr(message, kept.topic.header).seq
             self.journal.append(kept.topic.name, arrival, codec(kept.topic.type).encode(message, seq))
             kept.count.kept += 1
@@ -162,15 +190,15 @@ class TopicRecorder:
             "as it was, and nothing is lost"
         )
 
-    def _note_stall(self) -> None:
-        """Note in the recording that this program stood still: peers lose what does not wait for it in their queues."""
+    def _note_stall(self) -> bool:
+        """Note that this program stood still, and return it: peers lose what does not wait for it in their queues."""
         now, last = self._transport.steady(), self._collected
         self._collected = now
-        if last is not None and (stood := (now - last) / SECOND) > STOOD_STILL:
-            at = (last - self._begin) / SECOND
-            self._note(
-                f"the recorder stood still for {stood:.1f} s, {at:.1f} s after the begin; messages may be missing"
-            )
+        if last is None or (stood := (now - last) / SECOND) <= SILENCE:
+            return False
+        at = (last - self._begin) / SECOND
+        self._note(f"the recorder stood still for {stood:.1f} s, {at:.1f} s after the begin; messages may be missing")
+        return True
 
     def _note(self, remark: str) -> None:
         self.remarks.append(remark)
@@ -241,7 +269,7 @@ def record_topics(
             ended_by = str(stop) or "Ctrl-C"
         took = (transport.steady() - begin) / SECOND
         recorder.collect()
-        refuse_missing(recorder.counts, required)
+        recorder.require(required)
     progress(1.0)
     return RecordedTopics(recorder.counts, took, ended_by)
 
@@ -263,16 +291,6 @@ def left_off(folder: Path, about: About, topics: Sequence[Topic], now: int, *, i
         return None
     found = reader.left_off(in_passes=in_passes)
     return found if found is not None and found.last < now else None
-
-
-def refuse_missing(counts: Sequence[TopicCount], required: Sequence[str]) -> None:
-    """Refuse a recording that lacks a required topic."""
-    missing = [count.name for count in counts if count.name in required and count.kept == 0]
-    if missing:
-        raise RecordingError(
-            f"recording: nothing came of {', '.join(missing)}; "
-            + ", ".join(f"{count.name}: {count.came}" for count in counts)
-        )
 
 
 _PER_AXIS = tuple(REPORTED)

@@ -1,5 +1,7 @@
 """A recording of a robot that is interrupted goes on: every stretch of the motion once, and what is missing is told."""
 
+import os
+from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -8,33 +10,19 @@ import pytest
 from catenary.crtk.message_bytes import codec
 from catenary.errors import NotReadyError
 from catenary.recording.journal_reader import JournalReader
-from catenary.trajectories.reference import Reference, Trajectory
-from catenary.workflows.project import robot as ros_robot
+from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.calibrate import TRAIN
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.robot import RosRobot
+from catenary.workflows.robot import recorded_passes
 from catenary.workflows.robot.homing import AnswerYes
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, START, EncodedPlant
+from oracles.waves import Waves
 
 RATE = 100.0  # [Hz] of /ext_jpos
+MINUTES = float(os.environ.get("ENDURANCE_MINUTES", "2"))
 STEP = 0.02  # [s] by which arrivals and ticks of the motion may be apart
-
-
-class Waves:
-    """Three joints along sines about START."""
-
-    def __init__(self, duration: float) -> None:
-        self.duration = duration
-
-    def __call__(self, t: float):
-        q, qd, qdd = self.sample([t])
-        return Reference(q[0], qd[0], qdd[0])
-
-    def sample(self, times):
-        t = np.clip(np.asarray(times, dtype=float), 0.0, self.duration)[:, np.newaxis]
-        size, w = np.array([0.1, 0.15, 0.01]), np.array([0.9, 1.3, 0.7])
-        return np.array(START[:3]) + size * np.sin(w * t), size * w * np.cos(w * t), -size * w * w * np.sin(w * t)
 
 
 def recorded(folder: Path) -> tuple[np.ndarray, np.ndarray, JournalReader]:
@@ -46,13 +34,35 @@ def recorded(folder: Path) -> tuple[np.ndarray, np.ndarray, JournalReader]:
     return np.array(arrivals) * 1e-9, np.array(q) - OFFSET, reader
 
 
-def interrupted(tmp_path: Path, motion: Trajectory, stops: dict) -> Path:
-    """Record, be stopped at shares of the motion, and call again until it is done; return the recording."""
+class Late:
+    """A publisher whose messages arrive some time after they were sent, as over a busy machine."""
+
+    def __init__(self, setup: RobotOnLoopback, verb: str) -> None:
+        self.robot, self.publisher, self.waiting, self.delay = setup.robot, setup.robot._out[verb], deque(), 0
+        setup.robot._out[verb] = self
+        setup.clock.robots.append(self)
+
+    def publish(self, message) -> None:
+        self.waiting.append((self.robot.ticks + self.delay, message))
+
+    def tick(self) -> None:
+        while self.waiting and self.waiting[0][0] <= self.robot.ticks:
+            self.publisher.publish(self.waiting.popleft()[1])
+
+
+def interrupted(tmp_path: Path, motion: Trajectory, stops: dict, delays=()) -> Path:
+    """Record, be stopped at shares of the motion, and call again until it is done; return the recording.
+
+    In each run messages come late by another delay [ms].
+    """
     setup = RobotOnLoopback(EncodedPlant(), every=5)
+    late = [Late(setup, verb) for verb in list(setup.robot._out)] if delays else []
     project = Project(tmp_path / "project", ProjectSettings(connection="ros1"))
     robot = RosRobot(setup.transport, AnswerYes(), simulated=True, patience=1.0)
     robot.home(project)
-    for share, stop in stops.items():
+    for share, stop, delay in zip(stops, stops.values(), delays or [0] * len(stops), strict=True):
+        for one in late:
+            one.delay = delay
 
         def at(done: float, share: float = share, stop=stop) -> None:
             if done > share:
@@ -63,6 +73,8 @@ def interrupted(tmp_path: Path, motion: Trajectory, stops: dict) -> Path:
         if setup.robot.plant.operating_state().state == "PAUSED":
             setup.robot.plant.state_command("resume")
         setup.transport.sleep(2.0)  # somebody comes and starts it again
+    for one in late:
+        one.delay = 0
     assert robot.record(project, TRAIN, motion, "waves", after="home")
     return project.folder / "recordings" / TRAIN
 
@@ -95,31 +107,33 @@ def holds_the_motion_once(folder: Path, motion: Trajectory, gaps: int) -> None:
     assert len(arrivals) == pytest.approx(RATE * motion.duration, abs=3 * (gaps + 1))
 
 
-def test_each_stretch_of_the_motion_is_recorded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros_robot, "PASS", 1.0)
-    motion = Waves(9.0)
-    folder = interrupted(tmp_path, motion, {0.3: interrupt, 0.5: pedal, 0.8: interrupt})
+@pytest.mark.parametrize("delays", [(), (0, 150, 100)], ids=["at once", "late"])
+def test_each_stretch_of_the_motion_is_recorded_once(delays, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorded_passes, "PASS", 1.0)
+    motion = Waves(9.0, START[:3])
+    folder = interrupted(tmp_path, motion, {0.3: interrupt, 0.5: pedal, 0.8: interrupt}, delays)
     holds_the_motion_once(folder, motion, 3)
     assert len(list((tmp_path / "project" / "replaced").iterdir())) == 3  # the passes that were cut off
 
 
 def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros_robot, "PASS", 1.0)
+    monkeypatch.setattr(recorded_passes, "PASS", 1.0)
 
     def unhome(setup) -> None:
         setup.robot.plant.state = setup.robot.plant.operating_state()._replace(is_homed=False)
         raise KeyboardInterrupt
 
-    motion = Waves(3.0)
+    motion = Waves(3.0, START[:3])
     folder = interrupted(tmp_path, motion, {0.6: unhome})
     holds_the_motion_once(folder, motion, 0)
 
 
 @pytest.mark.slow  # minutes of a robot's ticks
+@pytest.mark.timeout(600.0 + 120.0 * MINUTES)
 def test_minutes_that_are_interrupted_three_times(tmp_path: Path) -> None:
-    motion = Waves(120.0)
+    motion = Waves(60.0 * MINUTES, START[:3])
     folder = interrupted(tmp_path, motion, dict.fromkeys((0.2, 0.5, 0.9), interrupt))
     holds_the_motion_once(folder, motion, 3)
     arrivals, _, _ = recorded(folder)
     # passes of 20 s each: what is driven again is less than a pass each time
-    assert len(arrivals) == pytest.approx(12_000, abs=10)
+    assert len(arrivals) == pytest.approx(6_000 * MINUTES, abs=10)

@@ -1,0 +1,209 @@
+"""Two coupled friction elements in a real wrist: slack and reversal, error against minutes, other recordings, load.
+
+Joints 5 and 6 of a dVRK PSM hang on cables that both share (Hwang et al., RA-L 2020; quasi-static poses measured by a
+camera). Ridge regressions on smooth units take play states of each joint, or friction states of the coupled pair, whose
+law is found in the training rows; see transmission/coupled_friction.py. Errors are on contiguous blocks, or recordings,
+that a model did not see, and on whole other recordings. The jaws of da Vinci tools (Stephens et al., RA-L 2018) carry
+loads: models of a folder are told positions alone, the motor's current, or a torque, and predict runs left out.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary import MotionLog
+from catenary.calibration.dataset import calibration_data, error_limits
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.fit_options import FitOptions, FitRun
+from catenary.calibration.fit_recordings import fit_logs
+from catenary.recording.logs import read_log
+from papers.calibration.dvrk import JOINTS, RECORDINGS, SAMPLED_LIMIT, UNITS, log_of
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.figures import legend_below, panels
+from papers.kit import filled, grid, table
+
+PLAY, FRICTION, AUTO = "play states", "friction states", "auto"
+METHODS = {
+    PLAY: FitOptions(kind="hysteretic", coupled=()),
+    FRICTION: FitOptions(kind="hysteretic"),
+    AUTO: FitOptions(kind="auto"),
+}
+COLORS = {PLAY: "#4b6b94", FRICTION: "#d9622b"}
+MINUTES = (2.0, 4.0, 8.0, 16.0, 40.0)
+RANDOM = "random_train"
+OTHERS = [[other for other in RECORDINGS if other != name] for name in RECORDINGS]  # than each
+ALONE = "error_exp5"  # where J6 alone moves
+TOOLS, LOADED = "davinci_tools", {"positions": ("q",), "current": ("q", "current"), "torque": ("q", "tau")}
+FOLDERS = ("4L2", "4L4", *(f"4L{joint}{k}" for joint in ("Pitch", "Roll") for k in (1, 2, 3, 4)), "5L2")
+
+
+@run(revision=1)
+def errors(train: Sequence[str], method: str, minutes: float, data: Path) -> Result:
+    """Return RMSE per joint [deg|mm] on what models of parts did not see, and on every other long recording.
+
+    Args:
+        train: Recordings.
+        method: One of METHODS.
+        minutes: How much of each counts; 0 for all.
+        data: Recordings' folder.
+    """
+    found = fit_logs([_first(log_of(name, data), minutes) for name in train], METHODS[method], _run())
+    others = [name for name in RECORDINGS if name not in train]
+    return {
+        "kinds": [choice.chosen for choice in found.choices],
+        "unseen": [joint.rmse_mean for joint in found.spread],
+        "others": {name: _rmse(found.model, log_of(name, data)) for name in others},
+    }
+
+
+def _run(folds: int = 5) -> FitRun:
+    return FitRun(max_error=SAMPLED_LIMIT, folds=folds)
+
+
+def _first(log: MotionLog, minutes: float) -> MotionLog:
+    """Return the first minutes of a recording; 0 for all."""
+    if log.time is None or not minutes:
+        return log
+    return log.part(0, int(np.searchsorted(log.time - log.time[0], 60.0 * minutes)))
+
+
+def _rmse(model: Any, log: MotionLog) -> list[float]:
+    rows = calibration_data([log], model.features, max_error=error_limits(SAMPLED_LIMIT, log))
+    return [joint.rmse for joint in evaluate(model, rows).joints]
+
+
+@run(revision=1)
+def slack(rows: int, data: Path) -> Result:
+    """Return J6's position and J5's error [deg] where J6 alone moves: measured, and by models of another recording."""
+    log = log_of(ALONE, data).part(0, rows)
+    if log.q_encoder is None:
+        raise AssertionError("the recording holds measured joints")
+    found = {"J6": np.rad2deg(log.q_nominal[:, 5]), "measured": np.rad2deg(log.q_encoder - log.q_nominal)[:, 4]}
+    for method in (PLAY, FRICTION):
+        model = fit_logs([log_of(RANDOM, data)], METHODS[method], _run(folds=0)).model
+        found[method] = np.rad2deg(model.calibrate(log) - log.q_nominal)[:, 4]
+    found["measured"] = np.where(log.ok, found["measured"], np.nan)
+    return {name: [None if value != value else value for value in values.tolist()] for name, values in found.items()}
+
+
+@run(revision=1)
+def loaded(folder: str, signal: str, data: Path) -> Result:
+    """Return the RMSE of a jaw [deg] on runs of mixed load that models of a folder's other runs predict, in fours."""
+    logs = [read_log(path) for path in sorted((data / TOOLS).glob(f"{folder}_*.npz"))]
+    options = FitOptions(kind="hysteretic", inputs=LOADED[signal])
+    found = fit_logs(logs, options, FitRun(folds=4))
+    return {"rmse": found.spread[0].rmse_mean}
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return those of the page: hysteretic models of one recording, and the first tools."""
+    if scope.quick:
+        return [slack.case(rows=100), *grid(errors, {"method": (PLAY, FRICTION)}, train=[RANDOM], minutes=2.0)]
+    return [
+        slack.case(rows=270),
+        *grid(errors, {"minutes": MINUTES, "method": (PLAY, FRICTION)}, train=[RANDOM]),
+        *grid(loaded, {"folder": FOLDERS[:3], "signal": LOADED}),
+    ]
+
+
+def all_cases(scope: Scope) -> list[Case]:
+    """Return all: every recording alone and left out, every tool, and `auto`, which trains networks."""
+    if scope.quick:
+        return cases(scope)
+    alone = [[name] for name in RECORDINGS]
+    return [
+        *grid(errors, {"train": [*alone, *OTHERS], "method": METHODS}, minutes=0.0),
+        *grid(loaded, {"folder": FOLDERS, "signal": LOADED}),
+    ]
+
+
+def report(o: Outcomes) -> Report:
+    """Return the tables, the picture of slack, and that of error over minutes."""
+    header = ["trained on, tested on, model", *map(" ".join, zip(JOINTS, UNITS, strict=True))]
+    unseen, elsewhere = [], []
+    for told, result in o.items(errors):
+        what = ", ".join([*told["train"], *([f"{told['minutes']:g} minutes"] if told["minutes"] else [])])
+        unseen.append([f"{what}: {told['method']}", *(f"{value:.3f}" for value in result["unseen"])])
+        for name, rmse in result["others"].items():
+            elsewhere.append([f"{what}; {name}: {told['method']}", *(f"{value:.3f}" for value in rmse)])
+    by_signal: dict[str, dict[str, float]] = {}
+    for told, result in o.items(loaded):
+        by_signal.setdefault(told["signal"], {})[told["folder"]] = result["rmse"]
+    jaws = [
+        [folder, *(f"{of.get(folder, np.nan):.2f}" for of in by_signal.values())]
+        for folder in FOLDERS
+        if any(folder in of for of in by_signal.values())
+    ]
+    jaws += [["median", *(f"{np.median(list(of.values())):.2f}" for of in by_signal.values())]] if jaws else []
+    pictures = (
+        []
+        if not list(o.of(slack))
+        else [
+            TitledPicture("Where J6 alone moves, J5 is dragged along; models are of another motion", _slack(o)),
+            TitledPicture(
+                "RMSE on other recordings by minutes of one: points are recordings, lines their medians", _minutes(o)
+            ),
+        ]
+    )
+    return Report(
+        filled([
+            table("RMSE on what models of parts did not see", header, unseen),
+            table("RMSE on other recordings", header, elsewhere),
+            table("Jaw under load, runs left out [deg]", ["folder", *by_signal], jaws),
+        ]),
+        pictures,
+    )  # fmt: skip
+
+
+def _slack(o: Outcomes) -> Any:
+    figure, (path, course) = panels(2, 3.6)
+    for result in o.of(slack):
+        J6 = np.array(result["J6"], dtype=float)
+        series = {"measured": "#1c2430", **COLORS}
+        for name, color in series.items():
+            error = np.array([np.nan if value is None else value for value in result[name]])
+            turns = slice(0, 120)
+            style = {"lw": 0.0, "marker": ".", "ms": 4} if name == "measured" else {"lw": 1.2}
+            path.plot(J6[turns], error[turns], color=color, label=name, **style)
+            course.plot(error, color=color, **style)
+    path.set_xlabel("J6, commanded [deg]")
+    path.set_ylabel("error of J5 [deg]")
+    course.set_xlabel("pose")
+    legend_below(figure, path)
+    return figure
+
+
+def _minutes(o: Outcomes) -> Any:
+    figure, axes = panels(3, 3.2)
+    for k, panel in enumerate(axes, start=3):
+        for method, color in COLORS.items():
+            found = {
+                told["minutes"]: [rmse[k] for rmse in result["others"].values()]
+                for told, result in o.items(errors)
+                if told["method"] == method and told["minutes"]
+            }
+            minutes = sorted(found)
+            for a, b in pairwise(minutes):
+                panel.plot([a, b], [np.median(found[a]), np.median(found[b])], color=color, lw=1.2)
+            for each in minutes:
+                panel.plot([each] * len(found[each]), found[each], ".", color=color, label=method)
+        panel.set_xscale("log", base=2)
+        panel.set_xticks(MINUTES, [f"{each:g}" for each in MINUTES])
+        panel.set_xlabel("minutes of training")
+        panel.set_title(f"{JOINTS[k]} [deg]", fontsize=10)
+        panel.set_ylim(bottom=0.0)
+    legend_below(figure, axes[0])
+    return figure
+
+
+EXPERIMENT = Experiment(
+    "beyond-wrist-friction", "beyond II-K", "Friction in a real wrist", __doc__,
+    cases, report, minutes=2.0, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip
+EVERYTHING = Experiment(
+    "beyond-wrist-everything", "beyond II-K", "Friction in a real wrist: every recording, tool and kind", __doc__,
+    all_cases, report, minutes=20.0, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip
