@@ -217,7 +217,7 @@ class AgreementWatch:
 
     EVERY = 0.1  # [s] between comparisons
     SPANS = (0.8, 4.0)  # [s] over which: the first finds what is new soon, the other what is small
-    GAP = 0.5  # [s] without samples, after which both begin anew
+    GAP = 0.2  # [s] without samples, after which both begin anew
 
     def __init__(self, rules: SensorRules, *, checked: bool = False) -> None:
         """Take rules, and whether the gyroscope was found right before."""
