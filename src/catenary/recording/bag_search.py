@@ -75,6 +75,7 @@ def _mcap_chunk(block: bytes, sign: int) -> int | None:
 
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
+    """Return the fields of a header; none of a damaged one."""
     try:
         return header_fields(data)
     except (error, ValueError):
@@ -117,10 +118,7 @@ def bag_record(file: BinaryIO, size: int) -> tuple[dict[bytes, bytes], bytes | N
     """Return header and data of a record: no header where it is damaged, no data where the file ends first."""
     head = sized(file, size)
     data = None if head is None else sized(file, size)
-    try:
-        return ({} if head is None else header_fields(head)), data
-    except DAMAGE:
-        return {}, data
+    return _fields(head or b""), data
 
 
 def most_unpacked(size: int) -> int:

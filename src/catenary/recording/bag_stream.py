@@ -38,14 +38,13 @@ from catenary.recording.bag_search import (
     sized,
     text_at,
 )
-from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, PASS, About, JournalTopic, is_journal_name
+from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
 from catenary.recording.messages import check_type, current_name
 from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 # of MCAP [mcap.dev/spec]
@@ -87,7 +86,7 @@ class BagStream:
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
         self._names: dict[int, str] = {}  # of topics
         self._unread: set[int] = set()  # channels in another encoding than ROS's
-        self._last: int | None = None  # [ns] arrival of the message before
+        self.last: int | None = None  # [ns] arrival of the last message that was read
         self.first: int | None = None  # [ns] arrival of the first message
         try:
             with path.open("rb") as file:
@@ -101,7 +100,7 @@ class BagStream:
         self._shared: dict[str, int] | None = None  # the same of all files of a journal
         self._before: int | None = None  # [ns] arrival of the last message of the file before
         self.is_ros1 = begin == ROS1_MAGIC
-        if not self.is_ros1 and not begin.startswith(MCAP_MAGIC) and not is_journal_name(path):
+        if not self.is_ros1 and not begin.startswith(MAGIC) and not is_journal_name(path):
             raise FileFormatError(
                 f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; nothing in it can be saved"
             )
@@ -141,11 +140,6 @@ class BagStream:
                     block = Block.of([self._plain(block[i]) for i in range(len(block))])
                 yield name, records[:, TIME], block
 
-    @property
-    def last(self) -> int | None:
-        """Arrival of the last message that was read [ns]."""
-        return self._last
-
     def follow(self, following: dict[str, int], last: int | None) -> None:
         """Go on behind another file of a journal: with numbers of the next messages by topic, and the last arrival."""
         self._shared, self._before = following, last
@@ -156,11 +150,11 @@ class BagStream:
         self.holes.clear()
         self.remarks.clear()
         self._following = {} if self._shared is None else self._shared
-        self.ends_early, self._last, self.lost, self.is_last = False, self._before, 0, False
+        self.ends_early, self.last, self.lost, self.is_last = False, self._before, 0, False
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
             self._unpacking = Unpacking(self.path)
-            file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MCAP_MAGIC))
+            file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MAGIC))
             try:
                 yield from read(file, size)
             except DAMAGE as problem:
@@ -177,8 +171,8 @@ class BagStream:
         """Keep what is damaged, and that messages are missing there."""
         if len(self.damage) < _MOST_PROBLEMS:
             self.damage.append(f"{self.path}: damaged {where}")
-        if not self.holes or self.holes[-1][0] != self._last:
-            self.holes.append((self._last, None))
+        if not self.holes or self.holes[-1][0] != self.last:
+            self.holes.append((self.last, None))
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
@@ -250,7 +244,7 @@ class BagStream:
         """Note when messages arrived [ns]."""
         if self.holes and self.holes[-1][1] is None:
             self.holes[-1] = self.holes[-1][0], first
-        self._last, self.first = last, first if self.first is None else self.first
+        self.last, self.first = last, first if self.first is None else self.first
 
     def _chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk with the records of the messages of known topics in it."""
@@ -446,7 +440,7 @@ class BagStream:
         elif expected is not None and number > expected:
             self.lost += number - expected
             if not self.holes or self.holes[-1][1] is not None:
-                self.holes.append((self._last, arrival))
+                self.holes.append((self.last, arrival))
             self.damage.append(f"{self.path}: {number - expected} message(s) of {name} are missing before {number}")
         elif expected is not None and number < expected:
             self.damage.append(f"{self.path}: message {number} of {name} comes out of order, or again")

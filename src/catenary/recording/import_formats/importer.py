@@ -163,7 +163,7 @@ def synchronise(
     mapping, in_file = _with_texts(where, mapping, sources.streams, base)
     notes = _ordered_by_name(joints, mapping, sources.streams, model)
     base = joints["q_nominal"].places
-    names, said = joint_names_of(mapping, model, base, sources.streams)
+    names, said = _joint_names(mapping, model, base, sources.streams)
     notes += said
     nominal = _candidate(base, sources.streams, names)
     units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
@@ -325,14 +325,12 @@ def _candidate(places: Sequence[Place], streams: Sequence[Stream], names: Sequen
     return Candidate(stream, tuple(place.column for place in places), "position", "unknown", own)
 
 
-def joint_names_of(
+def _joint_names(
     mapping: RecordingMapping, model: RobotModel | None, places: Sequence[Place], streams: Sequence[Stream]
 ) -> tuple[tuple[str, ...], list[str]]:
     """Return the joints' names: the mapping's, the robot's that the recording's mean, its own, or J1, J2, ..."""
     n = len(places)
     if mapping.joint_names:
-        if len(mapping.joint_names) != n:
-            raise InputError(f"joint_names: {len(mapping.joint_names)} for {n} columns of q_nominal")
         if model is not None:
             places_of_joints(Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are")
         return mapping.joint_names, []

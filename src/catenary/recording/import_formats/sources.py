@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Self
 
@@ -58,10 +59,6 @@ class LongText:
         for block in self.table.blocks(wanted[self.table.path.stem], self._progress):
             yield [stream_of_text(self.table, block)]
 
-    def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
-        """Return the columns that are wanted, whole."""
-        return [joined([part for (part,) in self.parts(wanted)])]
-
 
 class Sources:
     """Bags and tables of one recording."""
@@ -97,7 +94,14 @@ class Sources:
         bags.sort(key=lambda bag: bag.first_arrival)
         self._bags += bags
         self.about: About | None = same_origin([bag.about for bag in self._bags])
-        self.streams = _joined([*self._whole, *(stream for bag in self._bags for stream in bag.sample())])
+        every = [*self._whole, *(stream for bag in self._bags for stream in bag.sample())]
+        first = {stream.name: stream for stream in reversed(every)}
+        for stream in every:
+            own = first[stream.name]
+            if stream is not own and (stream.type == "table" or own.type != stream.type):
+                twice = f"{stream.name}: is there twice, as {own.type} and as {stream.type}"
+                raise InputError(f"{twice}; expected parts of one recording")
+        self.streams = _joined(every)
         if not any(stream.columns for stream in self.streams):
             said = [note for stream in self.streams for note in stream.notes]
             why = "; ".join([*said, *(note for bag in self._bags for note in bag.problems)])
@@ -142,8 +146,7 @@ class Sources:
         found = [stream for stream in self._whole if stream.name in wanted]
         for bag in self._bags:
             here = {name: columns for name, columns in wanted.items() if name in bag.counts}
-            if here:
-                found += bag.read(here)
+            found += chain.from_iterable(bag.parts(here) if here else ())
             self.notes += [note for note in bag.problems if note not in self.notes]
         return {stream.name: stream for stream in _joined(found)}
 
@@ -175,11 +178,5 @@ def _joined(streams: Sequence[Stream]) -> list[Stream]:
     """Return streams with the parts of a topic that lie in several bags put one behind the other."""
     found: dict[str, list[Stream]] = {}
     for stream in streams:
-        parts = found.setdefault(stream.name, [])
-        if parts and (stream.type == "table" or parts[0].type != stream.type):
-            raise InputError(
-                f"{stream.name}: is there twice, as {parts[0].type} and as {stream.type}; "
-                "expected parts of one recording"
-            )
-        parts.append(stream)
+        found.setdefault(stream.name, []).append(stream)
     return list(map(joined, found.values()))
