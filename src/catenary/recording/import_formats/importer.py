@@ -152,7 +152,8 @@ def synchronise(
     Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
     `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out.
 
-    `model` is the mapping's robot when None. On a piece of a longer recording q_encoder may be on no row.
+    `model` is the mapping's robot when None. On a piece of a longer recording q_encoder may be on no row, and whether
+    what is optional is there at all is told by the sample.
     """
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:
@@ -197,7 +198,8 @@ def synchronise(
         for key, columns in found.signals.items()
     }
     for key in [k for k in ("qd", "tau") if k in rows and getattr(mapping, k).optional]:
-        if not np.isfinite(rows[key]).any():
+        sample = _candidate(joints[key].places, sources.streams, names)
+        if not np.isfinite(sample.ranges if is_piece else rows[key]).any():
             del rows[key]
     required = {**rows, **{f"signal {key}": values for key, values in further.items()}}
     whole = _whole_rows(required, names, notes)
