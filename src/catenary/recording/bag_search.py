@@ -4,7 +4,6 @@
 """
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from struct import Struct, error
 from typing import BinaryIO, Literal, cast
@@ -26,20 +25,9 @@ _PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a messa
 DAMAGE = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
 
 
-def next_chunk(file: BinaryIO, position: int, size: int) -> int | None:
-    """Return where the next chunk of a ROS 1 bag begins, or None; the file is left anywhere."""
-    return _found(file, position, size, _ROS1_CHUNK, _ros1_chunk)
-
-
-def next_mcap_chunk(file: BinaryIO, position: int, size: int) -> int | None:
-    """Return where the next chunk of an MCAP file begins, or None; the file is left anywhere."""
-    return _found(file, position, size, _MCAP_CHUNK, _mcap_chunk)
-
-
-def _found(
-    file: BinaryIO, position: int, size: int, sign: re.Pattern[bytes], begin_of: Callable[[bytes, int], int | None]
-) -> int | None:
-    """Return the first place, from `position` on, at which a sign stands in the head of a chunk."""
+def next_chunk(file: BinaryIO, position: int, size: int, *, is_ros1: bool) -> int | None:
+    """Return where the next chunk of a ROS 1 bag, or of MCAP, begins, or None; the file is left anywhere."""
+    sign, begin_of = (_ROS1_CHUNK, _ros1_chunk) if is_ros1 else (_MCAP_CHUNK, _mcap_chunk)
     while position < size:
         file.seek(position)
         block = file.read(_BLOCK + _REACH)

@@ -34,7 +34,6 @@ from catenary.recording.bag_search import (
     field_of,
     header_fields,
     next_chunk,
-    next_mcap_chunk,
     sized,
     text_at,
 )
@@ -182,7 +181,7 @@ class BagStream:
             values, data = bag_record(file, size)
             if data is None or not values.get(b"op"):
                 # a damaged length may reach beyond the chunks behind it
-                following = next_chunk(file, start + 1, size)
+                following = next_chunk(file, start + 1, size, is_ros1=True)
                 end = size if following is None else following
                 self.ends_early |= following is None and data is None
                 if values.get(b"compression") == b"none":
@@ -286,10 +285,7 @@ class BagStream:
     def _connection(self, number: int, topic: bytes, about: dict[bytes, bytes]) -> None:
         """Check and keep the type of a connection's topic."""
         name, kind = topic.decode(), field_of(about, b"type").decode()
-        md5, text = (
-            field_of(about, b"md5sum").decode(),
-            field_of(about, b"message_definition").decode(errors="replace"),
-        )
+        md5, text = field_of(about, b"md5sum").decode(), field_of(about, b"message_definition").decode(errors="replace")
         if not self._any_types:
             check_type(self.path, name, kind, text, ros=1)
         self._keep(number, BagConnection(name, kind, md5, text))
@@ -312,9 +308,9 @@ class BagStream:
             start, length = file.tell() - 9, _U64.unpack_from(head, 1)[0]
             data = file.read(min(length, size))
             is_whole, kind = len(data) == length, head[0]
-            following = (
-                None if is_over or (is_whole and 0 < kind <= _LAST_KIND) else next_mcap_chunk(file, start + 1, size)
-            )
+            following = None
+            if not is_over and not (is_whole and 0 < kind <= _LAST_KIND):
+                following = next_chunk(file, start + 1, size, is_ros1=False)
             if following is not None:
                 data, is_whole = data[: max(0, following - start - 9)], False
             is_over |= kind == _DATA_END
@@ -367,11 +363,11 @@ class BagStream:
             own, name = messages[messages[:, CONNECTION] == channel], self._names[channel]
             places = own[:, HEADER, None] + np.arange(2, 6)
             numbers = np.frombuffer(chunk, dtype=np.uint8)[places].view("<u4")[:, 0].astype(np.int64)
-            if numbers[0] == self._following.get(name, 0) and (np.diff(numbers) == 1).all():
-                self._following[name] = int(numbers[-1]) + 1
-                continue
-            for number, arrival in zip(numbers.tolist(), own[:, TIME].tolist(), strict=True):
-                self._count(name, number, arrival)
+            expected = self._following.get(name)
+            self._following[name] = int(numbers[-1]) + 1
+            before = np.append(0 if expected is None else expected, numbers[:-1] + 1)
+            for i in np.flatnonzero(numbers != before).tolist():
+                self._missed(name, int(numbers[i]), int(numbers[i] - before[i]), int(own[i, TIME]), i or expected)
 
     @contextlib.contextmanager
     def _damage_told(self, start: int) -> Iterator[None]:
@@ -431,19 +427,18 @@ class BagStream:
         elif name == PASS:
             self.begins = float(value)
 
-    def _count(self, name: str, number: int, arrival: int) -> None:
-        """Notice numbers that are missing, or come again."""
-        expected = self._following.get(name)
-        self._following[name] = number + 1
-        if expected is None and number:
-            self.damage.append(f"{self.path}: {number} messages of {name} before it are in files that are not there")
-        elif expected is not None and number > expected:
-            self.lost += number - expected
+    def _missed(self, name: str, number: int, missing: int, arrival: int, before: int | None) -> None:
+        """Tell of numbers that are missing before one, or come again; `before` is None of a topic's first message."""
+        if before is None:
+            said = f"{missing} messages of {name} before it are in files that are not there"
+        elif missing > 0:
+            self.lost += missing
             if not self.holes or self.holes[-1][1] is not None:
                 self.holes.append((self.last, arrival))
-            self.damage.append(f"{self.path}: {number - expected} message(s) of {name} are missing before {number}")
-        elif expected is not None and number < expected:
-            self.damage.append(f"{self.path}: message {number} of {name} comes out of order, or again")
+            said = f"{missing} message(s) of {name} are missing before {number}"
+        else:
+            said = f"message {number} of {name} comes out of order, or again"
+        self.damage.append(f"{self.path}: {said}")
 
 
 def whole_text(counts: Mapping[str, int]) -> str:
