@@ -100,11 +100,9 @@ class Sources:
     """Bags and tables of one recording."""
 
     def __init__(self, paths: Sequence[Path], progress: Progress = lambda done: None) -> None:
-        """Open them: a sample of each bag's topics, tables whole, but the first rows of a long text.
+        """Open bags, journals, folders of bags, and tables; `progress` is told the share of the bags that was read.
 
-        Args:
-            paths: Bags, tables, journals, or folders of bags.
-            progress: Is told the share of a file that was read.
+        Of each topic a sample is looked at, of a long text the first rows; other tables are read whole.
         """
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
