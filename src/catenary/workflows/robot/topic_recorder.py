@@ -93,6 +93,7 @@ class TopicRecorder:
         *,
         about: About | None = None,
         after: LeftOff | None = None,
+        ready: Callable[[Self], None] = lambda _: None,
         max_bytes: int = MAX_BYTES,
     ) -> None:
         """Begin a recording, or go on with one.
@@ -100,10 +101,9 @@ class TopicRecorder:
         Args:
             topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
             after: Where it was cut off; what is missing since is noted in it.
+            ready: Called when the topics are listened to, before a file is made; an error of its ends it.
             max_bytes: Of a file, before the next one begins.
         """
-        named = [JournalTopic(t.name, t.type) for t in topics]
-        self.journal = JournalWriter(folder, named, about, after=after, max_bytes=max_bytes)
         self._after = after
         self._kept: list[_Kept] = []
         self._transport, self._begin = transport, transport.steady()
@@ -115,8 +115,11 @@ class TopicRecorder:
                 source = RAVENSTATE.name if topic.name == RAVENSTATE_100HZ.name else topic.name
                 subscription = transport.subscribe(source, topic.type, depth=DEPTH)
                 self._kept.append(_Kept(topic, subscription, TopicCount(topic.name)))
+            ready(self)
+            named = [JournalTopic(t.name, t.type) for t in topics]
+            self.journal = JournalWriter(folder, named, about, after=after, max_bytes=max_bytes)
         except BaseException:
-            self.close()
+            self._end_subscriptions()
             raise
 
     def silent(self, names: Sequence[str]) -> str:
