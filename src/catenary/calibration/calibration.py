@@ -201,8 +201,7 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses one of them for every joint,
-            the simplest that is as good as the best (kind_choice.py).
+        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses for each joint.
         preset: For "neural": "paper" or "best" (None).
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         history: How many previous positions are inputs.
@@ -211,8 +210,7 @@ def fit(
         ridge: Weight on the squared coefficients of a regression.
         max_error: Leave out rows with larger errors, per joint in deg and mm.
         held_out: Share at the end of each recording that is kept from the fit; the card then has the errors on it.
-        folds: Blocks of time that the card's errors are of, each predicted by a model of the others; 0 for none,
-            which takes a fraction of the time, but leaves the model without intervals.
+        folds: Blocks of time of the cross-validation; 0 for none, which is fast and leaves out the intervals.
         coverage: Share of errors that the intervals about calibrated positions are to hold.
         robot: Its name, for the card; the recordings' when None.
         seed: Random seed of a network's training.
