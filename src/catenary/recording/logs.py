@@ -290,7 +290,8 @@ def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
     except FileFormatError as error:
         raise FileFormatError(f"{none}; {error}") from error
     if stated.format != FORMAT:
-        raise FileFormatError(f"{path}: log format {shortened(stated.format)}, expected {FORMAT!r}")
+        expected = f"expected {FORMAT!r}: another version wrote it; make it again"
+        raise FileFormatError(f"{path}: log format {shortened(stated.format)}, {expected}")
     return stated
 
 
