@@ -315,7 +315,7 @@ class SensedGravity:
         gravity = self._force.at(min(time, self._force.newest + self._horizon))[0]
         return np.array([gravity + self._lever(omega, alpha), omega, alpha])
 
-    def _turning(self, time: float) -> tuple[Floats, Floats]:
+    def _turning(self, time: float) -> Floats:
         return self._rate.at(min(time, self._rate.newest + self._horizon))
 
     def _lever(self, omega: Floats, alpha: Floats) -> Floats:
