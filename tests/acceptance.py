@@ -39,8 +39,8 @@ RATE = "200"  # [Hz] of what is served: a dVRK's is 100 to 200
 
 
 def recipe() -> str:
-    """Return what docs/crtk.md gives to make ROS 1's Python of crtk_msgs, by what Debian's genpy makes."""
-    page = (ROOT / "docs" / "crtk.md").read_text(encoding="utf-8")
+    """Return what docs/crtk-topics.md gives to make ROS 1's Python of crtk_msgs, by what Debian's genpy makes."""
+    page = (ROOT / "docs" / "crtk-topics.md").read_text(encoding="utf-8")
     return next(block for block in page.split("```") if block.startswith("\nimport pathlib, sys"))
 
 

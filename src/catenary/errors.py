@@ -18,7 +18,7 @@ class InputError(CatenaryError, ValueError):
 
 
 class DataError(InputError):
-    """A recording is refused before a model is made from it: its numbers cannot be what they are said to be.
+    """A recording is refused before a fit: its numbers contradict what is said of them.
 
     Attributes:
         names: Of the findings that refuse it, as `accept` takes them.

@@ -12,7 +12,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import FARTHEST, Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.predictors import Linear
+from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import JointState
 from oracles.calibration_models import random_model
@@ -48,24 +48,13 @@ def test_half_widths_are_constant_where_rows_lay_and_grow_from_there_to_a_bound(
     assert_allclose(half_widths(lone, X), expected, rtol=1e-12)
 
 
-def test_a_joint_is_far_only_along_features_that_bear_on_its_correction() -> None:
-    made = model()
-    (group,) = made.groups
-    box, coefficients = group.valid_range, np.zeros((5, 3))
-    coefficients[[0, 3, 4], [0, 0, 1]] = 2.0, 1.0, 3.0  # the third joint's correction is constant
-    linear = replace(group, predictor=Linear(coefficients, np.zeros(3)))
-    made = replace(made, groups=(linear,), limits=None, largest=np.full(3, 1e3))
-    half = 0.5 * (box.upper - box.lower)
-    bearing = made.bearing(SIGNALS[:150], SIGNALS[:150, :3])
-    expected = np.abs(coefficients.T) * half
-    expected[:2] /= expected[:2].max(axis=1, keepdims=True)
-    assert_allclose(bearing[:2], expected[:2], rtol=1e-6)  # finite differences of a straight line
-    assert_array_equal(bearing[2], 1.0)
-    own = replace(made, intervals=replace(WIDTHS, bearing=bearing))
-    X = np.tile(box.mean, (1, 1))
-    X[0, 4] = (box.lower + half * (1.0 + 0.5 * (1.0 + box.seen)))[4]  # halfway through the margin
-    lone = replace(own, groups=(replace(linear, valid_range=replace(box, axes=0.0 * box.axes)),))
-    assert_allclose(half_widths(lone, X), [[WIDTHS.inside[0], WIDTHS.outside[1], WIDTHS.outside[2]]], rtol=1e-9)
+def test_a_combination_that_never_occurred_is_far_within_the_box_too() -> None:
+    rng = np.random.default_rng(5)
+    rows = np.column_stack([rng.uniform(-1.0, 1.0, 400)] * 2) + 0.02 * rng.normal(size=(400, 2))
+    far = np.empty((2, 1))
+    for step in fit_valid_range(rows, 0.5).steps(np.array([[0.5, 0.5], [0.5, 0.4]]), np.ones(2, dtype=bool), far):
+        step.function(*step.inputs, *step.outputs)
+    assert far[0] < 0.5 < far[1] <= 1.0
 
 
 @given(st.integers(0, 4), st.floats(1.0, 1e6), st.floats(1.0, 1e6))

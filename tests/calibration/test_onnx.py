@@ -181,8 +181,7 @@ def test_half_widths_are_those_of_the_model_also_far_outside_and_where_an_input_
     rng = np.random.default_rng(7)
     signals = rng.normal(size=(200, 5))
     made = random_model("linear", signals, rng, joints=3, torques=2, per_joint=True, target=target)
-    bearing = rng.random((3, len(made.features.names)))
-    made = replace(made, intervals=Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.2, 0.7]), bearing))
+    made = replace(made, intervals=Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.2, 0.7])))
     rows = signals * rng.choice([0.1, 1.0, 5.0, 300.0], size=(200, 1))
     rows[rng.integers(0, 200, 40), rng.integers(3, 5, 40)] = np.nan
     given = {"q_nominal": rows[:, :3]} if target == "position" else {}

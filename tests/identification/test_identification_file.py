@@ -50,6 +50,9 @@ def test_the_card_says_what_a_stranger_must_know(found, saved):
     assert card["tests"][0]["verdict"] == "holds"
 
 
+OLDER = "expected 'catenary.identification.2': another version wrote it; `catenary identify` makes it again"
+
+
 def damaged(path, change):
     with np.load(path) as archive:
         arrays = dict(archive)
@@ -63,7 +66,7 @@ def damaged(path, change):
     ("change", "said"),
     [
         (lambda a, s: a.pop("beta"), "holds no identified parameters"),
-        (lambda a, s: s.update(format="catenary.identification.9"), "expected 'catenary.identification.1'"),
+        (lambda a, s: s.update(format="catenary.identification.1"), OLDER),
         (lambda a, s: a.update(beta=a["beta"][:-1]), "combination has shape"),
         (lambda a, s: a.update(beta=np.full_like(a["beta"], np.nan)), "of finite numbers"),
         (lambda a, s: a.update(columns=a["columns"] + 1000), "columns outside 0 to"),
@@ -89,6 +92,12 @@ def test_a_damaged_file_is_refused(saved, change, said):
 def test_the_robot_in_a_file_whose_numbers_were_changed_is_refused_too(saved):
     damaged(saved, lambda a, s: a["phi"].__setitem__(0, 9.0))
     with pytest.raises(FileFormatError, match=r"damaged: its numbers are not .*; `catenary identify` makes it again"):
+        load_robot(str(saved))
+
+
+def test_the_robot_in_an_older_file_is_refused_with_what_to_do(saved):
+    damaged(saved, lambda a, s: s.update(format="catenary.identification.1"))
+    with pytest.raises(FileFormatError, match=OLDER):
         load_robot(str(saved))
 
 

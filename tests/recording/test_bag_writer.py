@@ -230,3 +230,10 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("hello")
     with pytest.raises(FileFormatError, match=r"expected a journal, a \.bag"):
         open_recording(tmp_path / "notes.txt")
+
+
+def test_a_recording_of_an_earlier_version_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "train").mkdir()
+    (tmp_path / "train" / "0000.journal").write_bytes(b"old")
+    with pytest.raises(FileFormatError, match=r"it holds 0000\.journal, expected \.mcap, \.db3; .*: record it again"):
+        open_recording(tmp_path / "train")

@@ -414,6 +414,44 @@ def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_expla
     assert float(base.source.remedy.split()[2]) == pytest.approx(1.0 / scale, rel=0.1)  # "gravity turns 1.98 times ..."
 
 
+@pytest.mark.parametrize("rate", [60, 200])
+def test_a_sensor_away_from_the_origin_is_not_live_while_its_lever_is_unchecked(rate, rng):
+    # a right gyroscope that begins to turn: until it was checked, a lever of 0.22 m leaves up to 4 m/s2 unknown
+    t = np.arange(200) / 100.0
+    omega = math.radians(rate) * (0.5 - 0.5 * np.cos(np.pi * np.clip((t - 1.0) / 0.3, 0.0, 1.0)))
+    roll = np.concatenate([[0.0], np.cumsum(0.005 * (omega[1:] + omega[:-1]))])
+    place = np.array([0.1, 0.0, 0.2])
+    base = Base(angular=True, rules=None, mounting=Mounting(position=place))
+    for k, now in enumerate(t.tolist()):
+        turning, gravity = np.array([omega[k], 0.0, 0.0]), tilted_gravity(0.2 + roll[k], 0.0)
+        spun = np.cross([np.gradient(omega, 0.01)[k], 0.0, 0.0], place) + np.cross(turning, np.cross(turning, place))
+        base.mailbox.put(now, turning + 9e-4 * rng.normal(size=3), Kind.ANGULAR_RATE)
+        base.mailbox.put(now, gravity - spun + 0.03 * rng.normal(size=3), Kind.FREE_FALL)
+        reading = base.source.read(now)
+        if reading.status is ReadingStatus.LIVE and now > 0.5:
+            assert np.linalg.norm(reading.gravity - gravity) < 0.5
+    assert reading.status is ReadingStatus.LIVE  # once it was checked
+
+
+@pytest.mark.parametrize(("rate", "late"), [(60, 0.1), (120, 0.2), (200, 0.1), (60, -0.1)])
+def test_a_delay_is_named_in_a_turn_and_stays_so_and_is_never_live_and_wrong(rate, late, rng):
+    t = np.arange(-200, 500) / 100.0  # at rest for three seconds, which tell the bias
+    turn, _ = turned(np.radians(120), np.radians(rate), 0.2, t)
+    said, base = turned(np.radians(120), np.radians(rate), 0.2, t - late)[1], Base(angular=True, rules=None)
+    named = []
+    for k, now in enumerate(t.tolist()):
+        gravity = tilted_gravity(0.2 + turn[k], 0.0)
+        base.mailbox.put(now, np.array([said[k], 0.0, 0.0]) + 9e-4 * rng.normal(size=3), Kind.ANGULAR_RATE)
+        base.mailbox.put(now, gravity + 0.04 * rng.normal(size=3), Kind.FREE_FALL)
+        reading = base.source.read(now)
+        if Fault.RATE_DELAY in reading.faults:
+            named.append(now)
+        if reading.status is ReadingStatus.LIVE and now > -1.5:
+            assert np.linalg.norm(reading.gravity - gravity) < 0.5
+    assert named[0] < 2.0  # the turn begins at 1 s
+    assert Fault.RATE_DELAY in reading.faults
+
+
 def test_a_fallback_turns_with_the_rates():
     base, (gravity, rate) = Base(angular=True), rocking(0.1, 1.0)
     base.run(2.0, gravity, rate)  # checks the gyroscope

@@ -358,8 +358,7 @@ def calibration_of(kind: str, rng: np.random.Generator) -> tuple[CalibrationMode
     signals = np.cumsum(0.1 * rng.normal(size=(STATES, width)), axis=0)
     model = random_model(kind, signals[: STATES // 2], rng, joints=3, rate_hz=500.0, **CASES[kind])
     if kind != "constant":  # which has none: NaN
-        widths, bearing = np.array([[0.1, 0.2, 0.3], [0.3, 0.2, 0.7]]), rng.random((3, len(model.features.names)))
-        model = replace(model, intervals=Intervals(0.9, *widths, bearing))
+        model = replace(model, intervals=Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.2, 0.7])))
     signals[rng.integers(0, STATES, 50), rng.integers(0, width, 50)] = np.nan
     return model, signals
 

@@ -66,31 +66,24 @@ for (k = 0; k < joints_size; ++k) {
   inside[joint] = trusted;
 }""",
     "distance": """\
-int j, k;
-for (j = 0; j < far_size; ++j) far[j] = 0.0;
+int k;
 for (k = 0; k < lower_size; ++k) {
   const double reach = 0.5 * (upper[k] - lower[k]);
   const double away = fabs(X[k] - (lower[k] + reach));
-  if (away > bounds[0] * reach) {
-    const double times = away < bounds[1] * reach ? away / reach : bounds[1];
-    for (j = 0; j < far_size; ++j) {
-      const double counts = bounds[0] + bearing[j * lower_size + k] * (times - bounds[0]);
-      if (counts > far[j]) far[j] = counts;
-    }
-  }
+  if (away > far[0] * reach) far[0] = away < farthest[0] * reach ? away / reach : farthest[0];
 }""",
     "widen": """\
 int k;
 for (k = 0; k < joints_size; ++k) {
   const int joint = joints[k];
   if (!inside[joint] || leaping[0])
-    interval[joint] = PREFIX_is_finite(q[joint]) ? edge[joint] * (far[k] > 1.0 ? far[k] : 1.0) : NAN;
-  else if (far[k] <= reach[0])
+    interval[joint] = PREFIX_is_finite(q[joint]) ? edge[joint] * (far[0] > 1.0 ? far[0] : 1.0) : NAN;
+  else if (far[0] <= reach[0])
     interval[joint] = near[joint];
-  else if (far[k] >= reach[1])
+  else if (far[0] >= reach[1])
     interval[joint] = edge[joint];
   else
-    interval[joint] = near[joint] + (edge[joint] - near[joint]) * ((far[k] - reach[0]) / (reach[1] - reach[0]));
+    interval[joint] = near[joint] + (edge[joint] - near[joint]) * ((far[0] - reach[0]) / (reach[1] - reach[0]));
 }""",
     "find_leaps": """\
 double fast = 0.0;

@@ -52,7 +52,7 @@ class MotionArrays(TypedDict, total=False):
 class Calibration(CalibrationModel):
     """A fitted calibration model with its card: what it was fitted to, and its errors.
 
-    Recordings, not arrays, are mended as its training data were; `dataclasses.replace(model, mends={})` leaves them.
+    Recordings, not arrays, are corrected like its training data; `dataclasses.replace(model, mends={})` prevents it.
     """
 
     card: Card = field(default_factory=dict)
@@ -103,7 +103,7 @@ class Calibration(CalibrationModel):
             arrays: As for `predict`.
 
         Raises:
-            DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
+            DataError: Something is wrong with the data; the message says what, how to fix it, and how to accept it.
             InputError: As for `predict`, or nothing was measured.
             FileFormatError: A recording is missing or damaged.
         """
@@ -150,7 +150,7 @@ class Calibration(CalibrationModel):
         return [self.matched(log) for log in logs]
 
     def save(self, path: str | Path) -> None:
-        """Write the model to a file (.npz), and a readable copy of its card beside it.
+        """Write the model to a file (.npz), and a readable copy of its card next to it.
 
         Raises:
             FileFormatError: The file cannot be written.
@@ -201,9 +201,8 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses one of them for every joint,
-            the simplest that is as good as the best (kind_choice.py).
-        preset: Of "neural": "paper" or "best", which is taken when None.
+        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses for each joint.
+        preset: For "neural": "paper" or "best" (None).
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         history: How many previous positions are inputs.
         play: Half-widths of play states as shares of each joint's range; see FitOptions.
@@ -211,19 +210,18 @@ def fit(
         ridge: Weight on the squared coefficients of a regression.
         max_error: Leave out rows with larger errors, per joint in deg and mm.
         held_out: Share at the end of each recording that is kept from the fit; the card then has the errors on it.
-        folds: Blocks of time that the card's errors are of, each predicted by a model of the others; 0 for none,
-            which takes a fraction of the time, but leaves the model without intervals.
+        folds: Blocks of time of the cross-validation; 0 for none, which is fast and leaves out the intervals.
         coverage: Share of errors that the intervals about calibrated positions are to hold.
         robot: Its name, for the card; the recordings' when None.
-        seed: Of a network's training.
+        seed: Random seed of a network's training.
         coupled: Joints that friction couples; found in the recordings when None, none when empty.
-        accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
+        accept: Names of findings of `check_data` to continue despite.
         progress: Called with the share done.
         arrays: What else is known, where positions are an array: torques are taken as inputs, velocities when `inputs`
             says so, time is needed by `history` in a control loop, whose rate must be known.
 
     Raises:
-        DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
+        DataError: Something is wrong with the data; the message says what, how to fix it, and how to accept it.
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
     """
@@ -268,7 +266,7 @@ def check_data(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement.
         units: "rad" or "m" per joint, as for `fit`.
         joint_names: Names of the joints.
-        robot: Catalogue name or file of the robot, whose limits positions are held against.
+        robot: Catalogue name or file of the robot; positions are compared with its limits.
         arrays: As for `fit`.
 
     Returns:

@@ -199,7 +199,7 @@ class Corrector:
         self.reset()
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None) -> None:
-        """Take one tick of the robot that `prepare` was told of.
+        """Correct one tick of the robot that `prepare` named.
 
         Args:
             out: (n,) receives the calibrated positions [rad|m]; joints without a model pass through.

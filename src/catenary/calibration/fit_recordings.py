@@ -131,8 +131,6 @@ def _concluded(
     everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
-    if intervals is not None:
-        intervals = replace(intervals, bearing=model.bearing(data.X, data.q_nominal))
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:

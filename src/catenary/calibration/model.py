@@ -24,7 +24,6 @@ from catenary.recording.mend import MENDS
 Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]
 Mends = Annotated[Mapping[Annotated[str, Field(pattern=MENDS)], tuple[str, ...]], Field(max_length=50)]
-SLOPES, STEP = 200, 1e-3  # rows at which slopes of the correction are taken, by such a share of a feature's range
 REACH = 2.0  # times the largest correction that training showed: the largest that is believed
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
@@ -53,27 +52,21 @@ class JointGroup:
                 f"the predictor takes {inputs} and gives {outputs}, the valid range is of {watched}"
             )
 
-    def steps(
-        self, X: Floats, known: Flags, prediction: Floats, far: Floats | None = None, bearing: Floats | None = None
-    ) -> list[Step]:
+    def steps(self, X: Floats, known: Flags, prediction: Floats, far: Floats | None = None) -> list[Step]:
         """Return the compiled steps from rows of all features X (N, F) to predictions.
 
         Args:
             X: (N, F) features.
             known: (N,) receives whether rows are complete and in the valid range.
             prediction: (N, m) receives the predictor's outputs.
-            far: (N, m) receives how far from the middle of the valid range rows are; see intervals.py.
-            bearing: (n, F) of all features on all joints; alike when None.
+            far: (N, 1) receives how far from the middle of the valid range rows are; see intervals.py.
         """
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
-        of_joints = np.ones((len(self.joints), len(self.watched)))
-        if bearing is not None:
-            of_joints = np.ascontiguousarray(bearing[list(self.joints)][:, self.watched])
         return [
             Step(arithmetic.take, (X, self.columns), (taken,)),
             Step(arithmetic.finite, (taken,), (known,)),
             Step(arithmetic.take, (X, self.watched), (watched,)),
-            *self.valid_range.steps(watched, known, far, of_joints),
+            *self.valid_range.steps(watched, known, far),
             *self.predictor.steps(taken, prediction),
         ]
 
@@ -126,9 +119,6 @@ class CalibrationModel:
             object.__setattr__(self, "limits", as_array("limits", self.limits, (2, n)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
-        bearing = None if self.intervals is None else self.intervals.bearing
-        if bearing is not None and bearing.shape[1] != width:
-            raise InputError(f"model: expected bearing of its {width} features, got {bearing.shape[1]}")
 
     @property
     def asked_of_reports(self) -> list[str]:
@@ -150,29 +140,6 @@ class CalibrationModel:
         """
         n = len(self.joint_names)
         return replace(self, largest=np.full(n, ANY), limits=None).correct(X, np.zeros((len(X), n)))[1]
-
-    def bearing(self, X: Floats, q_nominal: Floats) -> Floats:
-        """Return how much each feature bears on each joint's correction, of the one that bears most, (n, F).
-
-        By how much the correction changes over the half of a feature's range, RMS over SLOPES of the rows X (N, F) and
-        q_nominal (N, n); alike for a joint whose correction is constant.
-        """
-        free = replace(self, largest=np.full(len(self.joint_names), ANY), limits=None, intervals=None)
-        rows = np.linspace(0, len(X) - 1, min(SLOPES, len(X))).astype(int)
-        at, q, found = X[rows], q_nominal[rows], np.zeros((len(self.joint_names), X.shape[1]))
-        before = free.correction(at, q)
-        for group in self.groups:
-            box = group.valid_range
-            for column, half in zip(group.watched.tolist(), 0.5 * (box.upper - box.lower), strict=True):
-                moved, reported = at.copy(), q.copy()
-                moved[:, column] += STEP * half
-                for j, name in enumerate(self.joint_names):
-                    reported[:, j] += STEP * half * (self.features.names[column] == f"q:{name}")
-                slope = np.sqrt(np.mean(np.square(free.correction(moved, reported) - before), axis=0))
-                found[list(group.joints), column] = slope[list(group.joints)]
-        most = found.max(axis=1, keepdims=True, initial=0.0)
-        bearing: Floats = np.where(most > 0.0, found / np.where(most > 0.0, most, 1.0), 1.0)
-        return bearing
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
         """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
@@ -220,8 +187,8 @@ class CalibrationModel:
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
-            far = None if interval is None or self.intervals is None else np.empty((len(X), len(joints)))
-            steps += group.steps(X, known, prediction, far, None if self.intervals is None else self.intervals.bearing)
+            far = None if interval is None or self.intervals is None else np.empty((len(X), 1))
+            steps += group.steps(X, known, prediction, far)
             if self.target == "position":
                 steps.append(Step(arithmetic.errors_of_positions, (q, joints), (prediction,)))
             chosen_from = (prediction, known, q, joints, self.offset, *bounds)

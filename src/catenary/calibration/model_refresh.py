@@ -142,7 +142,7 @@ def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:
     if new is None:
         return None
     inside = np.maximum(old.inside, new.inside)
-    return replace(old, inside=inside, outside=np.maximum(inside, np.maximum(old.outside, new.outside)))
+    return Intervals(old.level, inside, np.maximum(inside, np.maximum(old.outside, new.outside)))
 
 
 def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Floats) -> AnyPredictor:

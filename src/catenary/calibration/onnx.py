@@ -389,7 +389,7 @@ def _written(graph: _Graph, step: Step) -> str:
             above, below = add("GreaterOrEqual", *given[:2]), add("LessOrEqual", given[0], given[2])
             return add("And", before, graph.all(add("And", above, below)))
         case "distance":
-            return _distance(graph, step)
+            return _distance(graph, step, before)
         case "errors_of_positions":
             return add("Sub", before, add("Gather", *given, axis=1))
         case name:
@@ -411,19 +411,17 @@ def _choice(graph: _Graph, step: Step, model: CalibrationModel) -> tuple[str, st
     return add("Where", inside, error, graph.constant(offset[joints])), inside
 
 
-def _distance(graph: _Graph, step: Step) -> str:
-    """Write how far from the middle of a box each row is for each joint, (rows, m); see intervals.py."""
-    X, lower, upper, bearing, (seen, farthest) = step.inputs
-    reach, add, zero = 0.5 * (upper - lower), graph.add, graph.constant(np.zeros(1))
+def _distance(graph: _Graph, step: Step, before: str) -> str:
+    """Write how far from the middle of a box each row is, (rows, 1), or of the boxes before; see intervals.py."""
+    X, lower, upper, farthest = step.inputs
     if not len(lower):
-        return graph.constant(np.zeros((1, len(bearing))))
+        return before
+    reach, add = 0.5 * (upper - lower), graph.add
     away = add("Abs", add("Sub", graph.tensor(X), graph.constant(lower + reach)))
     times = add("Div", away, graph.constant(reach))
-    known = add("Min", add("Where", add("IsNaN", times), zero, times), graph.constant(np.array([farthest])))
-    beyond = add("Max", add("Sub", known, graph.constant(np.array([seen]))), zero)
-    counts = [add("Mul", beyond, graph.constant(row[None])) for row in bearing]
-    largest = add("Concat", *(add("ReduceMax", each, axes=[1], keepdims=1) for each in counts), axis=1)
-    return add("Add", largest, graph.constant(np.array([seen])))
+    known = add("Where", add("IsNaN", times), graph.constant(np.zeros(1)), times)
+    largest = add("ReduceMax", add("Min", known, graph.constant(farthest)), axes=[1], keepdims=1)
+    return add("Max", before, largest)
 
 
 def _half_widths(graph: _Graph, step: Step, inside: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags, Step, between, dense, standardise
+from catenary.calibration.arithmetic import Flags, Step, between, dense, repeat, standardise
 from catenary.calibration.intervals import FARTHEST, distance
 from catenary.cards import StoredFloats
 
@@ -37,19 +37,22 @@ class ValidRange:
                 shape = (width, width) if name == "axes" else (width,)
                 object.__setattr__(self, name, as_array(name, values, shape))
 
-    def steps(self, X: Floats, inside: Flags, far: Floats | None = None, bearing: Floats | None = None) -> list[Step]:
+    def steps(self, X: Floats, inside: Flags, far: Floats | None = None) -> list[Step]:
         """Return the compiled steps that clear the flags (N,) of rows of X (N, F) outside either box; NaN is.
 
         Args:
-            far: (N, m) receives how far from the middle of the box rows are for each joint; see intervals.py.
-            bearing: (m, F) of each feature on each joint.
+            far: (N, 1) receives how far from the middle of the boxes rows are; see intervals.py.
         """
         centred, projection = np.empty_like(X), np.empty_like(X)
         ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
-        bounds = np.array([self.seen, FARTHEST])
         distances: list[Step] = []
-        if far is not None and bearing is not None:
-            distances = [Step(distance, (X, self.lower, self.upper, bearing, bounds), (far,))]
+        if far is not None:
+            distances = [
+                Step(repeat, (np.zeros(1),), (far,)),
+                # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
+                Step(distance, (projection, self.axis_lower, self.axis_upper, np.ones(1)), (far,)),
+                Step(distance, (X, self.lower, self.upper, np.array([FARTHEST])), (far,)),
+            ]
         return [
             Step(between, (X, self.lower, self.upper), (inside,)),
             Step(standardise, (X, self.mean, ones), (centred,)),

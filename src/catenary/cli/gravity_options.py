@@ -130,14 +130,25 @@ class ReadingOptions:
         return replace(told, rotation=frame.pose.rotation, position=frame.pose.position, base=model.base)
 
 
+GRAVITY_TOPIC = option(
+    "TOPIC", "With --ros: gravity of `catenary gravity-node`, as /gravity. [default: nominal]", goes_with="ros"
+)
+
+
 @group
-class RuleOptions:
-    """Options that say what of a sensor on a base is believed."""
+class SensingOptions:
+    """Options of every command that turns samples of a sensor into gravity."""
 
     mounting_on: str = option("table|cart|vehicle|ship", "Platform: sets thresholds, cut-off, timeouts.", "table")
     sensor_noise: float | None = option("M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0)
     rule: Sequence[str] = option("NAME=VALUE", "Set a threshold (docs/gravity-sensor-rules.md); repeatable.")
     hanging: bool = option(None, "The base may hang upside down.", False)
+    cutoff_hz: float | None = option("HZ", "Cut-off frequency of the filter. [default: by --mounting-on]")
+    fallback: str = option("hold|fade|static|stop", "What gravity becomes when samples stop.", "fade")
+    stale_after: float = option("S", "Age from which the newest sample is stale.", 0.05)
+    age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
+    attitude_time: float | None = option("S", "Averaging time of where fade converges. [default: by --mounting-on]")
+    start_limit: float = option("S", "With --fallback stop: stop if no valid sample came by then.", 1.0)
 
     def rules(self) -> "SensorRules":
         """Return what is believed."""
@@ -147,23 +158,6 @@ class RuleOptions:
         changes |= dict(_rule(text) for text in self.rule)
         noise = CHEAP_NOISE if self.sensor_noise is None else self.sensor_noise
         return rules_for(self.mounting_on, noise=noise, changes=changes)
-
-
-GRAVITY_TOPIC = option(
-    "TOPIC", "With --ros: gravity of `catenary gravity-node`, as /gravity. [default: nominal]", goes_with="ros"
-)
-
-
-@group
-class SensingOptions(RuleOptions):
-    """Options of every command that turns samples of a sensor into gravity."""
-
-    cutoff_hz: float | None = option("HZ", "Cut-off frequency of the filter. [default: by --mounting-on]")
-    fallback: str = option("hold|fade|static|stop", "What gravity becomes when samples stop.", "fade")
-    stale_after: float = option("S", "Age from which the newest sample is stale.", 0.05)
-    age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
-    attitude_time: float | None = option("S", "Averaging time of where fade converges. [default: by --mounting-on]")
-    start_limit: float = option("S", "With --fallback stop: stop if no valid sample came by then.", 1.0)
 
     def as_data(self) -> dict[str, Any]:
         """Return what was given, as plain data."""

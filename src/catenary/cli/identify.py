@@ -136,7 +136,7 @@ def payload(
     accept: Sequence[str] = ACCEPT,
     as_json: bool = AS_JSON,
 ) -> None:
-    """Estimate an arm's payload, a wrist sensor's tool, or what pushes the arm.
+    """Estimate an arm's payload, a wrist's tool, or a push.
 
     The table of a wrist sensor has a row for each of four poses at rest or more: the joints by name in rad and m, fx,
     fy, fz in N and tx, ty, tz in Nm in the sensor's axes. Mass, centre of mass and the sensor's biases come out.

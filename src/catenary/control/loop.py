@@ -109,7 +109,7 @@ def run_loop(
 
     At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
     paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last finite position or gets zero torque,
-    and is paused; the error goes on, with the report so far as its attribute `loop_report`.
+    and is paused; the error is raised, with the report so far as its attribute `loop_report`.
 
     Args:
         plant: Enabled and homed.

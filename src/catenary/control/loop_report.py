@@ -60,7 +60,7 @@ class LoopReport:
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]
-        for name, timing in (("compute time", self.compute), ("period jitter", self.jitter)):
+        for name, timing in (("whole tick, robot included", self.compute), ("period jitter", self.jitter)):
             if timing is not None:
                 values = zip(("median", "p99", "p99.9", "max"), timing, strict=True)
                 lines.append(f"{name} [us]: " + ", ".join(f"{key} {1e6 * v:.4g}" for key, v in values))

@@ -1,8 +1,7 @@
 """ROS 2 behind the transport protocol by rclpy, where ROS 2 is installed: any RMW, and services that answer.
 
 Messages pass rclpy as ROS 2's bytes (CDR), made and read by the codec that DDS has too; only services need rclpy's
-objects. rclpy's executor answers services and parameters. It makes its set of what it waits for anew for each message,
-and hears 4,400 a second; a thread of the transport takes them instead, 14,000 a second for a fifth of a core.
+objects. rclpy's executor answers services and parameters. It would hear 4,400 messages a second; a thread takes 14,000.
 
 A type whose package is not built for this ROS 2 cannot be carried: its topics are left out, and a line says so.
 """
@@ -14,10 +13,10 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import rclpy
-from rcl_interfaces.msg import Log
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -28,6 +27,7 @@ from catenary.crtk.dds.arguments import BEGIN, RosArguments
 from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import HEADER, Message
 from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.rclpy_log import Rosout
 from catenary.crtk.transport import SETTLE, UNNAMED, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
@@ -38,32 +38,35 @@ _IDLE = 0.0005  # [s] between two looks for messages where none came
 _LOOK = 0.2  # [s] between two looks at who is there: a twentieth of a millisecond a topic
 _NAMING = 1.0  # [s] until a program counts as one without a node
 _NAMELESS = "_"  # with which rclpy's words of such a one begin
-_WAIT = 1.0  # [s] for a service to be found
 _PROGRAM = 12  # first bytes of the number of a topic's end, which DDS gives to all ends of a program
 _logger = logging.getLogger(__name__)
 _Quality = tuple[ReliabilityPolicy, DurabilityPolicy]
 _USUAL = ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE
 _LATCHED = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
 _POOR = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
-_Ends = dict[bytes, tuple[Origin, _Quality]]  # by their numbers
+_Origins = dict[bytes, Origin]  # by the number of a topic's end
 
 
-def _ends(listed: list[Any]) -> _Ends:
-    """Return ends of a topic as rclpy lists them."""
+def _origins(listed: list[Any]) -> _Origins:
+    """Return whose the ends of a topic are that rclpy lists."""
     found = {}
     for one in listed:
         gid = bytes(one.endpoint_gid)
         node = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
         if one.node_name.startswith(_NAMELESS):
             node = f"{UNNAMED}{gid[:_PROGRAM].hex()}"
-        offered = one.qos_profile.reliability, one.qos_profile.durability
-        origin = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), offered[1] == _LATCHED[1])
-        found[gid] = origin, offered if offered[0] == _USUAL[0] else _POOR
+        is_latching = one.qos_profile.durability == _LATCHED[1]
+        found[gid] = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), is_latching)
     return found
 
 
-def _names(ends: _Ends) -> tuple[str, ...]:
-    return tuple(sorted({origin.process.partition(" ")[0] for origin, _ in ends.values()}))
+def _names(origins: _Origins) -> tuple[str, ...]:
+    return tuple(sorted({origin.process.partition(" ")[0] for origin in origins.values()}))
+
+
+def _quality(offered: QoSProfile) -> _Quality:
+    """Return as what a publisher's messages are read."""
+    return (offered.reliability, offered.durability) if offered.reliability == _USUAL[0] else _POOR
 
 
 def _profile(depth: int, quality: _Quality) -> QoSProfile:
@@ -86,7 +89,7 @@ class _Publisher(Publisher):
         """Ask who listens."""
         with self._lock:
             listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if self.is_heard() else []
-            self._listeners = _names(_ends(listed))
+            self._listeners = _names(_origins(listed))
 
     def _send(self, message: Message) -> None:
         if self._is_latched or self.is_heard():
@@ -116,7 +119,7 @@ class _ReadTopic(HeardTopic):
         self._node, self._kind, self._steady = transport.node, kind, transport.steady
         self._name = self._node.resolve_topic_name(topic)
         self._readers: dict[_Quality, Any] = {}
-        self._publishers: _Ends = {}
+        self._publishers: _Origins = {}
         self._seen: dict[bytes, float] = {}  # when
         self._came: deque[tuple[int, int]] = deque(maxlen=_AGAIN)  # when they were sent [ns], and their numbers
         self._is_ended = False
@@ -128,13 +131,13 @@ class _ReadTopic(HeardTopic):
     def look(self) -> None:
         """Ask who publishes, and listen to each."""
         now, listed = time.monotonic(), self._node.get_publishers_info_by_topic(self._name)
-        listed = [one for one in listed if _type(one.topic_type) == self.type_name]
+        listed = [one for one in listed if current_name(one.topic_type) == self.type_name]
         with self._lock:
             # one whose node is told later must not be two programs
             named = [one for one in listed if not one.node_name.startswith(_NAMELESS)]
             named += [one for one in listed if now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING]
-            self._publishers = _ends(named)
-            offered = {quality for _, quality in self._publishers.values()} or {_USUAL}
+            self._publishers = _origins(named)
+            offered = {_quality(one.qos_profile) for one in named} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
                 self._readers[quality] = self._node.create_subscription(
                     self._kind, self._name, print, _profile(_DEPTH, quality), callback_group=_Taken(), raw=True
@@ -166,31 +169,29 @@ class _ReadTopic(HeardTopic):
 
     def _origin(self, told: Mapping[str, Any] | None) -> Origin | None:
         """Say where a message came from: rclpy tells it since Kilted; before, it is clear where one publishes alone."""
-        known = self._publishers
         if told is None:
-            return next(iter(known.values()))[0] if len(known) == 1 else None
+            return next(iter(self._publishers.values())) if len(self._publishers) == 1 else None
         gid = bytes(told["data"])
-        if gid not in known:
+        if gid not in self._publishers:
             self.look()
-        found = self._publishers.get(gid)
-        return None if found is None else found[0]
+        return self._publishers.get(gid)
 
 
-def _type(name: str) -> str:
-    return current_name(name.replace("/msg/", "/"))
-
-
-class _Rosout(logging.Handler):
-    """Says on `/rosout` what catenary logs."""
-
-    def __init__(self, node: Any) -> None:
-        super().__init__(logging.INFO)
-        self._node, self._publisher = node, node.create_publisher(Log, "/rosout", _profile(1000, _LATCHED))
-
-    def emit(self, record: logging.LogRecord) -> None:
-        where = {"file": record.pathname, "function": record.funcName or "", "line": record.lineno}
-        what = {"name": self._node.get_name(), "level": record.levelno, "msg": record.getMessage()}
-        self._publisher.publish(Log(stamp=self._node.get_clock().now().to_msg(), **what, **where))
+@cache
+def _kind(name: str, part: str) -> Any:
+    """Return rclpy's class of a type of messages ("msg") or services ("srv"), or None and say so once."""
+    package, _, word = current_name(name).partition("/")
+    try:
+        kind = getattr(importlib.import_module(f"{package}.{part}"), word)
+    except (ImportError, AttributeError) as error:
+        _logger.warning("%s is left out: this ROS 2 has no such type (%s); --transport dds has", name, error)
+        return None
+    if part == "msg":
+        theirs = list(kind.get_fields_and_field_types())
+        ours = [field.name for field in fields(name)][int(name == HEADER) :]
+        if theirs != ours:
+            raise TransportError(f"{name}: this ROS 2 has the fields {theirs}, expected {ours}")
+    return kind
 
 
 class RclpyTransport(Transport):
@@ -204,17 +205,15 @@ class RclpyTransport(Transport):
         self._arguments = arguments or RosArguments()
         super().__init__(self._arguments.node or name)
         self._context = rclpy.Context()
-        words = [BEGIN, "--disable-external-lib-logs"]
-        for pair in self._arguments.topics.items():
-            words += ["-r", ":=".join(pair)]
+        renamed = [word for pair in self._arguments.topics.items() for word in ("-r", ":=".join(pair))]
+        words = [BEGIN, "--disable-external-lib-logs", *renamed]
         try:
             rclpy.init(args=words, context=self._context)  # signals stay the program's, as with any context of its own
             self.node = rclpy.create_node(self.name, context=self._context, namespace=self._arguments.namespace)
         except (RuntimeError, ValueError) as error:
             raise TransportError(f"rclpy: {error}") from error
-        self._left_out: set[str] = set()
         self._clients: dict[str, Any] = {}  # by the service that they call
-        self._rosout = _Rosout(self.node)
+        self._rosout = Rosout(self.node)
         logging.getLogger("catenary").addHandler(self._rosout)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
@@ -226,14 +225,13 @@ class RclpyTransport(Transport):
     def _receive(self) -> None:
         looked = 0.0
         while not self.inbox.closed:
-            came = False
+            came = list[HeardTopic]()
             try:
-                topics = [one for one in tuple(self._heard.values()) if isinstance(one, _ReadTopic)]
-                for topic in topics:
-                    came |= topic.take()
+                known = [*self._heard.values(), *self._publishers.values()]
+                came = [one for one in known if isinstance(one, _ReadTopic) and one.take()]
                 if time.monotonic() > looked + _LOOK:
                     looked = time.monotonic()
-                    for one in (*topics, *tuple(self._publishers.values())):
+                    for one in known:
                         if isinstance(one, _ReadTopic | _Publisher):
                             one.look()
             except Exception:  # one message, or one program, must not end it
@@ -241,36 +239,19 @@ class RclpyTransport(Transport):
             if not came:
                 time.sleep(_IDLE)
 
-    def _kind(self, name: str, part: str) -> Any:
-        """Return rclpy's class of a type of messages ("msg") or services ("srv"), or None where it has none."""
-        package, _, word = current_name(name).partition("/")
-        try:
-            kind = getattr(importlib.import_module(f"{package}.{part}"), word)
-        except (ImportError, AttributeError) as error:
-            if name not in self._left_out:
-                self._left_out.add(name)
-                _logger.warning("%s is left out: this ROS 2 has no such type (%s); --transport dds has", name, error)
-            return None
-        if part == "msg":
-            theirs = list(kind.get_fields_and_field_types())
-            ours = [field.name for field in fields(name)][int(name == HEADER) :]
-            if theirs != ours:
-                raise TransportError(f"{name}: this ROS 2 has the fields {theirs}, expected {ours}")
-        return kind
-
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher:
-        kind = self._kind(type_name, "msg")
+        kind = _kind(type_name, "msg")
         if kind is None:
             return Publisher(topic, type_name)  # to nobody
         quality = _LATCHED if latch else _USUAL if self.sending.is_reliable else _POOR
         return _Publisher(self.node, kind, topic, type_name, _profile(1 if latch else queue, quality))
 
     def _hear(self, topic: str, type_name: str) -> HeardTopic:
-        kind = self._kind(type_name, "msg")
+        kind = _kind(type_name, "msg")
         return HeardTopic(type_name, lambda: None) if kind is None else _ReadTopic(self, kind, topic, type_name)
 
     def _serve(self, name: str, type_name: str, answer: Answer) -> None:
-        kind = self._kind(type_name, "srv")
+        kind = _kind(type_name, "srv")
         if kind is None:
             return
         if self.node.count_services(self.node.resolve_service_name(name)):
@@ -288,11 +269,11 @@ class RclpyTransport(Transport):
         self.node.create_service(kind, name, serve)
 
     def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
-        kind = self._kind(type_name, "srv")
+        kind = _kind(type_name, "srv")
         if kind is None:
             raise TransportError(f"service {name}: this ROS 2 has no type {type_name}")
         client = self._clients[name] = self._clients.get(name) or self.node.create_client(kind, name)
-        if not client.wait_for_service(min(timeout, _WAIT)):
+        if not client.wait_for_service(min(timeout, 1.0)):  # [s] for it to be found
             raise TransportError(f"service {name}: nobody offers it")
         coming = client.call_async(deserialize_message(data, kind.Request))
         called = Request(lambda: serialize_message(coming.result()))
@@ -303,7 +284,7 @@ class RclpyTransport(Transport):
         for topic, _ in self.node.get_topic_names_and_types():
             own, listed = self._arguments.own_name(topic), self.node.get_publishers_info_by_topic(topic)
             if own is not None:
-                yield from ((own, _type(listed[0].topic_type), one.process) for one, _ in _ends(listed).values())
+                yield from ((own, current_name(listed[0].topic_type), one.process) for one in _origins(listed).values())
 
     def close(self) -> None:
         """End the node."""

@@ -79,7 +79,7 @@ def external_wrench(
         model: The robot.
         q: (n,) [rad or m].
         external: Torques (n,) of one configuration, with widths above zero.
-        frame: Whose origin the moment is about; the tip when None.
+        frame: The moment is about its origin; the tip when None.
     """
     torque = as_array("external torque", external.torque, (model.n,))
     spread = as_positive("half-width of the external torque", external.half_width, (model.n,))

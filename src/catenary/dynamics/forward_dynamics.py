@@ -37,7 +37,7 @@ def forward_dynamics(
         tau: The same shape, what the actuators supply [Nm or N].
         gravity: (3,) or (N, 3) free-fall acceleration in base axes [m/s2].
         base: Motion of the base; at rest when None.
-        loads: What loads the joints beside the links, such as `known_loads(model)`; nothing when None.
+        loads: Further loads on the joints, such as `known_loads(model)`; none when None.
 
     Returns:
         (n,) or (N, n) [rad/s2 or m/s2].

@@ -33,7 +33,7 @@ from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_not_negative, as_positive, one_for_all
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.gravity_regressor import FullRegressor, require_parameters
+from catenary.gravity.gravity_regressor import full_kernel, full_labels, require_parameters
 from catenary.gravity.load_location import LOAD, LoadBeliefs, LoadHypotheses
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
@@ -67,11 +67,9 @@ class EstimatedGravity:
         if not compact.expressions:
             raise InputError(f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints')
         self.model = model
-        self.labels = compact.labels if form == "compact" else FullRegressor(model).labels
+        self.labels = compact.labels if form == "compact" else full_labels(model)
         self._s = np.array(require_parameters("s0", np.zeros(len(self.labels)) if s0 is None else s0, self.labels))
-        self._kernel: Callable[[Floats, Floats], Floats] = (
-            compact.kernel() if form == "compact" else FullRegressor(model).kernel()
-        )
+        self._kernel: Callable[[Floats, Floats], Floats] = compact.kernel() if form == "compact" else full_kernel(model)
 
     @property
     def s_hat(self) -> Floats:

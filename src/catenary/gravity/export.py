@@ -64,7 +64,7 @@ def export_function(
             "casadi": a `casadi.Function` with named inputs.
             "sympy": a `SymbolicFunction`, expressions that print as LaTeX.
             "c99": the text of a header with one function, NAME_QUANTITY(inputs..., out), also C++.
-        frame: Whose pose forward kinematics gives; the tip when None.
+        frame: Frame of the forward kinematics; the tip when None.
         loads: Friction, rotors, springs and known torques of feedforward and forward_dynamics; those that the robot
             brings, as an identified one does, when None. Presliding friction is as in steady sliding.
 

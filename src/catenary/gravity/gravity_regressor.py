@@ -56,19 +56,9 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
     return out[0] if single else out
 
 
-class FullRegressor(NamedTuple):
-    """The paper's regressor before anything is merged, for estimators; `compact_regressor` is the one they take."""
-
-    model: RobotModel
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the parameters (p,), as `gravity_parameters` has them."""
-        return _full_labels(self.model)
-
-    def kernel(self) -> Callable[[Floats, Floats], Floats]:
-        """Return `kernel(q, gravity)`, Z (n, p) at one configuration; not compiled, NaN in gives NaN out."""
-        return lambda q, gravity: _full(self.model, q[None], gravity[None])[0]
+def full_kernel(model: RobotModel) -> Callable[[Floats, Floats], Floats]:
+    """Return `kernel(q, gravity)`, the paper's Z (n, p) at one configuration; not compiled, NaN in gives NaN out."""
+    return lambda q, gravity: _full(model, q[None], gravity[None])[0]
 
 
 def _full(model: RobotModel, rows: Floats, gravities: Floats) -> Floats:
@@ -112,10 +102,11 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
             values += list(moment[j]) if j in beyond else [0.0] * 3
     values += mass[tree.prismatic].tolist()
     units = ("kg m",) * (3 * n * (n + 1)) + ("kg",) * int(tree.prismatic.sum())
-    return GravityParameters(np.array(values), _full_labels(model), units)
+    return GravityParameters(np.array(values), full_labels(model), units)
 
 
-def _full_labels(model: RobotModel) -> tuple[str, ...]:
+def full_labels(model: RobotModel) -> tuple[str, ...]:
+    """Return the names of the parameters (p,) of `gravity_regressor`."""
     frames = (model.base, *model.link_names)
     moments = [
         f"carried by {link}, along {axis} of {frame}" for link in model.link_names for frame in frames for axis in "xyz"

@@ -177,7 +177,8 @@ def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) 
     gravity (3,) is a constant, such as (0, 0, -1) for a level base, in units of the free fall.
     """
     way = way_to(model, link)
-    down, seen = _gravity_before(way, gravity), _seen_before(way, axis)
+    down = _before_turns(way, constant_vector(gravity), of_base=True)
+    seen = _before_turns(way, constant_vector(way.end @ axis), of_base=False)
     entries: list[Terms | None] = []
     for row in range(model.n):
         total: Terms = {}
@@ -205,7 +206,9 @@ def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | 
         try:
             total = sum_of(scaled(multiplied(_short(moment), x), sign), scaled(_short(moment), offset))
             if factor != 0.0 and way.turns:
-                own = dotted(_short(_gravity_before(way, gravity)[0]), _short(_seen_before(way, axis)[0]))
+                down = _before_turns(way, constant_vector(gravity), of_base=True)[0]
+                seen = _before_turns(way, constant_vector(way.end @ axis), of_base=False)[0]
+                own = dotted(_short(down), _short(seen))
                 total = sum_of(total, scaled(own, -factor))
             elif factor != 0.0:
                 total = sum_of(total, cleaned({(): -factor * float(gravity @ (way.end @ axis))}))
@@ -250,29 +253,14 @@ def way_to(model: RobotModel, link: int) -> Way:
     return Way(turns, constant, joints)
 
 
-def _gravity_before(way: Way, gravity: Floats) -> list[SymbolicVector | None]:
-    """Return gravity in the frame that each turn starts from; None from where it is too long."""
+def _before_turns(way: Way, v: SymbolicVector, *, of_base: bool) -> list[SymbolicVector | None]:
+    """Return a vector of the base, or of the way's end, in the frame that each turn starts from; None if too long."""
     out: list[SymbolicVector | None] = [None] * len(way.turns)
-    v = constant_vector(gravity)
     try:
-        for k, turn in enumerate(way.turns):
-            here = times(turn.before.T, v)
-            out[k] = here
-            v = turned(turn, here, back=True)
-    except TooLongError:
-        pass
-    return out
-
-
-def _seen_before(way: Way, axis: Floats) -> list[SymbolicVector | None]:
-    """Return an axis of the way's end in the frame that each turn starts from; None where it is too long."""
-    out: list[SymbolicVector | None] = [None] * len(way.turns)
-    v = constant_vector(way.end @ axis)
-    try:
-        for k in range(len(way.turns) - 1, -1, -1):
-            here = turned(way.turns[k], v, back=False)
-            out[k] = here
-            v = times(way.turns[k].before, here)
+        for k in range(len(out))[:: 1 if of_base else -1]:
+            turn = way.turns[k]
+            out[k] = here = times(turn.before.T, v) if of_base else turned(turn, v, back=False)
+            v = turned(turn, here, back=True) if of_base else times(turn.before, here)
     except TooLongError:
         pass
     return out

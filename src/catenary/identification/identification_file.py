@@ -12,7 +12,7 @@ from catenary import __version__
 from catenary.archives import content_in_words, read_arrays
 from catenary.cards import card_of, write_with_card
 from catenary.config import IN_FILES, parse_settings, plain_data
-from catenary.documents import cut, json_table, shortened
+from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.friction_choice import FrictionPart
@@ -20,9 +20,8 @@ from catenary.identification.identification import Identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.parameters import Parameters
 from catenary.identification.residuals import LogResidual, MovedRange
-from catenary.robots.model_record import IDENTIFIED, REMEDY, robot_from_record, robot_record
+from catenary.robots.model_record import FORMAT, IDENTIFIED, REMEDY, robot_from_record, robot_record, structure_of
 
-FORMAT = "catenary.identification.1"
 Card = dict[str, Any]
 
 
@@ -114,10 +113,7 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             "they are written by catenary identify"
         )
     try:
-        found = json_table(str(arrays["structure"]), "structure")
-        if found.get("format") != FORMAT:
-            raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}: identify it again")
-        record = parse_settings(found, IdentificationRecord, "structure")
+        record = parse_settings(structure_of(arrays), IdentificationRecord, "structure")
         parameters = Parameters(robot_from_record(record.robot), record.options.terms)
         b, k, n = len(arrays["beta"]), len(parameters.names), parameters.model.n
         shapes = {"combination": (b, k), "columns": (b,), "beta": (b,), "covariance": (b, b), "weights": (n,)}

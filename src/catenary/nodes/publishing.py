@@ -8,7 +8,7 @@ from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 
 
-class Node(Protocol):
+class PublishingNode(Protocol):
     """What is published by: a step at a time, and what it says of itself."""
 
     transport: Transport
@@ -21,7 +21,11 @@ class Node(Protocol):
 
 
 def publish(
-    node: Node, *, rate_hz: float, duration: float | None = None, show: Callable[[Any], None] = lambda status: None
+    node: PublishingNode,
+    *,
+    rate_hz: float,
+    duration: float | None = None,
+    show: Callable[[Any], None] = lambda status: None,
 ) -> Any:
     """Step a node at a rate until the duration [s] is over, its transport closed, or Ctrl-C; return the last status.
 

@@ -54,7 +54,10 @@ class BagFolder(FilesInARow):
             except FileFormatError as error:
                 damage.append(str(error))
         if not parts:
-            raise FileFormatError("; ".join(damage) or f"{path}: cannot be read: has no file of a bag")
+            inside = ", ".join(sorted(file.name for file in path.iterdir())[:5]) or "nothing"
+            none = f"{path}: has no file of a bag; it holds {inside}, expected {', '.join(FILES)}"
+            older = "; an earlier version wrote .journal: record it again" if ".journal" in inside else ""
+            raise FileFormatError("; ".join(damage) or none + older)
         super().__init__(path, sorted(parts, key=_start))
         self.damage = [*damage, *(problem for part in self.parts for problem in part.damage)]
         self.counts = Counter[str]()

@@ -4,7 +4,6 @@
 """
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from struct import Struct, error
 from typing import BinaryIO, Literal, cast
@@ -26,20 +25,9 @@ _PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a messa
 DAMAGE = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
 
 
-def next_chunk(file: BinaryIO, position: int, size: int) -> int | None:
-    """Return where the next chunk of a ROS 1 bag begins, or None; the file is left anywhere."""
-    return _found(file, position, size, _ROS1_CHUNK, _ros1_chunk)
-
-
-def next_mcap_chunk(file: BinaryIO, position: int, size: int) -> int | None:
-    """Return where the next chunk of an MCAP file begins, or None; the file is left anywhere."""
-    return _found(file, position, size, _MCAP_CHUNK, _mcap_chunk)
-
-
-def _found(
-    file: BinaryIO, position: int, size: int, sign: re.Pattern[bytes], begin_of: Callable[[bytes, int], int | None]
-) -> int | None:
-    """Return the first place, from `position` on, at which a sign stands in the head of a chunk."""
+def next_chunk(file: BinaryIO, position: int, size: int, *, is_ros1: bool) -> int | None:
+    """Return where the next chunk of a ROS 1 bag, or of MCAP, begins, or None; the file is left anywhere."""
+    sign, begin_of = (_ROS1_CHUNK, _ros1_chunk) if is_ros1 else (_MCAP_CHUNK, _mcap_chunk)
     while position < size:
         file.seek(position)
         block = file.read(_BLOCK + _REACH)
@@ -75,6 +63,7 @@ def _mcap_chunk(block: bytes, sign: int) -> int | None:
 
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
+    """Return the fields of a header; none of a damaged one."""
     try:
         return header_fields(data)
     except (error, ValueError):
@@ -117,10 +106,7 @@ def bag_record(file: BinaryIO, size: int) -> tuple[dict[bytes, bytes], bytes | N
     """Return header and data of a record: no header where it is damaged, no data where the file ends first."""
     head = sized(file, size)
     data = None if head is None else sized(file, size)
-    try:
-        return ({} if head is None else header_fields(head)), data
-    except DAMAGE:
-        return {}, data
+    return _fields(head or b""), data
 
 
 def most_unpacked(size: int) -> int:

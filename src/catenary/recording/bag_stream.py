@@ -34,18 +34,16 @@ from catenary.recording.bag_search import (
     field_of,
     header_fields,
     next_chunk,
-    next_mcap_chunk,
     sized,
     text_at,
 )
-from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, PASS, About, JournalTopic, is_journal_name
+from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
 from catenary.recording.messages import check_type, current_name
 from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 # of MCAP [mcap.dev/spec]
@@ -87,7 +85,7 @@ class BagStream:
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
         self._names: dict[int, str] = {}  # of topics
         self._unread: set[int] = set()  # channels in another encoding than ROS's
-        self._last: int | None = None  # [ns] arrival of the message before
+        self.last: int | None = None  # [ns] arrival of the last message that was read
         self.first: int | None = None  # [ns] arrival of the first message
         try:
             with path.open("rb") as file:
@@ -101,7 +99,7 @@ class BagStream:
         self._shared: dict[str, int] | None = None  # the same of all files of a journal
         self._before: int | None = None  # [ns] arrival of the last message of the file before
         self.is_ros1 = begin == ROS1_MAGIC
-        if not self.is_ros1 and not begin.startswith(MCAP_MAGIC) and not is_journal_name(path):
+        if not self.is_ros1 and not begin.startswith(MAGIC) and not is_journal_name(path):
             raise FileFormatError(
                 f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; nothing in it can be saved"
             )
@@ -141,11 +139,6 @@ class BagStream:
                     block = Block.of([self._plain(block[i]) for i in range(len(block))])
                 yield name, records[:, TIME], block
 
-    @property
-    def last(self) -> int | None:
-        """Arrival of the last message that was read [ns]."""
-        return self._last
-
     def follow(self, following: dict[str, int], last: int | None) -> None:
         """Go on behind another file of a journal: with numbers of the next messages by topic, and the last arrival."""
         self._shared, self._before = following, last
@@ -156,11 +149,11 @@ class BagStream:
         self.holes.clear()
         self.remarks.clear()
         self._following = {} if self._shared is None else self._shared
-        self.ends_early, self._last, self.lost, self.is_last = False, self._before, 0, False
+        self.ends_early, self.last, self.lost, self.is_last = False, self._before, 0, False
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
             self._unpacking = Unpacking(self.path)
-            file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MCAP_MAGIC))
+            file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MAGIC))
             try:
                 yield from read(file, size)
             except DAMAGE as problem:
@@ -177,8 +170,8 @@ class BagStream:
         """Keep what is damaged, and that messages are missing there."""
         if len(self.damage) < _MOST_PROBLEMS:
             self.damage.append(f"{self.path}: damaged {where}")
-        if not self.holes or self.holes[-1][0] != self._last:
-            self.holes.append((self._last, None))
+        if not self.holes or self.holes[-1][0] != self.last:
+            self.holes.append((self.last, None))
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
@@ -188,7 +181,7 @@ class BagStream:
             values, data = bag_record(file, size)
             if data is None or not values.get(b"op"):
                 # a damaged length may reach beyond the chunks behind it
-                following = next_chunk(file, start + 1, size)
+                following = next_chunk(file, start + 1, size, is_ros1=True)
                 end = size if following is None else following
                 self.ends_early |= following is None and data is None
                 if values.get(b"compression") == b"none":
@@ -250,7 +243,7 @@ class BagStream:
         """Note when messages arrived [ns]."""
         if self.holes and self.holes[-1][1] is None:
             self.holes[-1] = self.holes[-1][0], first
-        self._last, self.first = last, first if self.first is None else self.first
+        self.last, self.first = last, first if self.first is None else self.first
 
     def _chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk with the records of the messages of known topics in it."""
@@ -292,10 +285,7 @@ class BagStream:
     def _connection(self, number: int, topic: bytes, about: dict[bytes, bytes]) -> None:
         """Check and keep the type of a connection's topic."""
         name, kind = topic.decode(), field_of(about, b"type").decode()
-        md5, text = (
-            field_of(about, b"md5sum").decode(),
-            field_of(about, b"message_definition").decode(errors="replace"),
-        )
+        md5, text = field_of(about, b"md5sum").decode(), field_of(about, b"message_definition").decode(errors="replace")
         if not self._any_types:
             check_type(self.path, name, kind, text, ros=1)
         self._keep(number, BagConnection(name, kind, md5, text))
@@ -318,9 +308,9 @@ class BagStream:
             start, length = file.tell() - 9, _U64.unpack_from(head, 1)[0]
             data = file.read(min(length, size))
             is_whole, kind = len(data) == length, head[0]
-            following = (
-                None if is_over or (is_whole and 0 < kind <= _LAST_KIND) else next_mcap_chunk(file, start + 1, size)
-            )
+            following = None
+            if not is_over and not (is_whole and 0 < kind <= _LAST_KIND):
+                following = next_chunk(file, start + 1, size, is_ros1=False)
             if following is not None:
                 data, is_whole = data[: max(0, following - start - 9)], False
             is_over |= kind == _DATA_END
@@ -373,11 +363,11 @@ class BagStream:
             own, name = messages[messages[:, CONNECTION] == channel], self._names[channel]
             places = own[:, HEADER, None] + np.arange(2, 6)
             numbers = np.frombuffer(chunk, dtype=np.uint8)[places].view("<u4")[:, 0].astype(np.int64)
-            if numbers[0] == self._following.get(name, 0) and (np.diff(numbers) == 1).all():
-                self._following[name] = int(numbers[-1]) + 1
-                continue
-            for number, arrival in zip(numbers.tolist(), own[:, TIME].tolist(), strict=True):
-                self._count(name, number, arrival)
+            expected = self._following.get(name)
+            self._following[name] = int(numbers[-1]) + 1
+            before = np.append(0 if expected is None else expected, numbers[:-1] + 1)
+            for i in np.flatnonzero(numbers != before).tolist():
+                self._missed(name, int(numbers[i]), int(numbers[i] - before[i]), int(own[i, TIME]), i or expected)
 
     @contextlib.contextmanager
     def _damage_told(self, start: int) -> Iterator[None]:
@@ -437,19 +427,18 @@ class BagStream:
         elif name == PASS:
             self.begins = float(value)
 
-    def _count(self, name: str, number: int, arrival: int) -> None:
-        """Notice numbers that are missing, or come again."""
-        expected = self._following.get(name)
-        self._following[name] = number + 1
-        if expected is None and number:
-            self.damage.append(f"{self.path}: {number} messages of {name} before it are in files that are not there")
-        elif expected is not None and number > expected:
-            self.lost += number - expected
+    def _missed(self, name: str, number: int, missing: int, arrival: int, before: int | None) -> None:
+        """Tell of numbers that are missing before one, or come again; `before` is None of a topic's first message."""
+        if before is None:
+            said = f"{missing} messages of {name} before it are in files that are not there"
+        elif missing > 0:
+            self.lost += missing
             if not self.holes or self.holes[-1][1] is not None:
-                self.holes.append((self._last, arrival))
-            self.damage.append(f"{self.path}: {number - expected} message(s) of {name} are missing before {number}")
-        elif expected is not None and number < expected:
-            self.damage.append(f"{self.path}: message {number} of {name} comes out of order, or again")
+                self.holes.append((self.last, arrival))
+            said = f"{missing} message(s) of {name} are missing before {number}"
+        else:
+            said = f"message {number} of {name} comes out of order, or again"
+        self.damage.append(f"{self.path}: {said}")
 
 
 def whole_text(counts: Mapping[str, int]) -> str:

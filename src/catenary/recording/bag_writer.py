@@ -40,12 +40,8 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:
-        raise InputError(
-            "; ".join(
-                f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written" for t in unknown
-            )
-        )
-    suffix = ".bag" if kind == "ros1" else ""
+        said = [f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written" for t in unknown]
+        raise InputError("; ".join(said))
     topics: dict[str, dict[str, str]] = {}  # of each bag, and their types
     for topic in source.topics:
         known = topic_named(topic.name)

@@ -52,17 +52,14 @@ class _Walk:
         if kind in TIMES:
             # ROS 1's time counts without a sign, its duration with; ROS 2's with, and without in nanoseconds
             signed = kind == "duration" or self.encoding == "cdr"
-            self._number("<i4" if signed else "<u4", f"{path}.sec")
-            self._number("<i4" if kind == "duration" and self.encoding == "ros1" else "<u4", f"{path}.nsec")
+            self._place(f"{path}.sec", "<i4" if signed else "<u4", 4)
+            self._place(f"{path}.nsec", "<i4" if kind == "duration" and self.encoding == "ros1" else "<u4", 4)
         elif kind == "string":
             self._place(path, f"V{self._length(path)}", 1)
         elif kind in NUMBERS:
-            self._number(NUMBERS[kind], path)
+            self._place(path, NUMBERS[kind], np.dtype(NUMBERS[kind]).itemsize)
         else:
             self.message(kind, f"{path}.")
-
-    def _number(self, number: str, path: str) -> None:
-        self._place(path, number, np.dtype(number).itemsize)
 
     def _numbers(self, kind: str, path: str, count: int) -> None:
         number = np.dtype(NUMBERS[kind])
@@ -70,7 +67,7 @@ class _Walk:
         self._place(path, (number, (count,)), number.itemsize if count else 1)
 
     def _length(self, path: str) -> int:
-        self._number("<u4", COUNT + path)
+        self._place(COUNT + path, "<u4", 4)
         size = self.size_of(path, self.offsets[-1])
         if not 0 <= size <= MAX_ELEMENTS:
             raise FileFormatError(f'message: "{path}" claims {size} elements, expected {MAX_ELEMENTS} at most')

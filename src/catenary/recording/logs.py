@@ -100,10 +100,6 @@ def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints:
     raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. With `joint_names` (n,) the
     joints are put into the robot's order; without, and without `units`, they are taken to be the robot's. Where only
     some `joints` of it are wanted, others may be missing, and all stay in the file's order.
-
-    Raises:
-        FileFormatError: No such file, unknown kind, damaged, or an array is missing.
-        InputError: Wrong shape, NaN, a rate that is not above zero, or raw efforts of a robot without scale.
     """
     ending = table_ending(path)
     if ending == ".parquet":
@@ -294,7 +290,8 @@ def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
     except FileFormatError as error:
         raise FileFormatError(f"{none}; {error}") from error
     if stated.format != FORMAT:
-        raise FileFormatError(f"{path}: log format {shortened(stated.format)}, expected {FORMAT!r}")
+        expected = f"expected {FORMAT!r}: another version wrote it; make it again"
+        raise FileFormatError(f"{path}: log format {shortened(stated.format)}, {expected}")
     return stated
 
 

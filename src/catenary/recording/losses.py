@@ -27,11 +27,7 @@ def losses(arrivals: Mapping[str, NDArray[np.int64]], holes: Sequence[Hole]) -> 
 
     A topic goes on at its usual rate, the median of its intervals; so many messages are missing as would fit between
     the last before a hole and the first behind it. What came behind the end of a recording nobody knows: it is not
-    counted, but for topics that end before others do.
-
-    Args:
-        arrivals: (M,) [ns] of each topic, in the order of arrival.
-        holes: Where something could not be read.
+    counted, but for topics that end before others do. Arrivals are (M,) [ns] of each topic, in order.
     """
     ends = [int(a[-1]) for a in arrivals.values() if len(a)]
     found = []

@@ -79,6 +79,8 @@ _HEADER = "std_msgs/Header"
 _PLACEHOLDER = "structure_needs_at_least_one_member"  # rosbags' field of a type that has none
 _TIME_NAMES = {"builtin_interfaces/Time": "time", "builtin_interfaces/Duration": "duration"}
 
+_parsed = lru_cache(maxsize=64)(get_types_from_msg)
+
 
 class Field(NamedTuple):
     """One field of a message."""
@@ -217,11 +219,6 @@ def _difference(path: Path, topic: str, name: str, text: str, *, ros: int) -> st
         elif got != expected:
             differences.append(f"{part} has its fields in another order")
     return "; ".join(differences)
-
-
-@lru_cache(maxsize=64)
-def _parsed(text: str, name: str) -> Typesdict:
-    return get_types_from_msg(text, name)
 
 
 def _text(field: Field) -> str:

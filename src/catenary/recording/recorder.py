@@ -83,14 +83,9 @@ class Recorder:
         jitter: float = JITTER,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        """Begin a journal of these topics.
+        """Begin a journal of those topics whose columns are `available`; `start_ns` is the stamp of time 0 [ns].
 
-        Args:
-            available: Names of telemetry's columns.
-            rng: Draws the instants of messages.
-            start_ns: Stamp of time 0 [ns].
-            jitter: Of the intervals, as a share of the period.
-            max_bytes: Of a file, before the next one begins.
+        `rng` draws the instants of messages, with `jitter` as a share of the period.
         """
         have = frozenset(available)
         self.topics = tuple(topic for topic in topics if _required(topic) <= have)

@@ -24,10 +24,8 @@ STEP = SECOND // 4  # [ns] the least; what is smaller costs no more than as many
 SAME = SECOND // 50  # [ns] within which topics agree on one and the same step
 NEAR = 2 * SECOND  # [ns] within which they see it
 LEAST = 3  # messages that have to stay where the clock is
-CRAWL, APART = (
-    1000,
-    SECOND // 10_000,
-)  # [ns] stamps that creep on, to stay in order, while messages come further apart
+# [ns] stamps that creep on, to stay in order, while messages come further apart
+CRAWL, APART = 1000, SECOND // 10_000
 
 
 class ClockStep(NamedTuple):

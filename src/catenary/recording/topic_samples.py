@@ -33,13 +33,9 @@ def topic_named(name: str) -> Topic | None:
 def encode(
     topic: Topic, stamp: NDArray[np.int64], columns: Mapping[str, Floats], *, first_seq: int = 0
 ) -> NDArray[np.void]:
-    """Return N messages of a topic, each element the bytes of one.
+    """Return N messages of a topic, each element the bytes of one, at stamps (N,) [ns] that are not negative.
 
-    Args:
-        topic: What to make.
-        stamp: (N,) [ns], not negative.
-        columns: By the name of the topic's columns, each (N, width) in SI; those not required may be missing.
-        first_seq: `seq` of the first header.
+    Columns are by their names, each (N, width) in SI; those not required may be missing.
     """
     missing = [c.name for c in topic.columns if c.required and c.name not in columns]
     if missing:

@@ -188,11 +188,7 @@ def error_series(evaluation: Evaluation, j: int, name: str) -> list[ErrorSeries]
 
 
 def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, name: str | None = None) -> Picture:
-    """Draw the error of one joint over time and as histograms: raw, after the fixed offset, after the model.
-
-    Lines end where rows are missing in time; far errors that would flatten the rest are counted in the caption, which
-    calls the model `name`, or by its kind.
-    """
+    """Draw the error of one joint over time and as histograms: raw, after the fixed offset, after the model."""
     from matplotlib.figure import Figure
 
     shown = name if name is not None else model.kind

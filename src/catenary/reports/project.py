@@ -44,9 +44,7 @@ def write_project_report(
 ) -> None:
     """Write the page of a project.
 
-    The model is that of the last evaluation, the best one, which the page calls by its name; its errors are of the
-    recordings in `test`. `connection` says where the robot was: "simulation", "ros1" or "ros2". `inputs` says how many
-    inputs each model takes, joint by joint, `deployment` what the 1 kHz loop reported, if it ran.
+    The model is that of the last evaluation; `connection` is "simulation", "ros1" or "ros2".
     """
     name, evaluation = list(evaluations.items())[-1]
     opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
@@ -69,11 +67,7 @@ def comparison_table(
     inputs: Mapping[str, Sequence[int]] | None = None,
     beside_paper: str | None = None,
 ) -> Table:
-    """Return a row for each model by its name, after one of raw errors and one of the fixed offset's.
-
-    `inputs` adds how many inputs each model takes, joint by joint where they differ; `beside_paper`, which says what
-    ours are of, the paper's table I, direction J2-J3: a real robot, one calibration of 1013 s.
-    """
+    """Return a row for each model, after raw errors and the fixed offset's; `beside_paper` adds the paper's table I."""
     joints = next(iter(evaluations.values())).joints
     rows = [
         ["raw", *(f"{joint.raw_rmse:.3f}" for joint in joints)],

@@ -1,17 +1,21 @@
 """A RobotModel as plain data and back, and out of the file of its identified parameters."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.cards import card_of
 from catenary.config import parse_settings, plain_data
-from catenary.documents import cut, json_table
+from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.actuation import check_actuation
 from catenary.robots.model import Massless, RobotModel, Tree
 from catenary.robots.plausible import MOST_LINKS
 
+FORMAT = "catenary.identification.2"
 REMEDY = "`catenary identify` makes it again"
 IDENTIFIED = "identified"  # array of the archive that holds the robot, as JSON
 # of what was declared or carried, an identified robot knows nothing
@@ -35,19 +39,23 @@ def robot_from_record(record: Any) -> RobotModel:
     return model
 
 
+def structure_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Return what the archive of an identification says of itself; refuse another version's."""
+    found = json_table(str(arrays.get("structure")), "structure")
+    if (version := found.get("format")) != FORMAT:
+        raise FileFormatError(f"format {shortened(version)}, expected {FORMAT!r}: another version wrote it; {REMEDY}")
+    return found
+
+
 def load_identified(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load the robot that `catenary identify` found."""
     arrays = read_arrays(path)
     if IDENTIFIED not in arrays:
         if {"structure", "combination"} <= set(arrays):
-            raise FileFormatError(
-                f"{path}: holds combinations of links' parameters, of which no robot follows (identify --free, or an "
-                "earlier version): identify once more without --free"
-            )
-        raise FileFormatError(
-            f"{path}: holds no robot ({content_in_words(arrays)}); catenary identify writes one beside its parameters"
-        )
+            raise FileFormatError(f"{path}: holds parameters that make no robot; identify once more without --free")
+        raise FileFormatError(f"{path}: holds no robot ({content_in_words(arrays)}); catenary identify writes one")
     try:
+        structure_of(arrays)
         card_of(arrays, path, REMEDY)
         robot = robot_from_record(json_table(str(arrays[IDENTIFIED]), IDENTIFIED))
     except FileFormatError as error:

@@ -40,6 +40,7 @@ _LEAST_SCALE = 0.5  # below which rates are worse than none
 _MOST_SCALE = 5.0  # beyond which it is none: a gyroscope with a bias, and no more, seems to turn with anything
 _APART = 0.0095  # [s] of samples that are kept: a hundred a second
 _DELAYS = (-0.2, -0.15, -0.1, -0.06, -0.03, 0.03, 0.06, 0.1, 0.15, 0.2)  # [s]
+_LATE_SEEMS = Fault.RATE_SCALE | Fault.RATE_SIGN | Fault.RATE_CONTRADICTS
 _LATE_FROM = 2.0  # [s] of samples that tell a delay
 _TURNED = slice(0, 9)  # columns: turning about axis i as the gyroscope's axis j reads it
 _BIAS, _AXIS, _GRAVITY = slice(9, 12), slice(12, 15), 15  # a bias, where the axis of turning is, and what it makes
@@ -217,7 +218,7 @@ class AgreementWatch:
 
     EVERY = 0.1  # [s] between comparisons
     SPANS = (0.8, 4.0)  # [s] over which: the first finds what is new soon, the other what is small
-    GAP = 0.5  # [s] without samples, after which both begin anew
+    GAP = 0.2  # [s] without samples, after which both begin anew
 
     def __init__(self, rules: SensorRules, *, checked: bool = False) -> None:
         """Take rules, and whether the gyroscope was found right before."""
@@ -264,7 +265,10 @@ class AgreementWatch:
                 self.found = found
             # what contradicts does so now; a while ago another may have
             elif found.fault is not Fault.NONE and (found.remedy or is_short):
-                self.found, self._proven, self.may_be_used = found, False, False
+                self._proven = self.may_be_used = False
+                # what is late seems to be of another scale, or none, where a turn begins or ends
+                if self.found.fault is not Fault.RATE_DELAY or found.fault not in _LATE_SEEMS:
+                    self.found = found
                 return
 
 

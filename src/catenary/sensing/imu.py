@@ -138,7 +138,9 @@ class SensedGravity:
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
         gravity, *rates = self._transfer.follow(self._target(time, status, turning), dt, changed=changed)
-        is_behind = self._transfer.behind > _EASED or norm(self._ahead) > self._ahead_limit
+        # rates that nothing checked yet, and are not used, may be right
+        doubted = 0.0 if turning or not self._rate_is_fresh(time) else norm(self._lever(*self._turning(time)))
+        is_behind = max(self._transfer.behind, doubted) > _EASED or norm(self._ahead) > self._ahead_limit
         if status is not ReadingStatus.LIVE or not is_behind:
             self._said = status
         elif self._said is ReadingStatus.LIVE:
@@ -284,7 +286,7 @@ class SensedGravity:
             waiting = self._mode[0] is ReadingStatus.NOMINAL and started
             return ReadingStatus.NOMINAL if waiting else self._fallen()
         age = time - self._force.newest
-        if age <= self._stale_after:
+        if age <= self._stale_after and not self._predicted.disagrees:
             return ReadingStatus.LIVE
         return ReadingStatus.STALE if age <= self._age_limit else self._fallen()
 
@@ -309,12 +311,17 @@ class SensedGravity:
 
     def _motion(self, time: float, turning: bool) -> Floats:
         """Return gravity at the base's origin, angular velocity and acceleration at a time [s], (3, 3)."""
-        omega, alpha = np.zeros((2, 3))
-        if turning:
-            omega, alpha = self._rate.at(min(time, self._rate.newest + self._horizon))
+        omega, alpha = self._turning(time) if turning else np.zeros((2, 3))
         gravity = self._force.at(min(time, self._force.newest + self._horizon))[0]
+        return np.array([gravity + self._lever(omega, alpha), omega, alpha])
+
+    def _turning(self, time: float) -> Floats:
+        return self._rate.at(min(time, self._rate.newest + self._horizon))
+
+    def _lever(self, omega: Floats, alpha: Floats) -> Floats:
+        """Return what gravity at the origin has more than at the sensor (3,) [m/s2]."""
         p = self.mounting.position
-        return np.array([gravity + cross(alpha, p) + cross(omega, cross(omega, p)), omega, alpha])
+        return cross(alpha, p) + cross(omega, cross(omega, p))
 
     def _faults(self, time: float, status: ReadingStatus) -> Fault:
         faults = Fault.NONE

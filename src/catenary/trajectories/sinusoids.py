@@ -35,7 +35,7 @@ def random_sinusoids(
     fastest: ArrayLike = FASTEST,
     turn_time: float = TURN_TIME,
 ) -> SmoothedPath:
-    """Return a random motion of each joint by itself, turning near the ends of its range.
+    """Return an independent random motion of each joint, turning near the ends of its range.
 
     A joint starts at rest at a random turning point near one end, crosses to a random point near the other at
     a random constant speed, slows down to rest within `turn_time`, turns, and speeds up within `turn_time`.

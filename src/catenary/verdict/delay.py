@@ -142,7 +142,7 @@ class _JointLook:
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
         rows = rows[:: len(rows) // MOST_ROWS + 1]
-        self.X = explanation(q, own, moved, len(rows))
+        self.explanation = Explanation(q, own, moved, len(rows))
         few = rows[:: len(rows) // SCANNED_ROWS + 1]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
         for _ in range(3):
@@ -160,7 +160,8 @@ class _JointLook:
         s = self.t[rows] - d
         k = np.clip(np.searchsorted(self.t, s, side="right") - 1, 0, len(self.t) - 2)
         share = ((s - self.t[k]) / np.maximum(self.t[k + 1] - self.t[k], 1e-12))[:, None]
-        columns = np.column_stack([self.X[k] * (1.0 - share) + self.X[k + 1] * share, self.y[rows]])
+        before, after = self.explanation.at(k), self.explanation.at(k + 1)
+        columns = np.column_stack([before * (1.0 - share) + after * share, self.y[rows]])
         b = self.block[rows]
         n = np.maximum(np.bincount(b, minlength=BLOCKS), 1)
         columns -= np.column_stack([np.bincount(b, column, minlength=BLOCKS) / n for column in columns.T])[b]
@@ -195,21 +196,36 @@ def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Flo
     return grid, np.concatenate(costs[::-1], axis=1)[:, order]
 
 
-def explanation(q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAYS) -> Floats:
-    """Return columns of any weight, a fifteenth of the rows at most, then a joint's play states (N, p).
+class Explanation:
+    """Columns that explain one joint's measurement, at rows as they are asked for: few of a long recording are."""
 
-    Args:
-        q: (N, n) commands, of which those `moved` are taken, in units of their ranges.
-        radii: Of the play states, as shares of the joint's range.
-    """
-    z = {k: (q[:, k] - q[:, k].mean()) / np.ptp(q[:, k]) for k in moved}
-    free = [z[k] for k in moved] + [z[own] ** 2, z[own] ** 3]
-    more = [z[a] * z[b] for a in moved for b in moved if a <= b and (a, b) != (own, own)]
-    if len(moved) <= 4:
-        cubes = ((a, b, c) for a in moved for b in moved for c in moved if a <= b <= c and (a, c) != (own, own))
-        more += [z[a] * z[b] * z[c] for a, b, c in cubes]
-    plays = [play(z[own], radius) for radius in radii]
-    return np.column_stack(free + more[: max(0, rows // 15 - 10 - len(free))] + plays)
+    def __init__(self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAYS) -> None:
+        """Take commands (N, n), of which those `moved` are taken in units of their ranges.
+
+        Columns of any weight are a fifteenth of the `rows` at most that they are fitted to; the joint's play states
+        have `radii`, as shares of its range.
+        """
+        self._q, self._moved, self._own, self._most = q, list(moved), own, rows // 15 - 10
+        self._mean, self._range = q.mean(axis=0), np.ptp(q, axis=0)
+        z = self._scaled(own, slice(None))
+        self._plays = np.empty((len(z), len(radii)), dtype=np.float32)
+        for k, radius in enumerate(radii):
+            self._plays[:, k] = play(z, radius)
+
+    def _scaled(self, k: int, rows: Rows | slice) -> Floats:
+        scaled: Floats = (self._q[rows, k] - self._mean[k]) / self._range[k]
+        return scaled
+
+    def at(self, rows: Rows) -> Floats:
+        """Return columns of any weight, then play states, at some rows (len(rows), p)."""
+        moved, own = self._moved, self._own
+        z = {k: self._scaled(k, rows) for k in moved}
+        free = [z[k] for k in moved] + [z[own] ** 2, z[own] ** 3]
+        more = [z[a] * z[b] for a in moved for b in moved if a <= b and (a, b) != (own, own)]
+        if len(moved) <= 4:
+            cubes = ((a, b, c) for a in moved for b in moved for c in moved if a <= b <= c and (a, c) != (own, own))
+            more += [z[a] * z[b] * z[c] for a, b, c in cubes]
+        return np.column_stack([*free, *more[: max(0, self._most - len(free))], self._plays[rows]])
 
 
 def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:

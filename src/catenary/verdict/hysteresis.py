@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
-from catenary.verdict.delay import FEWEST_ROWS, MOST_ROWS, TRIM, explanation
+from catenary.verdict.delay import FEWEST_ROWS, MOST_ROWS, TRIM, Explanation
 from catenary.verdict.pairs import MOVED, play, scales
 
 RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)  # of plays, as shares of a range
@@ -46,7 +46,7 @@ def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
 def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats) -> tuple[float, float]:
     from scipy.optimize import nnls
 
-    columns = explanation(q, own, moved, len(rows), RADII)[rows]
+    columns = Explanation(q, own, moved, len(rows), RADII).at(rows)
     columns, y = columns - columns.mean(axis=0), seen - seen.mean()
     keep = np.ones(len(rows), dtype=bool)
     size = float(np.ptp(q[:, own]))

@@ -14,7 +14,8 @@ from catenary.recording import sqlite_bag
 from catenary.recording.import_formats import in_pieces, message_columns, sources
 from catenary.recording.logs import read_log
 from catenary.workflows.import_recording import ImportedLog, import_recording, import_to_file
-from tests.recording.test_containers import CONTAINERS
+from lab_bags import JOINT_STATE, write_bag
+from tests.recording.test_containers import BY_TOPIC, CAMERA, CONTAINERS, STATE, messages
 
 ROWS = 6000
 T = np.arange(ROWS) / 100.0
@@ -132,13 +133,23 @@ def test_memory_is_that_of_a_piece(tmp_path: Path) -> None:
     assert most[1] < 1.2 * most[0]
 
 
-@pytest.mark.parametrize("container", [*list(CONTAINERS)[:5]])
+def a_bag_a_topic(folder: Path) -> list[Path]:
+    topics = (CAMERA, STATE)
+    own = [[message for message in messages() if message[1] == topic] for topic in topics]
+    return [write_bag(folder / t[1:4], "ros1", {t: JOINT_STATE}, said) for t, said in zip(topics, own, strict=True)]
+
+
+BAGS = {name: write for name, (write, _) in list(CONTAINERS.items())[:5]} | {"a bag a topic": a_bag_a_topic}
+
+
+@pytest.mark.parametrize("container", BAGS)
 def test_a_bags_log_does_not_depend_on_the_pieces(
     container: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A camera that is blind for two seconds, longer than a piece and what it overlaps."""
-    write, mapping = CONTAINERS[container]
-    paths = write(tmp_path)
+    """A camera that is blind for two seconds, longer than a piece and what it overlaps; some quantities optional."""
+    paths = BAGS[container](tmp_path)
+    absent = {"lost": {"columns": "/arm/lost.position", "optional": True}}
+    mapping = BY_TOPIC | {"tau": {"columns": f"{STATE}.effort", "optional": True}, "signals": absent}
     whole = import_recording(paths, mapping)
     monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 12 * 40)
     monkeypatch.setattr(in_pieces, "OVERLAP", 15)
@@ -150,4 +161,16 @@ def test_a_bags_log_does_not_depend_on_the_pieces(
     for key in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau"):
         assert_allclose(getattr(log, key), getattr(whole, key), rtol=0.0, atol=1e-9, err_msg=key)
     assert log.began == whole.began
-    assert any("more pieces" in note for note in log.notes) != container.startswith("split")  # which is two bags
+    assert any("more pieces" in note for note in log.notes)
+
+
+def test_bags_by_clocks_that_differ_are_held_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two computers recorded a topic each, one with a clock that is an hour late; stamps agree."""
+    late = [(t, topic, make) for t, topic, make in messages() if topic == CAMERA]
+    state = a_bag_a_topic(tmp_path)[1]
+    camera = write_bag(tmp_path / "late", "ros1", {CAMERA: JOINT_STATE}, late, late={CAMERA: 3600 * 10**9})
+    whole = import_recording([state, camera], BY_TOPIC | {"stamps": "header"})
+    monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 12 * 40)
+    done = import_to_file(tmp_path / "log.parquet", [state, camera], BY_TOPIC | {"stamps": "header"})
+    assert (done.rows, done.measured) == (len(whole), int(whole.ok.sum()))
+    assert done.measured > 700

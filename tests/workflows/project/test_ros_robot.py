@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.errors import LimitError, NotReadyError
+from catenary.errors import LimitError, NotReadyError, RecordingError
 from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.smoothed_path import follow_waypoints
@@ -148,6 +148,20 @@ def test_a_name_used_twice_loses_no_recording_of_a_robot(tmp_path: Path) -> None
     kept = [opened.folder / "replaced" / name / "hours" for name in ("again", "again.2", "again.3")]
     assert [path.read_text() for path in kept] == ["0", "1", "2"]
     assert not (recording / "hours").exists()
+
+
+def test_without_its_topics_nothing_is_moved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    setup, opened = on_loopback(), project(tmp_path)
+    robot, recording = homed(opened, setup), opened.folder / "recordings" / TRAIN
+    recording.mkdir(parents=True)
+    (recording / "hours").touch()
+    monkeypatch.setattr(ros_robot, "_not_registered", lambda client, kind: None)
+    del setup.robot._out["ext_jpos"]  # their program ends just now
+    with pytest.raises(RecordingError, match="nothing came of /ext_jpos"):
+        robot.record(opened, TRAIN, short_motion(), "short", after="home")
+    assert [*recording.iterdir()] == [recording / "hours"]
+    assert not (opened.folder / "replaced").exists()
+    assert np.array_equal(setup.robot.plant.setpoint_js().q[:3], START[:3])
 
 
 def test_motion_beyond_the_limits_is_refused_before_anything_moves(tmp_path: Path) -> None:

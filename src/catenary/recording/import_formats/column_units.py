@@ -149,10 +149,6 @@ def joint_units_of(
     given: tuple[str, ...] | None = mapping.joint_units or None
     if model is not None and given is None:
         given = tuple(model.joint_units[model.joint_names.index(joint)] for joint in names)
-    if given is not None and len(given) == 1:
-        given = given * n
-    if given is not None and len(given) != n:
-        raise InputError(f"joint_units: {len(given)} for {n} joints")
     stated, _ = factors("q_nominal", mapping.q_nominal, given, n)
     if stated is not None:
         return stated, mapping.q_nominal.units, False, []

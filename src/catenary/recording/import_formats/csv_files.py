@@ -34,12 +34,12 @@ class TextTable:
     def __init__(self, path: Path) -> None:
         """Read its first and last lines."""
         self.path, self._size = path, path.stat().st_size
-        lines, ends, last = _lines(path)
+        lines, ends, last, is_torn = _lines(path)
         self.head: TextHead = read_head(str(path), lines, last)
         self._first_byte = ends[self.head.begins - 1] if self.head.begins else 0
         head, rows = self._first_byte, len(ends) - self.head.begins
         self.about_rows = round((self._size - head) / max(1.0, (ends[-1] - head) / rows)) if rows else 0
-        self._torn = "" if _ends_with_line_feed(path, self._size) else (last or lines or [""])[-1]
+        self._torn = (last or lines or [""])[-1] if is_torn else ""
         self.notes = list(self.head.notes)  # and, once it was read, on rows that were passed over
 
     def blocks(
@@ -125,14 +125,14 @@ class _OneBlank:
         return True
 
 
-def _lines(path: Path) -> tuple[list[str], list[int], list[str]]:
-    """Return the first lines of a file, where each ends [B], and its last lines behind them."""
+def _lines(path: Path) -> tuple[list[str], list[int], list[str], bool]:
+    """Return a file's first lines, where each ends [B], its last lines, and whether the very last has no end."""
     try:
         with path.open("rb") as file:
             lines = [file.readline(MOST_LINE + 1) for _ in range(_LOOKED_AT)]
             end, size = file.tell(), path.stat().st_size
             file.seek(max(end, size - _END))
-            last = file.read().split(b"\n")[1 if size - _END > end else 0 :]
+            behind = file.read()
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from error
     if any(len(line) > MOST_LINE for line in lines):
@@ -142,14 +142,11 @@ def _lines(path: Path) -> tuple[list[str], list[int], list[str]]:
     if any(b"\0" in line for line in lines):
         raise FileFormatError(f"{path}: holds bytes that are no text, expected CSV")
     ends = np.cumsum([len(line) for line in lines]).tolist()
+    is_torn = not (behind or b"".join(lines)).endswith(b"\n") and size > 0
+    last = behind.split(b"\n")[1 if size - _END > end else 0 :]
     try:
         first = [line.decode().rstrip("\r\n") for line in lines if line]
-        return first, ends, [text for line in last if (text := line.decode(errors="replace").rstrip("\r\n")).strip()]
+        texts = [line.decode(errors="replace").rstrip("\r\n") for line in last]
+        return first, ends, [text for text in texts if text.strip()], is_torn
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: is no UTF-8 text: {error}") from error
-
-
-def _ends_with_line_feed(path: Path, size: int) -> bool:
-    with path.open("rb") as file:
-        file.seek(max(0, size - 1))
-        return file.read(1) in (b"\n", b"")

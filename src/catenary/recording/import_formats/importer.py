@@ -53,8 +53,7 @@ class _Columns:
     streams: Sequence[Stream]
     wanted: dict[str, dict[str, None]] = field(default_factory=dict)
     joints: dict[str, _Found] = field(default_factory=dict)  # of JOINT_QUANTITIES
-    signals: dict[str, _Found] = field(default_factory=dict)
-    ok: _Found | None = None
+    others: dict[str, _Found] = field(default_factory=dict)  # "ok" and "signal NAME"
     tracked: TrackedPose | None = None
     pose: list[Place] = field(default_factory=list)
     tip: tuple[str, tuple[str, ...]] | None = None  # where the robot says its tip is
@@ -66,12 +65,11 @@ class _Columns:
         for key in JOINT_QUANTITIES:
             quantity: Quantity | None = getattr(mapping, key)
             if quantity is not None and quantity.columns:
-                found = made._find(quantity.columns, key, optional=quantity.optional)
-                made.joints |= {} if found is None else {key: found}
-        made.ok = made._find(mapping.ok, "ok") if mapping.ok else None
+                made._find(made.joints, key, quantity.columns, optional=quantity.optional)
+        if mapping.ok:
+            made._find(made.others, "ok", mapping.ok)
         for key, signal in mapping.signals.items():
-            found = made._find(signal.columns, f"signal {key}", optional=signal.optional)
-            made.signals |= {} if found is None else {key: found}
+            made._find(made.others, f"signal {key}", signal.columns, optional=signal.optional)
         made.tracked = mapping.q_encoder.pose if mapping.q_encoder is not None else None
         if made.tracked is not None:
             made.pose = pose_places(made.tracked, streams)
@@ -92,27 +90,25 @@ class _Columns:
 
     def places(self) -> dict[str, list[Place]]:
         """Return the columns of all quantities."""
-        signals = {f"signal {key}": columns.places for key, columns in self.signals.items()}
-        ok = {} if self.ok is None else {"ok": self.ok.places}
-        pose = {"pose": self.pose} if self.pose else {}
-        return {key: columns.places for key, columns in self.joints.items()} | ok | signals | pose
+        every = {key: columns.places for key, columns in (self.joints | self.others).items()}
+        return every | ({"pose": self.pose} if self.pose else {})
 
-    def _find(self, references: Sequence[str], what: str, *, optional: bool = False) -> _Found | None:
-        """Find references, and keep them to be read; None of what is optional and not there."""
+    def _find(self, into: dict[str, _Found], what: str, references: Sequence[str], *, optional: bool = False) -> None:
+        """Find references, and keep them to be read; nothing of what is optional and not there."""
         places, signs = list[Place](), list[float]()
         for reference in references:
             try:
                 found, sign = places_of(reference, self.streams), 1.0
             except InputError as error:
                 if optional:
-                    return None
+                    return
                 if not reference.startswith(_SIGNED):
                     raise InputError(f"{what}: {error}") from error
                 found, sign = places_of(reference[1:], self.streams), -1.0
             places += found
             signs += [sign] * len(found)
         self._keep(places)
-        return _Found(places, np.array(signs))
+        into[what] = _Found(places, np.array(signs))
 
     def _keep(self, places: Sequence[Place]) -> None:
         for place in places:
@@ -152,7 +148,8 @@ def synchronise(
     Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
     `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out.
 
-    `model` is the mapping's robot when None. On a piece of a longer recording q_encoder may be on no row.
+    `model` is the mapping's robot when None. On a piece of a longer recording q_encoder may be on no row, and whether
+    what is optional is there at all is told by the sample.
     """
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:
@@ -163,7 +160,7 @@ def synchronise(
     mapping, in_file = _with_texts(where, mapping, sources.streams, base)
     notes = _ordered_by_name(joints, mapping, sources.streams, model)
     base = joints["q_nominal"].places
-    names, said = joint_names_of(mapping, model, base, sources.streams)
+    names, said = _joint_names(mapping, model, base, sources.streams)
     notes += said
     nominal = _candidate(base, sources.streams, names)
     units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
@@ -193,11 +190,13 @@ def synchronise(
     if "tau" in rows and coupling is not None:
         rows["tau"] = np.column_stack(joint_forces(np.array(coupling), tuple(rows["tau"].T)))
     further = {
-        key: clock.rows(f"signal {key}") * mapping.signals[key].scale * columns.sign
-        for key, columns in found.signals.items()
+        key: clock.rows(f"signal {key}") * signal.scale * found.others[f"signal {key}"].sign
+        for key, signal in mapping.signals.items()
+        if f"signal {key}" in found.others
     }
     for key in [k for k in ("qd", "tau") if k in rows and getattr(mapping, k).optional]:
-        if not np.isfinite(rows[key]).any():
+        sample = _candidate(joints[key].places, sources.streams, names)
+        if not np.isfinite(sample.ranges if is_piece else rows[key]).any():
             del rows[key]
     required = {**rows, **{f"signal {key}": values for key, values in further.items()}}
     whole = _whole_rows(required, names, notes)
@@ -325,14 +324,12 @@ def _candidate(places: Sequence[Place], streams: Sequence[Stream], names: Sequen
     return Candidate(stream, tuple(place.column for place in places), "position", "unknown", own)
 
 
-def joint_names_of(
+def _joint_names(
     mapping: RecordingMapping, model: RobotModel | None, places: Sequence[Place], streams: Sequence[Stream]
 ) -> tuple[tuple[str, ...], list[str]]:
     """Return the joints' names: the mapping's, the robot's that the recording's mean, its own, or J1, J2, ..."""
     n = len(places)
     if mapping.joint_names:
-        if len(mapping.joint_names) != n:
-            raise InputError(f"joint_names: {len(mapping.joint_names)} for {n} columns of q_nominal")
         if model is not None:
             places_of_joints(Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are")
         return mapping.joint_names, []

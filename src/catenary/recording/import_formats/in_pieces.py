@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -29,15 +30,14 @@ OVERLAP = 10_000  # rows before and behind a piece: of an encoder at a hundredth
 
 
 def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | None = None) -> Iterator[MotionLog]:
-    """Yield the log of a recording, piece after piece; whole where it is short, or no single bag or long text table.
+    """Yield the log of a recording, piece after piece; whole where it is short, or neither bags nor a long text.
 
     Notes of a piece are those of all before it, too. Whole turns and time go on from one piece to the next.
     """
-    container = sources.alone
-    optional = any(part is not None and part.optional for part in (mapping.qd, mapping.tau, *mapping.signals.values()))
+    container = sources.in_parts
     pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
     registers = pose is not None and None in (pose.T_base_tracker, pose.T_marker_frame)
-    if container is None or optional or registers:  # a piece may have what another lacks, or be registered elsewhere
+    if container is None or registers:  # a piece would be registered elsewhere than another
         yield synchronise(sources, mapping, model=model).log
         return
     wanted = columns_wanted(sources, mapping)
@@ -91,7 +91,7 @@ def _windows(
     held: dict[str, list[Stream]] = {name: [] for name in wanted}
     base, width = next(iter(wanted)), max(1, sum(map(len, wanted.values())))
     size, first, begin, count = max(2 * OVERLAP, MOST_NUMBERS // width), 0, 0, 0
-    for part in (part for together in parts for part in [*together[1:], together[0]]):
+    for part in chain.from_iterable(parts):
         held[part.name].append(part)
         count += part.rows if part.name == base else 0
         while count >= first + size + OVERLAP:

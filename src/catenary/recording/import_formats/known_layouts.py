@@ -126,12 +126,9 @@ def read_commands(
     `tau` (N, n), `dq` (N, n), `units`, `joint_names` (n,) strings. A time stamp that goes back begins another
     recording. The layout is that of Hwang et al. (RA-L 2020).
 
-    Args:
-        path: The file.
-        units: "rad" or "m" for each of `joint_names`, the same as the file's if it states them; where neither says,
-            three and six joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad,
-            rad, rad), and the log says so.
-        joint_names: Names of the joints where the file has none, otherwise J1, J2, ...
+    `units` are "rad" or "m" for each of `joint_names`, as the file's if it states them. Where neither says, three and
+    six joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad, rad, rad), and the
+    log says so; joints that nobody names are J1, J2, ...
     """
     content = read_arrays(path)
     for key in ("q_des", "q_act", "ok"):

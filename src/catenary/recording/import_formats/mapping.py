@@ -166,11 +166,6 @@ def layout_mapping(layout: str, **words: Any) -> RecordingMapping:
     return parse_settings(tomllib.loads(text), RecordingMapping, f"{name}.toml")
 
 
-def load_mapping(path: Path) -> RecordingMapping:
-    """Read a mapping from TOML."""
-    return load_toml(path, RecordingMapping)
-
-
 def mapping_of(
     options: Sequence[str],
     *,
@@ -192,7 +187,8 @@ def mapping_of(
     own = {key: value for key, value in (settings or {}).items() if value is not None}
     if not options and file is None and content is None:
         return None
-    content = load_mapping(file).model_dump(mode="json", exclude_unset=True) if file else dict(content or {})
+    of_file = load_toml(file, RecordingMapping).model_dump(mode="json", exclude_unset=True) if file else {}
+    content = of_file or dict(content or {})
     for option in options:
         _take(option, content)
     for name in JOINT_QUANTITIES[:4] if units else ():

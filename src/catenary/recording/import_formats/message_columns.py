@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_stream import BagConnection
-from catenary.recording.import_formats.columns import Stream, joined
+from catenary.recording.import_formats.columns import Stream
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name
 from catenary.recording.parquet_files import MOST_COLUMNS
@@ -96,13 +95,6 @@ class Bag:
             seen += len(block)
             self._progress(min(1.0, seen / every))
         yield [each.taken() for each in columns.values()]
-
-    def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
-        """Return topics with the columns that are wanted of each, all messages."""
-        parts: dict[str, list[Stream]] = {name: [] for name in wanted}
-        for part in chain.from_iterable(self.parts(wanted)):
-            parts[part.name].append(part)
-        return [joined(parts.pop(name)) for name in wanted]
 
     def _evenly(self, topics: Collection[str]) -> _Blocks:
         """Yield SAMPLED messages of each topic at most, and no long ones."""
@@ -197,9 +189,6 @@ class _TopicColumns:
         named = _named_arrays(kinds)
         orders = {names: _orders(records, kinds, names) for names in set(named.values())}
         for path, (kind, *_) in kinds.items():
-            if path in self._own and path not in named:
-                yield from self._in_si(every, path, records[path])
-                continue
             if path.endswith(".nsec") and path.removesuffix(".nsec") in self._own:  # a duration
                 base = path.removesuffix(".nsec")
                 if self._is_wanted(base):
@@ -208,31 +197,22 @@ class _TopicColumns:
             if path.startswith(COUNT) or kind.base.kind not in "iuf" or path.endswith((".sec", ".nsec")):
                 continue
             column = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", path)
-            if not kind.shape:
-                if self._is_wanted(column):
-                    yield every, column, records[path].astype(np.float64)
-                continue
+            values, to_si = records[path].reshape(len(records), -1), 1.0
             if path in named:
-                for rows, joints in orders[named[path]]:
-                    for i, target in enumerate(self._joint_columns(column, joints, kind.shape[0])):
-                        if self._is_wanted(target):
-                            yield rows, target, records[path][rows, i].astype(np.float64)
-                continue
-            for i in range(kind.shape[0]):
-                if self._is_wanted(f"{column}[{i}]"):
-                    yield every, f"{column}[{i}]", records[path][:, i].astype(np.float64)
-
-    def _in_si(
-        self, every: NDArray[np.int64], path: str, values: NDArray[Any]
-    ) -> Iterator[tuple[NDArray[np.int64], str, NDArray[Any]]]:
-        """Yield the elements of a field whose units are known."""
-        own = self._own[path]
-        values = values.reshape(len(values), -1)
-        for i, label in enumerate(own.labels[: values.shape[1]]):
-            target = f"{path}[{label}]" if label else path
-            if self._is_wanted(target):
-                with np.errstate(invalid="ignore"):  # of NaN that signals; it stays NaN
-                    yield every, target, np.multiply(values[:, i], own.to_si, dtype=np.float64)
+                said = [
+                    (rows, self._joint_columns(column, joints, values.shape[1])) for rows, joints in orders[named[path]]
+                ]
+            elif path in self._own:
+                to_si = self._own[path].to_si
+                said = [(every, [f"{path}[{label}]" if label else path for label in self._own[path].labels])]
+            else:
+                said = [(every, [f"{column}[{i}]" for i in range(values.shape[1])] if kind.shape else [column])]
+            for rows, targets in said:
+                for i, target in enumerate(targets[: values.shape[1]]):
+                    if self._is_wanted(target):
+                        some = values[:, i] if rows is every else values[rows, i]
+                        with np.errstate(invalid="ignore"):  # of NaN that signals; it stays NaN
+                            yield rows, target, np.multiply(some, to_si, dtype=np.float64)
 
     def _is_wanted(self, column: str) -> bool:
         return self.wanted is None or column in self.wanted

@@ -49,13 +49,7 @@ class OneClock:
     def __init__(
         self, streams: Mapping[str, Stream], quantities: Mapping[str, Sequence[Place]], mapping: RecordingMapping
     ) -> None:
-        """Clean the streams.
-
-        Args:
-            streams: By name; those of no quantity are only reported on.
-            quantities: Where the columns of each are, q_nominal among them.
-            mapping: Clock and gaps.
-        """
+        """Clean the streams, by name; those that no quantity has columns of are only reported on."""
         self._quantities, self._mapping = quantities, mapping
         self.base = quantities[BASE][0].stream
         self._alone = len(streams) == 1 and streams[self.base].stamp is None

@@ -58,8 +58,6 @@ def read_raven(
         columns: Further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",).
         max_gap: Between two samples that are interpolated between [s].
     """
-    if not max_gap > 0.0:
-        raise InputError(f"synchronise: expected a positive gap, got {max_gap}")
     further = further_columns(columns, arm)
     is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
     sources = raven_columns(paths[0]) if is_table else Sources(paths)

@@ -11,7 +11,7 @@ told: L. Everett & T.-W. Hsu, J. Mech. Design 110 (1988)]
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -35,12 +35,6 @@ STRUCTURAL = 1e-9  # of the largest eigenvalue: what no motion of the robot show
 _LOOKS, _TRIED, _COARSE = 4_000, 6, 300  # directions of a tracker, those followed up, and with how many poses
 _MEDIAN = 1.538  # of the length of three normal numbers of standard deviation 1
 _OFFSETS = 12  # the first of them among the parameters
-_PARTS = (
-    "T_base_tracker turned about",
-    "T_base_tracker moved along",
-    "the marker turned about",
-    "the marker moved along",
-)
 
 
 class TrackedPoses(NamedTuple):
@@ -102,10 +96,8 @@ class TrackerRegistration:
             ("T_base_tracker", found.base, self.base_error, middle),
             ("T_marker_frame", found.marker.inverse(), self.marker_error, ""),
         ):
-            at, turn = (
-                np.round(pose.position, 6).tolist(),
-                np.round(quaternion_from_rotation(pose.rotation), 7).tolist(),
-            )
+            at = np.round(pose.position, 6).tolist()
+            turn = np.round(quaternion_from_rotation(pose.rotation), 7).tolist()
             text = f"{name} = {{ position_m = {at}, quaternion_wxyz = {turn} }}  # 95 %: within {sizes(error)}{where}"
             said += [text] * bool(error.any())
         rows = list(zip(names, shown, found.offsets, self.offset_error, self.joint_error, self.is_told, strict=True))
@@ -145,10 +137,6 @@ def register(
         frame: The robot's frame that the marker is fixed to; its tip when None.
         base: T_base_tracker, where it is known.
         marker: T_frame_marker, where it is known.
-
-    Raises:
-        InputError: There are too few poses, or they leave a direction open; the message names the motion that
-            would settle it.
     """
     numbers = np.hstack([a.reshape(len(tracked.q), -1) for a in tracked if a is not None])
     seen = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1))).evenly(MOST_POSES)
@@ -358,7 +346,8 @@ class _Problem:
             if np.linalg.eigvalsh(timeless.information(at, self.at_random(joints, by, 100, rng)))[0] > open_at:
                 moves = joints
                 break
-        parts = [f"{what} {axis}" for what in _PARTS for axis in "xyz"] + [f"the zero of {name}" for name in names]
+        ways = product(("T_base_tracker", "the marker"), ("turned about", "moved along"), "xyz")
+        parts = [" ".join(way) for way in ways] + [f"the zero of {name}" for name in names]
         worst = parts[int(np.argmax(np.abs(timeless.basis @ axes[:, 0])[:-1]))]
         shown = [DISPLAY[self.model.joint_units[j]] for j in self.chosen]
         spans = np.ptp(self.tracked.q, axis=0)[self.chosen]

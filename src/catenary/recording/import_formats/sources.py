@@ -4,8 +4,11 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Self
+
+import numpy as np
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import ADVICE, TEXT_ENDINGS, fingerprint, sha256_of, table_ending
@@ -15,9 +18,11 @@ from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.import_formats.hdf5_files import is_hdf5, read_hdf5
 from catenary.recording.import_formats.lerobot import is_lerobot, read_lerobot
 from catenary.recording.import_formats.message_columns import Bag
+from catenary.recording.import_formats.one_clock import APART
 from catenary.recording.import_formats.table_files import read_table_file, stream_of_text
 from catenary.recording.import_formats.tracker_files import is_tracker_file
 from catenary.recording.journal import About, same_origin
+from catenary.topics import SECOND
 
 LONG_TEXT = 64 << 20  # [B] from which a text table is not held whole
 SAMPLED_NUMBERS = 4_000_000  # of it that are looked at
@@ -58,20 +63,46 @@ class LongText:
         for block in self.table.blocks(wanted[self.table.path.stem], self._progress):
             yield [stream_of_text(self.table, block)]
 
-    def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
-        """Return the columns that are wanted, whole."""
-        return [joined([part for (part,) in self.parts(wanted)])]
+
+class BagsInTime:
+    """Bags of one recording, such as one per topic or one per minute, read beside one another as messages arrived."""
+
+    def __init__(self, bags: Sequence[Bag]) -> None:
+        """Take bags that were opened."""
+        self._bags = bags
+
+    @property
+    def problems(self) -> list[str]:
+        """What was damaged; complete once they were read."""
+        return [note for bag in self._bags for note in bag.problems]
+
+    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
+        """Yield columns, thousands of messages at a time; of the first topic only up to where all others were read."""
+        base, reached = next(iter(wanted)), [bag.first_arrival for bag in self._bags]
+        here = [{name: those for name, those in wanted.items() if name in bag.counts} for bag in self._bags]
+        reading = {i: bag.parts(here[i]) for i, bag in enumerate(self._bags) if here[i]}
+        waiting: dict[int, list[Stream]] = {}
+        while reading:
+            i = min(reading, key=reached.__getitem__)
+            yield waiting.pop(i, [])
+            some = next(reading[i], None)
+            if some is None:
+                del reading[i]
+                continue
+            reached[i] = max(
+                [reached[i], *(int(one.arrival[-1]) for one in some if one.arrival is not None and one.rows)]
+            )
+            waiting[i] = [one for one in some if one.name == base]
+            yield [one for one in some if one.name != base]
 
 
 class Sources:
     """Bags and tables of one recording."""
 
     def __init__(self, paths: Sequence[Path], progress: Progress = lambda done: None) -> None:
-        """Open them: a sample of each bag's topics, tables whole, but the first rows of a long text.
+        """Open bags, journals, folders of bags, and tables; `progress` is told the share of the bags that was read.
 
-        Args:
-            paths: Bags, tables, journals, or folders of bags.
-            progress: Is told the share of a file that was read.
+        Of each topic a sample is looked at, of a long text the first rows; other tables are read whole.
         """
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
@@ -80,6 +111,15 @@ class Sources:
         self._bags: list[Bag | LongText] = []
         self._whole: list[Stream] = []
         bags: list[Bag] = []
+        shares: dict[Path, float] = {}  # of the bags, that were read
+
+        def share_of(path: Path) -> Progress:
+            def told(done: float) -> None:
+                shares[path] = done
+                progress(sum(shares.values()) / len(bags))
+
+            return told
+
         for path in paths:
             container, episode = container_of(path)
             if not container.exists():
@@ -89,7 +129,7 @@ class Sources:
             elif is_hdf5(container):
                 self._whole += read_hdf5(container, episode)
             elif is_bag(path):
-                bags += [Bag(part, progress) for part in bags_in(path)]
+                bags += [Bag(part, share_of(part)) for part in bags_in(path)]
             elif table_ending(path) in TEXT_ENDINGS and path.stat().st_size > LONG_TEXT and not is_tracker_file(path):
                 self._bags.append(LongText(path, progress))
             else:
@@ -97,7 +137,14 @@ class Sources:
         bags.sort(key=lambda bag: bag.first_arrival)
         self._bags += bags
         self.about: About | None = same_origin([bag.about for bag in self._bags])
-        self.streams = _joined([*self._whole, *(stream for bag in self._bags for stream in bag.sample())])
+        every = [*self._whole, *(stream for bag in self._bags for stream in bag.sample())]
+        first = {stream.name: stream for stream in reversed(every)}
+        for stream in every:
+            own = first[stream.name]
+            if stream is not own and (stream.type == "table" or own.type != stream.type):
+                twice = f"{stream.name}: is there twice, as {own.type} and as {stream.type}"
+                raise InputError(f"{twice}; expected parts of one recording")
+        self.streams = _joined(every)
         if not any(stream.columns for stream in self.streams):
             said = [note for stream in self.streams for note in stream.notes]
             why = "; ".join([*said, *(note for bag in self._bags for note in bag.problems)])
@@ -112,9 +159,19 @@ class Sources:
         return made
 
     @property
-    def alone(self) -> Bag | LongText | None:
-        """The one bag or long text table, where the recording is that alone: it can be read in parts."""
-        return self._bags[0] if len(self._bags) == 1 and not self._whole else None
+    def in_parts(self) -> BagsInTime | LongText | None:
+        """What can be read in parts: one long text table alone, or bags alone that were recorded by one clock."""
+        bags = [bag for bag in self._bags if isinstance(bag, Bag)]
+        if self._whole or (len(self._bags) > 1 and len(bags) < len(self._bags)):
+            return None
+        early = [
+            float(np.median(one.arrival - one.stamp)) / SECOND
+            for one in self.streams
+            if one.stamp is not None and one.arrival is not None and one.stamp.any()
+        ]
+        if len(bags) > 1 and early and max(early) - min(early) > APART:
+            return None
+        return BagsInTime(bags) if bags else next(bag for bag in self._bags if isinstance(bag, LongText))
 
     def holding(self, streams: Sequence[Stream]) -> Self:
         """Return it with these to be read in place of its own; what was told of its columns stays."""
@@ -142,8 +199,7 @@ class Sources:
         found = [stream for stream in self._whole if stream.name in wanted]
         for bag in self._bags:
             here = {name: columns for name, columns in wanted.items() if name in bag.counts}
-            if here:
-                found += bag.read(here)
+            found += chain.from_iterable(bag.parts(here) if here else ())
             self.notes += [note for note in bag.problems if note not in self.notes]
         return {stream.name: stream for stream in _joined(found)}
 
@@ -175,11 +231,5 @@ def _joined(streams: Sequence[Stream]) -> list[Stream]:
     """Return streams with the parts of a topic that lie in several bags put one behind the other."""
     found: dict[str, list[Stream]] = {}
     for stream in streams:
-        parts = found.setdefault(stream.name, [])
-        if parts and (stream.type == "table" or parts[0].type != stream.type):
-            raise InputError(
-                f"{stream.name}: is there twice, as {parts[0].type} and as {stream.type}; "
-                "expected parts of one recording"
-            )
-        parts.append(stream)
+        found.setdefault(stream.name, []).append(stream)
     return list(map(joined, found.values()))

@@ -131,7 +131,8 @@ def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_fi
     constants = {name: float(a) for name, a in plain.items() if a.ndim == 0}
     plain = {name: a for name, a in plain.items() if a.ndim in (1, 2)}
     if not plain:
-        raise FileFormatError(f"{path}: holds no array of numbers of one or two dimensions; it has {_named(arrays)}")
+        there = ", ".join(f"{cut(name)} {a.shape}" for name, a in list(arrays.items())[:10]) or "nothing"
+        raise FileFormatError(f"{path}: holds no array of numbers of one or two dimensions; it has {there}")
     numbers = Counter[int]()
     for a in plain.values():
         numbers[len(a) if rows_first else max(a.shape)] += a.size
@@ -204,10 +205,6 @@ def read_parquet_table(path: Path) -> Stream:
     if left:
         notes.append(f"columns that hold no numbers were left out: {', '.join(map(cut, left[:10]))}")
     return _table(path, columns, {}, notes)
-
-
-def _named(arrays: Mapping[str, NDArray[Any]]) -> str:
-    return ", ".join(f"{cut(name)} {a.shape}" for name, a in list(arrays.items())[:10]) or "nothing"
 
 
 def read_matlab(path: Path) -> dict[str, NDArray[Any]]:

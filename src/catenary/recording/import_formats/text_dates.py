@@ -91,12 +91,9 @@ def date_format(texts: Sequence[str]) -> DateFormat | None:
         )
         order = "mdy" if largest[1] > 12 or (largest[0] <= 12 and month_first < day_first) else "dmy"
         (a, b), is_told = days[0], max(largest) > 12 or day_first != month_first or days[0][0] == days[0][1]
-        names = [_MONTHS[each - 1].capitalize() for each in (b, a)] if not is_told else []
-        doubt = (
-            ""
-            if is_told
-            else f"{a}/{b} may be the {a}. of {names[0]} or the {b}. of {names[1]}, and nothing tells which"
-        )
+        if not is_told:
+            one, other = (_MONTHS[each - 1].capitalize() for each in (b, a))
+            doubt = f"{a}/{b} may be the {a}. of {one} or the {b}. of {other}, and nothing tells which"
     return DateFormat(order, bool(first["clock"]), bool(first["zone"]), is_iso, doubt)
 
 

@@ -198,21 +198,17 @@ def _with_unit(name: str, unit: str) -> str:
 
 def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return names that differ, and a note on those that did not."""
-    seen: Counter[str] = Counter()
-    unique = []
-    taken = set(names)
-    for i, name in enumerate(names):
-        name = name or f"column{i + 1}"
+    seen, unique, taken = Counter[str](), list[str](), set(names)
+    for new in (name or f"column{i + 1}" for i, name in enumerate(names)):
+        name = new
         seen[name] += 1
-        new = name
-        while seen[name] > 1 and new in taken:
-            new = f"{name}#{seen[name]}"
-            seen[name] += new in taken
+        while seen[name] > 1 and (new := f"{name}#{seen[name]}") in taken:
+            seen[name] += 1
         taken.add(new)
         unique.append(new)
     twice = [name for name, count in seen.items() if count > 1]
     note = f"names that are there more than once are numbered, such as {cut(twice[0])}#2" if twice else ""
-    return unique, [note] if note else []
+    return unique, [note] * bool(twice)
 
 
 def _truth(cell: str) -> bool:

@@ -128,15 +128,8 @@ def joints_from_poses(
     T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the point of the
     frame where it sits is nearest.
 
-    Args:
-        poses: Of the marker, and what the robot reported then; NaN where one has none.
-        base: T_base_tracker.
-        marker: T_frame_marker.
-        chosen: Joints that are asked for.
-
-    Returns:
-        (M, n) [rad|m]; NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
-        `within_deg`, or the arm is singular, so that the pose does not tell where the chosen joints are.
+    Returns (M, n) [rad|m]; NaN where the pose is not finite, no joints within the limits come as near as `within_mm`
+    and `within_deg`, or the arm is singular, so that the pose does not tell where the chosen joints are.
     """
     seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)
     if poses.rotation is None:

@@ -6,11 +6,9 @@ A body's columns are `NAME.position.x` [m] and `NAME.orientation.w`, as a messag
 import csv
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.csv
-from numpy.typing import NDArray
 
 from catenary.documents import cut
 from catenary.errors import FileFormatError
@@ -28,17 +26,9 @@ def is_tracker_file(path: Path) -> bool:
 
 
 def read_tracker_file(path: Path) -> Stream:
-    """Return the poses of Motive's export."""
+    """Read Motive's CSV: a line of settings, then lines of types, names, IDs and axes above the columns of poses."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         head = [next(csv.reader([line]), []) for line in islice(file, _HEAD)]
-    columns, notes = _motive(path, head)
-    if not len(columns["time"]):
-        raise FileFormatError(f"{path}: has no row with a pose")
-    return Stream(path.stem, "table", columns, len(columns["time"]), notes=tuple(notes))
-
-
-def _motive(path: Path, head: list[list[str]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """Read Motive's CSV: a line of settings, then lines of types, names, IDs and axes above the columns."""
     stated = dict(zip(head[0][::2], head[0][1::2], strict=False))
     length, turns = stated.get("Length Units", "").lower(), stated.get("Rotation Type", "Quaternion")
     axes_at = next((i for i, row in enumerate(head) if row and row[0] == "Frame"), 0)
@@ -67,4 +57,7 @@ def _motive(path: Path, head: list[list[str]]) -> tuple[dict[str, NDArray[Any]],
         table = pa.csv.read_csv(path, of_file, convert_options=numbers)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise FileFormatError(f"{path}: cannot be read as Motive's export: {cut(str(error))}") from error
-    return {name: scale * table.column(i).to_numpy() for i, (name, scale) in wanted.items()}, notes
+    if not table.num_rows:
+        raise FileFormatError(f"{path}: has no row with a pose")
+    columns = {name: scale * table.column(i).to_numpy() for i, (name, scale) in wanted.items()}
+    return Stream(path.stem, "table", columns, table.num_rows, notes=tuple(notes))

@@ -283,13 +283,17 @@ class RosRobot(ProjectRobot):
             motion = GoneOn(take.trajectory, 0.0 if left is None else left.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
-                set_aside(project, take.name, left)
-                if left is not None:
-                    self._guide.say(f"{take.name}: {left.gap(self._transport.steady())}")
                 required = [topic.name for topic in kind.required]
-                with TopicRecorder(self._transport, take.folder, kind.topics, about=about, after=left) as recorder:
+
+                def ready(recorder: TopicRecorder) -> None:
                     self._comes(lambda: recorder.silent(required) or None)
-                    recorder.require(required)  # before anything moves
+                    recorder.require(required)  # before a file or the robot moves
+                    set_aside(project, take.name, left)
+                    if left is not None:
+                        self._guide.say(f"{take.name}: {left.gap(self._transport.steady())}")
+
+                told: dict[str, Any] = {"about": about, "after": left, "ready": ready}
+                with TopicRecorder(self._transport, take.folder, kind.topics, **told) as recorder:
                     record_passes(client, recorder, motion, joints=kind.joints, progress=take.progress)
                     recorder.require(required)
         for problem in recorder.problems():

@@ -154,15 +154,10 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
                 _command_home(client)
             elif isinstance(guide, AnswerYes):
                 _press_button(client, guide)
-        have_done(
-            guide,
-            "wait until the robot is homed"
-            if has_begun
-            else "press the robot's start button and wait until it is homed",
-            lambda: not_homed(client.operating_state()),
-            client.transport.sleep,
-            patience=patience,
-        )
+        text = "wait until the robot is homed"
+        if not has_begun:
+            text = "press the robot's start button and wait until it is homed"
+        have_done(guide, text, lambda: not_homed(client.operating_state()), client.transport.sleep, patience=patience)
     except BaseException as error:
         _stop(client, error)
         raise

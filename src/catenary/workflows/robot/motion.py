@@ -74,6 +74,7 @@ GENTLE_VELOCITY = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
 GENTLE_ACCELERATION = {"rad": 0.5, "m": 0.025}  # [rad/s2], [m/s2]
 
 _BLOCK = 1000  # ticks whose setpoints are computed at once; progress is told as often
+_STEP = 0.01  # [s] between the places of a motion that are checked
 _AT_LIMIT = 1e-9  # [rad|m] rounding, with a wide margin
 _THERE = 1e-9  # [rad|m] nearer than any encoder tells
 
@@ -84,14 +85,12 @@ def check_motion(
     *,
     joints: Sequence[str] | None = None,
     max_velocity: ArrayLike | None = None,
-    step: float = 0.01,
 ) -> None:
     """Refuse a trajectory that leaves the joint limits or moves too fast.
 
     Args:
         joints: Names of the joints that it moves, in its order; all when None.
         max_velocity: (k,) largest speed [rad/s or m/s]; not checked when None.
-        step: Time between the samples that are looked at [s].
 
     Raises:
         LimitError: The first violation: which joint, when, value and limit.
@@ -104,11 +103,9 @@ def check_motion(
         if not (fastest > 0.0).all():
             raise InputError(f"max_velocity: expected more than 0, got {fastest}")
         fastest = fastest * (1.0 + 1e-9)  # rounding
-    if not float(as_array("step", step, ())) > 0.0:
-        raise InputError(f"step: expected more than 0 s, got {step}")
-    ticks = int(np.ceil(trajectory.duration / step))
+    ticks = int(np.ceil(trajectory.duration / _STEP))
     for first in range(0, ticks + 1, _BLOCK):
-        times = np.minimum(np.arange(first, min(first + _BLOCK, ticks + 1)) * step, trajectory.duration)
+        times = np.minimum(np.arange(first, min(first + _BLOCK, ticks + 1)) * _STEP, trajectory.duration)
         q, qd, _ = trajectory.sample(times)
         # not "beyond": a NaN is a violation too
         bad = ~((q >= lower) & (q <= upper) & (np.abs(qd) <= fastest))
@@ -142,7 +139,6 @@ def move_to(
     *,
     joints: Sequence[str] | None = None,
     max_velocity: ArrayLike | None = None,
-    max_acceleration: ArrayLike | None = None,
     observe: Observer | None = None,
     progress: Progress = silent,
 ) -> None:
@@ -154,7 +150,6 @@ def move_to(
         q: (k,) where to [rad or m].
         joints: Names of the k joints, in the order of q; all when None.
         max_velocity: (k,) [rad/s or m/s]; GENTLE_VELOCITY when None.
-        max_acceleration: (k,) [rad/s2 or m/s2]; GENTLE_ACCELERATION when None.
 
     Raises:
         LimitError: The goal lies outside the limits; nothing has moved.
@@ -163,7 +158,7 @@ def move_to(
     require_ready(plant, "servo_jp")
     moved = _named_indices(plant, joints)
     goal = as_array("q", q, (len(moved),))
-    motion = _approach(plant, moved, goal, max_velocity, max_acceleration)
+    motion = _approach(plant, moved, goal, max_velocity)
     _stream(plant, motion, moved, observe, progress, is_way=True)
 
 
@@ -195,7 +190,7 @@ def run_trajectory(
     check_motion(plant, trajectory, joints=joints, max_velocity=max_velocity)
     gentle = np.array([GENTLE_VELOCITY[plant.joint_units[j]] for j in moved])
     slowest = gentle if max_velocity is None else np.minimum(gentle, max_velocity)
-    approach = _approach(plant, moved, trajectory(0.0).q, slowest, None)
+    approach = _approach(plant, moved, trajectory(0.0).q, slowest)
     whole = approach.duration + trajectory.duration
     share = approach.duration / whole if whole > 0.0 else 0.0
     if approach.duration > 0.0:
@@ -256,19 +251,13 @@ def _stream(
         progress(1.0)
 
 
-def _approach(
-    plant: Plant,
-    moved: NDArray[np.int64],
-    goal: Floats,
-    max_velocity: ArrayLike | None,
-    max_acceleration: ArrayLike | None,
-) -> Trajectory:
+def _approach(plant: Plant, moved: NDArray[np.int64], goal: Floats, max_velocity: ArrayLike | None) -> Trajectory:
     """Go-to from the plant's setpoint; measured positions would make it leap back by its control error."""
     units = [plant.joint_units[j] for j in moved]
     start = np.array(plant.setpoint_js().q)[moved]
     if np.abs(goal - start).max(initial=0.0) <= _THERE:
         start = goal
-    motion = gentle_way(start, goal, units, max_velocity=max_velocity, max_acceleration=max_acceleration)
+    motion = gentle_way(start, goal, units, max_velocity=max_velocity)
     # on the way every joint stays between start and goal, so the goal alone decides
     check_motion(plant, Rest(goal, 0.0), joints=[plant.joint_names[j] for j in moved])
     return motion

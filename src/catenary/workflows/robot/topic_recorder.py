@@ -24,7 +24,7 @@ from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.raven2.topics import ARM_OF_SIDE, RAVENSTATE, RAVENSTATE_100HZ, in_channels, raven_topics
-from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter, LeftOff
+from catenary.recording.journal import About, JournalTopic, JournalWriter, LeftOff
 from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.recorder import Recorder
 from catenary.robots.catalog import RAVEN_SIDES
@@ -93,17 +93,15 @@ class TopicRecorder:
         *,
         about: About | None = None,
         after: LeftOff | None = None,
-        max_bytes: int = MAX_BYTES,
+        ready: Callable[[Self], None] = lambda _: None,
     ) -> None:
         """Begin a recording, or go on with one.
 
         Args:
             topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
             after: Where it was cut off; what is missing since is noted in it.
-            max_bytes: Of a file, before the next one begins.
+            ready: Called when the topics are listened to, before a file is made; an error of its ends it.
         """
-        named = [JournalTopic(t.name, t.type) for t in topics]
-        self.journal = JournalWriter(folder, named, about, after=after, max_bytes=max_bytes)
         self._after = after
         self._kept: list[_Kept] = []
         self._transport, self._begin = transport, transport.steady()
@@ -115,8 +113,11 @@ class TopicRecorder:
                 source = RAVENSTATE.name if topic.name == RAVENSTATE_100HZ.name else topic.name
                 subscription = transport.subscribe(source, topic.type, depth=DEPTH)
                 self._kept.append(_Kept(topic, subscription, TopicCount(topic.name)))
+            ready(self)
+            named = [JournalTopic(t.name, t.type) for t in topics]
+            self.journal = JournalWriter(folder, named, about, after=after)
         except BaseException:
-            self.close()
+            self._end_subscriptions()
             raise
 
     def silent(self, names: Sequence[str]) -> str:
