@@ -43,10 +43,8 @@ from papers.experiment import Result, run
 from papers.regressor.published import APPROACH_ONE, APPROACH_POSE, APPROACH_TWO, ESTIMATION, HOMING, HOMING_AGAIN
 
 # printed: as the paper prints it, damping -Kd qd, and estimation from 7 to 12 s on the compact or the full Z; longer:
-# the same to the end of the motion; moving: as long as printed, but on the way to the pose of estimation
-ControllerName = Literal[
-    "pd", "law", "rls", "printed-pd", "printed-compact", "printed-full", "printed-longer", "printed-moving"
-]
+# the same to the end of the motion
+ControllerName = Literal["pd", "law", "rls", "printed-pd", "printed-compact", "printed-full", "printed-longer"]
 Start = Literal["zero", "wrong"]
 ALONE = ("pd", "printed-pd")
 LIMBS = {"trunk": slice(0, 3), "left arm": slice(3, 11), "right arm": slice(11, 19)}
@@ -102,10 +100,6 @@ ROTORS = np.array([0.5] * 3 + 2 * [0.3, 0.3, 0.3, 0.1, 0.1, 0.02, 0.02, 0.02])  
 KP = np.array([4000, 6000, 6000] + 2 * [3000, 1500, 1500, 300, 600, 60, 60, 60.0])  # [Nm/rad]
 DAMPING = 0.7
 OMEGA = 4.0  # [1/s] of the paper's law
-ESTIMATIONS = {  # [s] where they are not the printed one
-    "printed-longer": (ESTIMATION[0], TIMELINE[-1].end),
-    "printed-moving": (1.5, 6.5),
-}
 # 0.3 mrad of the spring: what a torque at 0.01 rad/s has beside gravity, in friction's place
 NOISE = 3e-4 * KP
 QUASI_STATIC = 0.01  # [rad/s] up to which the least squares count as rest
@@ -179,7 +173,7 @@ def controller_of(controller: ControllerName, start: Start, model: RobotModel, *
     s0 = wrong_parameters(model, form=form) if start == "wrong" else None
     if controller.startswith("printed"):
         law = GravityEstimator(model, KP, kd, omega=OMEGA * pace, s0=s0, max_speed=NO_GATE, form=form)
-        begin, end = ESTIMATIONS.get(controller, ESTIMATION)
+        begin, end = ESTIMATION[0], TIMELINE[-1].end if controller == "printed-longer" else ESTIMATION[1]
         return EstimatedGravityPD(KP, kd, Scheduled(law, begin / pace, end / pace), damping="absolute")
     if controller == "law":
         return EstimatedGravityPD(KP, kd, GravityEstimator(model, KP, kd, omega=OMEGA, s0=s0))

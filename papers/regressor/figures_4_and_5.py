@@ -17,7 +17,7 @@ from catenary.arrays import Floats
 from papers.claims import Claims, Missing, by_count
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledPicture, TitledTable
 from papers.figures import legend_below, panels
-from papers.kit import by_robot, filled, rows, table, told
+from papers.kit import by_robot, filled, rows, table
 from papers.regressor.dual_arm import ALONE, LIMBS, PICK_UP, SAMPLE, WINDOWS, dual_arm
 from papers.regressor.published import ESTIMATION
 
@@ -26,9 +26,7 @@ OF_FIGURE_5 = """Figure 5 of the gravity-regressor paper: 19 joints learn their 
 tau = Kp (q_d - q) - Kd qd + Z s_hat on the paper's timeline at 1 kHz, simulated in MuJoCo. As printed: the law runs
 from 7 to 12 s and holds what it knows after; on the compact or the full Z (the paper does not say which it ran), from
 s_0 = 0 as the paper assumes, and from wrong parameters: masses 0.5 to 2 times and centres of mass 0.5 to 1.5 times
-the true ones. "Longer": the same law from 7 s to the end of the motion. "Moving": the same law for as long, from 1.5
-to 6.5 s, on the way to the pose of estimation. At rest PD holds what the estimate lacks of gravity, so that an error
-over PD alone's is the share of the gravitational force that the parameters do not give.
+the true ones. "Longer": the same law from 7 s to the end of the motion.
 
 Beside it ours, damping Kd (qd_d - qd): the law all the time, holding still by itself while the arm moves, and
 recursive least squares on torques at rest. Beyond the paper: the right hand takes up 2 kg at 21 s, unknown to all;
@@ -48,7 +46,6 @@ LABELS = {
     "printed-compact": "law on the compact Z",
     "printed-full": "law on the full Z",
     "printed-longer": "law on the compact Z, estimation from 7 s to the end",
-    "printed-moving": "law on the compact Z, estimation on the way",
 }
 QUICK_PACE = 8.0
 STAYS = 0.9  # of the error, through what would be the estimation
@@ -79,11 +76,9 @@ class Condition:
 
 
 PRINTED, DAMPED = Condition("printed-pd"), Condition("pd")
-COMPACT, FULL, LONGER, MOVING = (Condition(f"printed-{word}") for word in ("compact", "full", "longer", "moving"))
+COMPACT, FULL, LONGER = (Condition(f"printed-{word}") for word in ("compact", "full", "longer"))
 LAW, LEAST_SQUARES = Condition("law"), Condition("rls")
-AS_PRINTED = (
-    PRINTED, COMPACT, FULL, Condition("printed-compact", "wrong"), Condition("printed-full", "wrong"), LONGER, MOVING
-)  # fmt: skip
+AS_PRINTED = (PRINTED, COMPACT, FULL, Condition("printed-compact", "wrong"), Condition("printed-full", "wrong"), LONGER)
 OURS = (DAMPED, LAW, Condition("law", "wrong"), LEAST_SQUARES, Condition("rls", "wrong"))
 LOADED = tuple(Condition(name, payload_kg=2.0) for name in ("pd", "law", "rls"))
 
@@ -320,40 +315,6 @@ def _longer_is_better(o: Outcomes) -> Judgement:
         holds += list(rms(o, LONGER, rest).mean(axis=0) < rms(o, COMPACT, rest).mean(axis=0))
         said.append(f"{rest}: {of_limbs(o, COMPACT, rest)} to {of_limbs(o, LONGER, rest)} deg")
     return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
-
-
-@CLAIMS_5(
-    "Once estimated, the parameters give the gravitational force",
-    "abstract, section III",
-    "in simulation, no numbers",
-    "at rest in poses one and two less than half of the gravitational force is left in every limb, mean over robots, "
-    "both forms from zero; same direction: in more than half of these twelve",
-    "five seconds in one pose tell what holds the arm there; in other poses parameters that this pose does not tell "
-    "apart count, too, and more poses settle them (least squares, table)",
-)
-def _gives_gravity(o: Outcomes) -> Judgement:
-    holds, said = [], []
-    for each, rest in product((COMPACT, FULL), RESTS):
-        left = _over_alone(o, each, rest).mean(axis=0)
-        holds += list(left < HALF)
-        said.append(f"{each.label}, {rest}: {told(dict(zip(LIMBS, 100.0 * left, strict=True)), '.0f', ' %')}")
-    return by_count(holds, f"left of gravity, {'; '.join(said)}")
-
-
-@CLAIMS_5(
-    "Estimation should be performed under the quasi-static state",
-    "section III",
-    "no numbers",
-    "the same law for as long on the way to the pose leaves more of gravity at rest in poses one and two, in every "
-    "limb, mean over robots, compact Z from zero; same direction: in more than half of these six",
-)
-def _at_rest(o: Outcomes) -> Judgement:
-    holds, said = [], []
-    for rest in RESTS:
-        still, moving = (_over_alone(o, each, rest).mean(axis=0) for each in (COMPACT, MOVING))
-        holds += list(moving > still)
-        said.append(f"{rest}: {100.0 * still.mean():.0f} % learnt at rest, {100.0 * moving.mean():.0f} % on the way")
-    return by_count(holds, f"left of gravity, mean of the limbs, {'; '.join(said)}")
 
 
 FIGURE_5 = Experiment(
