@@ -51,7 +51,6 @@ MODULES = {
     "beyond-wrist-memory": "papers.beyond.wrist_memory",
     "beyond-wrist-friction": "papers.beyond.wrist_friction",
     "beyond-wrist-everything": "papers.beyond.wrist_friction:EVERYTHING",
-    "beyond-memory": "papers.beyond.memory",
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
     "beyond-rules": "papers.beyond.rules",
