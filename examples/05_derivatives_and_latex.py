@@ -8,6 +8,7 @@ Needs `pip install jax casadi sympy`.
 import casadi
 import jax
 import numpy as np
+import sympy
 
 import catenary
 
@@ -16,7 +17,7 @@ jax.config.update("jax_enable_x64", True)  # torques need float64
 formulas = catenary.export_function(catenary.load_robot("two_link"), "gravity", "sympy")
 print("two links hold against gravity, in N m:")
 print(formulas)
-print("the same for LaTeX:", formulas.latex()[:60], "...")
+print("the same for LaTeX:", sympy.latex(formulas.result)[:60], "...")
 
 arm = catenary.load_robot("raven2")
 q, gravity = np.array([0.5, 1.6, 0.4]), np.array([0.0, 0.0, -9.81])

@@ -44,9 +44,9 @@ def test_an_arm_has_eight_channels_of_which_one_is_unused_and_the_other_arms_are
 def test_insertion_is_in_metres_and_other_joints_in_radians() -> None:
     for topic in RAVEN_TOPICS:
         for one in topic.columns:
-            for name, unit in zip(one.names, one.units, strict=True):
-                if one.name in ("jpos", "jpos_d", "measured_js", "ext_jpos") and "unused" not in name:
-                    assert unit == ("m" if name.endswith("insertion") else "rad"), name
+            for label, unit in zip(one.labels, one.units, strict=True):
+                if one.name in ("jpos", "jpos_d", "measured_js", "ext_jpos") and "unused" not in label:
+                    assert unit == ("m" if label.endswith("insertion") else "rad"), label
 
 
 def test_measured_js_is_swapped_on_the_robot() -> None:

@@ -171,7 +171,7 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     order = np.argsort(np.argsort(score))
     told = float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share
     how = [f"motion tells them apart in {told:.0%} of pairs"] if told >= TOLD_APART else []
-    if log.q_encoder is not None and q.shape[1] > 2:
+    if log.q_encoder is not None and q.shape[1] > 2 and not log.ok.all():  # rows lost by chance say nothing of errors
         errors = (log.q_encoder - log.q_nominal)[log.ok]
         away = np.abs(errors - np.median(errors, axis=0))
         usual = np.maximum(np.quantile(away, 0.95, axis=0), 1e-12)
