@@ -155,9 +155,9 @@ def coarse_findings(pairs: Pairs) -> list[Finding]:
 def missing_findings(log: MotionLog) -> list[Finding]:
     """Note rows without a measurement that are not like the others: nobody knows the errors there.
 
-    Stamps tell of single rows that somebody took out, too. The motion tells them apart; or errors of the others end
-    sharply on all joints, as where rows were cut out by their errors. Of one joint or two that is not told from slack,
-    whose errors end as sharply.
+    Stamps tell of single rows that somebody took out, too. The motion tells them apart, or the errors next to them; or
+    errors of the others end sharply on all joints, as where rows were cut out by their errors. Of one joint or two that
+    is not told from slack, whose errors end as sharply.
     """
     commands, missing = _every_row(log)
     if not MISSING < missing.mean() < 1.0 - MISSING:
@@ -167,17 +167,20 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-12)
     held = [play(np.ascontiguousarray(x), 0.03) - x for x in q.T]  # which side of its slack a joint is on
     X = np.column_stack([np.ones(len(q)), q, q**2, np.abs(speed), np.sign(speed), *held])
-    score = X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0]
-    order = np.argsort(np.argsort(score))
-    told = float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share
+    told = _told_apart(X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0], missing)
     how = [f"motion tells them apart in {told:.0%} of pairs"] if told >= TOLD_APART else []
-    if log.q_encoder is not None and q.shape[1] > 2 and not log.ok.all():  # rows lost by chance say nothing of errors
+    if log.q_encoder is not None and q.shape[1] > 2:
         errors = (log.q_encoder - log.q_nominal)[log.ok]
         away = np.abs(errors - np.median(errors, axis=0))
         usual = np.maximum(np.quantile(away, 0.95, axis=0), 1e-12)
-        times = float(np.exp(np.mean(np.log(np.maximum(away.max(axis=0) / usual, 1.0)))))
-        if times < SHARP:
-            how.append(f"errors of the others end sharply, {times:.2f} times beyond where 95% lie")
+        if log.ok.all():  # rows that are absent singly: errors there are about those of their neighbours
+            size = np.interp(np.arange(len(q)), np.flatnonzero(~missing), np.linalg.norm(away / usual, axis=1))
+            if (beside := _told_apart(size, missing)) >= TOLD_APART:
+                how.append(f"errors next to them are larger in {beside:.0%} of pairs")
+        else:
+            times = float(np.exp(np.mean(np.log(np.maximum(away.max(axis=0) / usual, 1.0)))))
+            if times < SHARP:
+                how.append(f"errors of the others end sharply, {times:.2f} times beyond where 95% lie")
     if not how:
         return []
     says = (
@@ -185,6 +188,12 @@ def missing_findings(log: MotionLog) -> list[Finding]:
         "printed here are those of the rows measured"
     )
     return [Finding("missing", (), says, "a sensor that fails in some motions, or rows cut out", refuses=False)]
+
+
+def _told_apart(score: Floats, missing: NDArray[np.bool_]) -> float:
+    """Return the share of pairs of a missing row and another in which the missing one's score is larger."""
+    order = np.argsort(np.argsort(score))
+    return float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share
 
 
 def _every_row(log: MotionLog) -> tuple[Floats, NDArray[np.bool_]]:
