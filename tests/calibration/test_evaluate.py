@@ -154,7 +154,10 @@ def test_no_fold_is_fitted_to_the_block_that_it_predicts() -> None:
     blocks = [set(part) for part in np.split(data.time, np.flatnonzero(np.diff(data.blocks(5))) + 1)]
     assert [set(rows.time) for rows in seen] == [set(data.time) - block for block in blocks]
     seen.clear()
-    cross_validate(data_of(*logs), offset_fit(logs[1], seen.append), folds=4)
+    cross_validate(data_of(logs[1], logs[1]), offset_fit(logs[1], seen.append), folds=4)
+    assert_array_equal([np.bincount(rows.recording) for rows in seen], np.full((4, 2), 30))
+    seen.clear()
+    cross_validate(data_of(*logs), offset_fit(logs[1], seen.append), folds=4, recordings=True)
     assert [set(rows.recording) for rows in seen] == [{1}, {0}]
 
 
@@ -172,8 +175,14 @@ def test_spread_over_blocks_is_that_of_their_errors_about_the_others_mean() -> N
         assert sd == pytest.approx(np.sqrt(np.sum((expected - np.mean(expected)) ** 2) / 3.0))
 
 
-@pytest.mark.parametrize("folds", [-1, 0, 1, 41])
-def test_number_of_folds_that_leaves_nothing_is_refused(folds: int) -> None:
-    log = off_by(np.zeros((40, 2)))
-    with pytest.raises(InputError, match="folds: expected 2 to 40"):
-        cross_validate(data_of(log), offset_fit(log), folds=folds)
+@pytest.mark.parametrize(
+    ("rows", "folds", "message"),
+    [
+        *[((range(40),), folds, "folds: expected 2 to 40") for folds in (-1, 0, 1, 41)],
+        (((0,), (1,), (2,)), 2, "folds: 2 blocks leave no rows to fit to, 3 rows in all"),
+    ],
+)
+def test_number_of_folds_that_leaves_nothing_is_refused(rows: Any, folds: int, message: str) -> None:
+    logs = [off_by(np.zeros((40, 2)), ok=np.isin(np.arange(40), list(each))) for each in rows]
+    with pytest.raises(InputError, match=message):
+        cross_validate(data_of(*logs), offset_fit(logs[0]), folds=folds)

@@ -107,8 +107,7 @@ def model_card(
         "errors": {
             "unit": {name: DISPLAY[unit][0] for name, unit in zip(model.joint_names, model.joint_units, strict=True)},
             "cross_validation": {
-                "how": ("recordings" if data.by_recording else "contiguous blocks of time")
-                + ", each predicted by a model that did not see it",
+                "how": "contiguous blocks of time, each predicted by a model that did not see it",
                 "joints": [asdict(joint) for joint in spread],
             }
             if spread

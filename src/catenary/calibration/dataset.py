@@ -92,12 +92,12 @@ class CalibrationData:
             raise InputError(f"held-out share {held_out}: leaves no rows on one side of {len(self)}")
         return self.rows(~late), self.rows(late)
 
-    def blocks(self, count: int) -> NDArray[np.int64]:
+    def blocks(self, count: int, *, recordings: bool = False) -> NDArray[np.int64]:
         """Return the number, below `count`, of the block that each row lies in, (N,), of which one is left out at once.
 
-        Blocks are recordings, where no single one holds nearly all rows; else contiguous parts of each recording.
+        Blocks are contiguous parts of each recording; whole `recordings` where no single one holds nearly all rows.
         """
-        if self.by_recording:
+        if recordings and self.has_several:
             return np.unique(self.recording, return_inverse=True)[1] % count
         block = np.zeros(len(self), dtype=np.int64)
         for number in range(len(self.sources)):
@@ -106,8 +106,8 @@ class CalibrationData:
         return block
 
     @property
-    def by_recording(self) -> bool:
-        """Whether blocks are whole recordings."""
+    def has_several(self) -> bool:
+        """Whether without any one of its recordings there are others to learn from."""
         return bool(np.bincount(self.recording).max() <= MOST_OF_ROWS * len(self))
 
 

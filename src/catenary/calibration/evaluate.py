@@ -162,17 +162,21 @@ def cross_validate(
     fit: Callable[[CalibrationData, Progress], CalibrationModel],
     *,
     folds: int,
+    recordings: bool = False,
     progress: Progress = silent,
 ) -> CrossValidation:
     """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled.
 
     Args:
         folds: At least 2.
+        recordings: Leave out whole recordings where there are several.
     """
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
-    block = data.blocks(folds)
+    block = data.blocks(folds, recordings=recordings)
     present = [k for k in range(folds) if (block == k).any()]
+    if len(present) < 2:
+        raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")
     results = []
     after_offset, after_model = np.empty_like(data.error), np.empty_like(data.error)
     inside = np.empty(data.error.shape, dtype=bool)

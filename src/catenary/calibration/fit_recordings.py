@@ -1,7 +1,7 @@
 """A whole fit: which rows it sees, the model, its error on data that it did not see, and its card."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial, reduce
 
@@ -75,12 +75,20 @@ def fit_logs(
     def fitted(kind: str, data: CalibrationData, tell: Progress) -> CalibrationModel:
         return fit(data, of_kinds[kind][0], kinds[kind], progress=tell)
 
-    validations = {
-        kind: cross_validate(rows[kind], partial(fitted, kind), folds=run.folds, progress=tell)
-        for kind, tell in zip(kinds if run.folds else (), parts, strict=False)
-    }
+    def validated(names: Iterable[str], *, recordings: bool = False) -> dict[str, CrossValidation]:
+        return {
+            kind: cross_validate(
+                rows[kind], partial(fitted, kind), folds=run.folds, recordings=recordings, progress=tell
+            )
+            for kind, tell in zip(names if run.folds else (), parts, strict=False)
+        }
+
+    # kinds are chosen by whole recordings left out, where there are several; errors are those on blocks of time
+    validations = validated(kinds, recordings=options.kind == "auto")
     choices = choose(validations) if options.kind == "auto" else ()
     needed = dict.fromkeys(choice.chosen for choice in choices) if choices else kinds
+    if choices and rows[choices[0].chosen].has_several:
+        validations = validated(needed)
     models = {kind: fitted(kind, rows[kind], parts[-1]) for kind in needed}
     model = composed(models, choices) if choices else models[options.kind]
     validation = joined(validations, choices) if choices else validations.get(options.kind)
