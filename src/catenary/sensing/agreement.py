@@ -261,7 +261,7 @@ class AgreementWatch:
             is_short = span == self.SPANS[0]
             is_right = found.agrees and not (is_short and self.found.fault is Fault.RATE_DELAY)
             if is_short and found.fault is Fault.NONE and self.found.fault is Fault.RATE_CONTRADICTS:
-                is_right |= found.fits is True  # what contradicted, by other rates, does so no more
+                is_right |= found.fits is not False  # what contradicted, by other rates, does so no more
             if is_right:
                 if not self.found.agrees:
                     self._right_since = begin  # what was before is of a gyroscope that was wrong, or not known
