@@ -7,6 +7,7 @@ from catenary.crtk.reader import model_joints
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState, StateCommand
 from catenary.robots.catalog import load_robot
+from catenary.workflows.robot import homing
 from catenary.workflows.robot.homing import AnswerYes, Guide, Homing, home_client, home_operated
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import OFFSET, EncodedPlant
@@ -94,6 +95,23 @@ def test_a_homing_that_ends_early_is_stopped() -> None:
         home_client(client, AnswerYes(), patience=1.0)
     assert setup.robot.plant.operating_state() == ("DISABLED", False, False)
     assert "disabled" in failure.value.__notes__[0]
+
+
+def test_ctrl_c_disables_a_robot_that_was_asked_and_does_not_show_it_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = LongHoming(ready=False)
+    setup = RobotOnLoopback(plant)
+    _, client = robot_over(setup.transport, simulated=True)
+
+    def press(_: object) -> None:
+        plant.state_command("enable")
+        plant.state_command("home")
+        assert not client.operating_state().is_busy  # as it was heard last
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(homing, "press_button", press)
+    with client, pytest.raises(KeyboardInterrupt):
+        home_client(client, AnswerYes())
+    assert plant.operating_state() == ("DISABLED", False, False)
 
 
 def test_a_robot_that_homes_already_is_waited_for() -> None:

@@ -146,10 +146,12 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
         guide: Has the button pressed; one that only says yes presses a simulated robot's.
         patience: [s] until it must be homed.
     """
+    asked = False
     try:
         now = client.operating_state()
         has_begun = now.state == "ENABLED" and now.is_busy  # by somebody else's press of the button
         if not has_begun:
+            asked = client.dialect == "crtk" or isinstance(guide, AnswerYes)
             if client.dialect == "crtk":
                 _command_home(client)
             elif isinstance(guide, AnswerYes):
@@ -159,7 +161,7 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
             text = "press the robot's start button and wait until it is homed"
         have_done(guide, text, lambda: not_homed(client.operating_state()), client.transport.sleep, patience=patience)
     except BaseException as error:
-        _stop(client, error)
+        _stop(client, error, asked=asked and isinstance(error, KeyboardInterrupt))
         raise
 
 
@@ -201,10 +203,11 @@ def _command_home(client: CrtkClient) -> None:
     client.state_command("home")
 
 
-def _stop(client: CrtkClient, error: BaseException) -> None:
-    """End a homing that is under way."""
+def _stop(client: CrtkClient, error: BaseException, *, asked: bool) -> None:
+    """End a homing that is under way, or that was asked for and does not show yet."""
     try:
-        if client.operating_state().is_busy:
+        now = client.operating_state()
+        if now.is_busy or (asked and not now.is_homed):
             client.state_command("disable")
             error.add_note("the robot was homing; it was disabled")
     except CatenaryError as another:
