@@ -120,21 +120,21 @@ def test_excite_begins_the_project_of_another_robot(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("robot", ["raven2", "dvrk_psm"])
-def test_a_minute_of_full_reversals_is_a_file_that_follow_takes(tmp_path: Path, robot: str) -> None:
+def test_minutes_of_full_reversals_are_a_file_that_follow_takes(tmp_path: Path, robot: str) -> None:
     out = tmp_path / "motion.csv"
     said = catenary("excite", "--refresh", "--robot", robot, "--out", out, "--json").json
     found = read_followed_file(out)
     assert list(found.joint_names or ()) == said["joints"]
-    assert 50.0 < found.time[-1] < 80.0
+    assert 100.0 < found.time[-1] < 200.0
     for q in found.q.T:
         middle, reach = 0.5 * (q.max() + q.min()), 0.5 * np.ptp(q)
         side = np.sign(q - middle)[np.abs(q - middle) > 0.9 * reach]
-        assert np.count_nonzero(np.diff(side)) >= 4  # sweeps of nearly all of the range
+        assert np.count_nonzero(np.diff(side)) + 1 >= 10  # sweeps of nearly all of the range
     assert list(tmp_path.iterdir()) == [out]  # no project was begun
     assert "PROJECT: is missing" in refusal("excite", "--refresh")
 
 
-def test_a_minute_of_full_reversals_is_recorded_anew_each_day(tmp_path: Path) -> None:
+def test_minutes_of_full_reversals_are_recorded_anew_each_day(tmp_path: Path) -> None:
     for name in ("refresh", "refresh_2"):
         assert catenary("excite", tmp_path / "arm", "--refresh", "--json").json["recording"] == name
     found = catenary("extract", tmp_path / "arm", "--json").json

@@ -9,7 +9,7 @@ standard error is that of the paired differences: blocks are hard or easy for al
 
 Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. So what
 may be changed follows from what the minutes show of a joint: how much of the motion that the model was trained on, and
-how often it swept most of that from one side to the other. Without sweeps a zero cannot be told from the side of the
+how often it swept half of that from one side to the other. Without sweeps a zero cannot be told from the side of the
 slack on which the joint lies; without the range no slope is seen.
 """
 
@@ -43,10 +43,9 @@ SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resem
 SLOPES_RIDGES = (1.0, 0.1, 0.01, 1e-3)  # the most held first
 HOW = (NOTHING, ZERO, SCALE, *(SLOPES,) * len(SLOPES_RIDGES))
 SWEPT = 0.5  # of the trained range, from one side to the other, that makes a sweep
-# of a joint, for each kind of change: least share of the trained range, least number of sweeps
-SHOWN = {NOTHING: (0.0, 0), ZERO: (0.0, 2), SCALE: (0.6, 4), SLOPES: (0.8, 8)}
-COUPLED_ZERO = (0.0, 8)  # of joints that friction couples: a neighbour, too, decides on which side they lie
-BEYOND_SLACK = 3.0  # RMS errors of the old model about their mean, beyond which a zero is no side of the slack
+SWEEPS = 10  # of a joint, below which any change does harm on days of the real arm; from there on none did
+SHOWN = {NOTHING: 0.0, ZERO: 0.0, SCALE: 0.6, SLOPES: 0.8}  # least share of the trained range, for each kind of change
+CLEAR = 0.4  # of the error on blocks: what leaves less is no side of the slack, however few the sweeps
 
 
 @dataclass(frozen=True)
@@ -207,7 +206,6 @@ def _refresh_group(
     rows = np.flatnonzero(inside)
     if len(rows) < FEWEST_ROWS:
         return _only_offset(group, of_offset, block, notes)
-    friction = model.features.friction
     residual, parts = (error - correction)[rows], block[rows]
     how, left = [], of_offset.copy()
     scale, bias, linear = np.ones(len(joints)), np.zeros(len(joints)), np.zeros((len(group.columns), len(joints)))
@@ -216,12 +214,11 @@ def _refresh_group(
         designs = _designs(model, X[rows], correction[rows, k], q[rows, k], place)
         of_candidates = _left_on_blocks(designs, residual[:, k], parts)
         seen = _motion_shown(group, model, data, joint)
-        coupled = friction is not None and f"q:{model.joint_names[joint]}" in friction.positions
-        kept = [c for c, each in enumerate(HOW) if _is_shown(each, seen, residual[:, k], coupled)]
+        kept = [c for c, each in enumerate(HOW) if _is_shown(each, seen, residual[:, k], of_candidates[c])]
         chosen = kept[first_within_one_error(of_candidates[kept], parts)]
         wanted = first_within_one_error(of_candidates, parts)
         if wanted != chosen:
-            notes = (*notes, _too_local(model.joint_names[joint], seen, HOW[wanted], coupled))
+            notes = (*notes, _too_local(model.joint_names[joint], seen, HOW[wanted]))
         how.append(HOW[chosen])
         left[rows, k] = of_candidates[chosen]
         if chosen:
@@ -258,24 +255,17 @@ def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationD
     return float(np.ptp(q)) / max(box, RESOLUTION), sweeps
 
 
-def _asked(how: str, coupled: bool) -> tuple[float, int]:
-    """Return the share of the trained range, and the sweeps, that a kind of change asks for."""
-    return COUPLED_ZERO if coupled and how == ZERO else SHOWN[how]
+def _is_shown(how: str, seen: tuple[float, int], before: Floats, left: Floats) -> bool:
+    """Return whether minutes show enough of a joint for a kind of change, from its errors before and on blocks."""
+    is_clear = seen[1] >= SWEEPS or np.square(left).mean() < CLEAR**2 * np.square(before).mean()
+    return how == NOTHING or (seen[0] >= SHOWN[how] and bool(is_clear))
 
 
-def _is_shown(how: str, seen: tuple[float, int], residual: Floats, coupled: bool) -> bool:
-    """Return whether minutes show enough of a joint for a kind of change."""
-    share, sweeps = _asked(how, coupled)
-    if how == ZERO and abs(residual.mean()) > BEYOND_SLACK * residual.std():
-        return True
-    return seen[0] >= share and seen[1] >= sweeps
-
-
-def _too_local(name: str, seen: tuple[float, int], wanted: str, coupled: bool) -> str:
-    share, sweeps = _asked(wanted, coupled)
+def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
+    expected = f"{SWEEPS} sweeps" + (f" and {SHOWN[wanted]:.0%}" if SHOWN[wanted] else "")
     return (
         f"{name}: these minutes are too local for a change of {wanted}: they show {seen[0]:.0%} of the trained range "
-        f"in {seen[1]} sweeps, expected {share:.0%} and {sweeps}; drive `catenary excite --refresh`"
+        f"in {seen[1]} sweeps, expected {expected}; drive `catenary excite --refresh`"
     )
 
 

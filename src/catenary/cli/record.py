@@ -107,7 +107,7 @@ def excite(
     project: Path | None = argument("PROJECT", "Folder of the project; made if it is not there.", None),
     robot: str | None = ARM_KIND,
     namespace: str | None = ARM_NAMESPACE,
-    refresh: bool = option(None, "A minute of full reversals of each joint, which catenary refresh takes.", False),
+    refresh: bool = option(None, "Minutes of full reversals of each joint, which catenary refresh takes.", False),
     out: Path | None = option("FILE", "Only write that minute, for follow.", writes=EXCITATION, goes_with="refresh"),
     as_json: bool = AS_JSON,
 ) -> None:
@@ -142,7 +142,7 @@ def _free_name(project: "Project", name: str) -> str:
 
 
 def _write_refresh_motion(kind: "ProjectKind", out: Path, as_json: bool) -> None:
-    """Write the minute of full reversals of a kind of robot."""
+    """Write the minutes of full reversals of a kind of robot."""
     import numpy as np
 
     from catenary.plant import Joints

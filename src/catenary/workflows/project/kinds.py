@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.model_refresh import SWEEPS
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM, PSM_JOINTS, psm_topics
@@ -29,7 +30,6 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, z
 from catenary.workflows.project.folder import ProjectSettings
 
 Motion = tuple[Trajectory, Any]  # and what it is, as plain data
-SWEEPS = 4  # of a joint, that show a refresh its zero and scale: model_refresh.SHOWN
 
 # box of a PSM's random motion, turning bands and speeds [rad, rad, m, rad, rad, rad], ours: the range of the public
 # recordings about the middle, with the wrist outside the cannula
@@ -59,7 +59,7 @@ class ProjectKind:
     numbers: Callable[[], Any]  # all that makes the simulated robot another one, as plain data
     excitation: Callable[[], Motion]  # what is trained on
     random_motion: Callable[[float, Sequence[int]], Motion]  # of so many seconds, by a seed
-    refresh_motion: Callable[[], Motion]  # a minute that shows enough to bring a model up to date
+    refresh_motion: Callable[[], Motion]  # minutes that show enough to bring a model up to date
     synchronise: Callable[[Path], Synchronisation]  # the motion log of a recording
 
     def plant(self) -> FirmwarePlant[Any]:
@@ -86,9 +86,9 @@ def kind_of(settings: ProjectSettings) -> ProjectKind:
 
 
 def _full_reversals(lower: Floats, upper: Floats, fastest: Floats) -> Motion:
-    """Return a motion in which each joint sweeps its whole range, SWEEPS times at least, at speeds of its own."""
+    """Return a motion in which each joint sweeps its whole range, as often as a refresh asks, at speeds of its own."""
     slowest = 0.85 * fastest  # so that joints fall out of step
-    seconds = (SWEEPS + 0.5) * (TURN_TIME + float(np.max((upper - lower) / slowest)))
+    seconds = (SWEEPS - 0.5) * (TURN_TIME + float(np.max((upper - lower) / slowest)))
     motion = random_sinusoids(
         np.random.default_rng(0), seconds, lower=lower, upper=upper,
         turning_band=np.zeros_like(lower), slowest=slowest, fastest=fastest,
