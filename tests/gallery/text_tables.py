@@ -103,7 +103,7 @@ SAMPLES = [
     ),
     Sample(
         "a C++ logger", "cpp.csv", "names in the last comment, //; comments among the rows",
-        lines("// run 7\n// t;q1;q2;q3\n", lambda i: cells(ALL[i, :4], ";") + "\n// still alive" * (i == 300)),
+        lines("// run 7\n// t;q1;q2;q3\n", lambda i: cells(ALL[i, :4], ";") + "\n// still;alive;after;300" * (i == 300)),
         says=("1 comment lines among the rows were passed over",),
     ),
     Sample(
@@ -177,7 +177,47 @@ SAMPLES = [
     ),
     Sample(
         "a logger that was killed", "torn.csv", "all but the torn last line",
-        lines("t,q1,q2,q3\n", lambda i: cells(ALL[i, :4]), end="\n6.0,0.1"), says=("last line is torn",),
+        lines("t,q1,q2,q3\n", lambda i: cells(ALL[i, :4]), end="\n6.0,0.1,0.2,-"), says=("last line is torn",),
+    ),
+    Sample(
+        "a logger that was started again", "again.csv", "names that come again among the rows are passed over",
+        lines("t,q1,q2,q3\n", lambda i: cells(ALL[i, :4]) + "\nt,q1,q2,q3" * (i == 300)),
+        says=("1 lines of names among the rows were passed over",),
+    ),
+    Sample(
+        "`np.savetxt(header=)`, units apart", "apart.txt", "names with the units behind them",
+        savetxt([T, DEG * Q], header="time [s]  q1 [deg]  q2 [deg]  q3 [mm]"), units=None,
+    ),
+    Sample(
+        "a script, units in the names", "named.csv", "deg/s and mNm by the names; joints of other units stay together",
+        savetxt([T, DEG * Q, DEG * QD, TAU * [1e3, 1e3, 1]], delimiter=",", comments="", fmt="%.12g",
+                header="t_s,q1_deg,q2_deg,q3_mm,dq1_deg_s,dq2_deg_s,dq3_mm_s,tau1_mNm,tau2_mNm,tau3_N"),
+        says=('units = ["deg", "deg", "mm"]  # per second', "scale = [0.001, 0.001, 1.0]"), units=None, truth=MOVED,
+    ),
+    Sample(
+        "a spreadsheet, units in the names", "sheet.csv", "position, speed and torque of a joint by their units",
+        savetxt([T, DEG * Q, QD, TAU], delimiter=",", comments="", fmt="%.12g", encoding="utf-8",
+                header="t,yaw [°],pitch [°],insertion [mm],yaw [rad/s],pitch [rad/s],insertion [m/s],"
+                "yaw [Nm],pitch [Nm],insertion [N]"),
+        units=None, truth=MOVED,
+    ),
+    Sample(
+        "a script over rosbag, C's timespec", "secs.csv", "seconds and nanoseconds in two columns",
+        lines("header.stamp.secs,header.stamp.nsecs,q1,q2,q3\n",
+              lambda i: f"{BEGIN + i // 100},{i % 100 * 10**7},{cells(Q[i])}"),
+        says=("header.stamp.secs in s and header.stamp.nsecs in 1 ns",),
+    ),
+    Sample(
+        "a logger (times of whole seconds)", "coarse.csv", "too coarse for rows of 100 Hz: their rate is asked",
+        lines("time,q1,q2,q3\n", lambda i: f"10:00:{i // 100:02d},{cells(Q[i])}"), asks={"rate_hz": "100"},
+    ),
+    Sample(
+        "LabVIEW (10:00:00:120)", "colons.csv", "times of day with a colon before the milliseconds",
+        lines("time,q1,q2,q3\n", dated("%H:%M:%S:%f")), says=("times of day",),
+    ),
+    Sample(
+        "Excel for Mac, CSV (Macintosh)", "mac.csv", "",
+        lambda path: path.write_bytes(b"t,q1\r0,1\r1,2\r"), refused="its lines end in carriage returns",
     ),
     Sample(
         "reported and measured columns", "reported.csv", "reported is q_nominal, measured q_encoder",

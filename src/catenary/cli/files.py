@@ -1,5 +1,6 @@
 """catenary check, recover, import, export: identify a file, recover it, and convert from and to other formats."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -218,8 +219,11 @@ def import_recording(
         proposal = propose_mapping(sources, units=units, robot=robot, answers=answers)
         content = {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
         print_result(as_json, {**content, "not_used": proposal.not_used}, proposal.toml.rstrip("\n"))
-        if not as_json:
-            _say_how_to_go_on(sources, is_open=bool(proposal.questions))
+        todo = "answer what is marked OPEN there (or by --answer, with --out), " if proposal.questions else "check it, "
+        note = f"this is a proposal; nothing was imported. Write it to a file, {todo}and: catenary import "
+        note += f"{shlex.join(map(str, sources))} --mapping FILE.toml --out LOG.parquet"
+        note += "" if proposal.questions else ", or take it as it is: --yes --out LOG.parquet"
+        print_notes([note] * (not as_json))
         if out is not None:
             raise InputError(f"--out {out}: nothing was written: there is no mapping yet")
         return
@@ -243,17 +247,3 @@ def import_recording(
     facts += [*([] if delay is None else [("delay:", delay)]), ("log:", str(out))]
     notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
     print_result(as_json, report, facts, notes=notes)
-
-
-def _say_how_to_go_on(sources: Sequence[Path], *, is_open: bool) -> None:
-    import shlex
-
-    files = " ".join(shlex.quote(str(source)) for source in sources)
-    print_notes(
-        [
-            "this is a proposal; nothing was imported. Write it to a file, "
-            + ("answer what is marked OPEN there (or by --answer, with --out), " if is_open else "check it, ")
-            + f"and: catenary import {files} --mapping FILE.toml --out LOG.parquet"
-            + ("" if is_open else ", or take it as it is: --yes --out LOG.parquet")
-        ]
-    )

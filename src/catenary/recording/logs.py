@@ -61,7 +61,6 @@ def read_log(
     """Read a recording: a `.parquet` log, a `.npz` command log, or RAVEN-II's published `.csv` (its gold arm).
 
     Args:
-        path: The file.
         units: "rad" or "m" per joint, for a file that does not state them.
         joint_names: Names of the joints, for a file that does not state them; one that does is put into their order.
 
@@ -112,11 +111,6 @@ def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints:
     return read_torques(path, model, raw=raw, joints=joints)
 
 
-def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
-    """Read recordings; see `read_recording`."""
-    return [read_recording(path, reading) for path in paths]
-
-
 def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
     """Read a recording, by a mapping or as `read_log` does, and mend it."""
     reading = reading if reading is not None else Reading()
@@ -155,10 +149,10 @@ def read_torque_recording(
 
 
 def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | None) -> MotionLog:
-    from catenary.recording.import_formats.importer import import_sources
+    from catenary.recording.import_formats.importer import synchronise
     from catenary.recording.import_formats.sources import Sources
 
-    return import_sources(Sources([path]), mapping, model=model)
+    return synchronise(Sources([path]), mapping, model=model).log
 
 
 @explained
@@ -213,7 +207,8 @@ def _columns(log: MotionLog) -> dict[str, tuple[NDArray[Any], str]]:
         values = getattr(log, prefix)
         if values is not None:
             for joint, unit, column in zip(log.joint_names, log.joint_units, values.T, strict=True):
-                columns[f"{prefix}:{joint}"] = column, _unit(prefix, unit)
+                shown = {"tau": TORQUE_UNIT[unit], "qd": f"{unit}/s"}.get(prefix, unit)
+                columns[f"{prefix}:{joint}"] = column, shown
     for name, values in log.signals.items():
         if name in columns:
             raise InputError(f'recording "{log.name}": signal "{name}" has the name of a column of every log')
@@ -303,7 +298,3 @@ def _as_given(path: Path, log: MotionLog, units: Sequence[str] | None, joint_nam
     own = dict(zip(log.joint_names, log.joint_units, strict=True))
     said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
     return log.in_order_of(Joints(names, said), of="those given are")
-
-
-def _unit(prefix: str, joint_unit: str) -> str:
-    return {"tau": TORQUE_UNIT[joint_unit], "qd": f"{joint_unit}/s"}.get(prefix, joint_unit)

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from functools import cache, lru_cache
 from hashlib import md5
 from pathlib import Path
-from types import MappingProxyType
 from typing import NamedTuple
 
 from rosbags.interfaces import Nodetype
@@ -20,21 +19,19 @@ from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 
 # first name in each line is the type, the second the field; order and names make the md5 sum
-_OWN: Mapping[str, str] = MappingProxyType(
-    {
-        "crtk_msgs/OperatingState": "std_msgs/Header header\nstring state\nbool is_homed\nbool is_busy\n",
-        "crtk_msgs/StringStamped": "std_msgs/Header header\nstring string\n",
-        "raven_2/raven_automove": ("std_msgs/Header hdr\nint32[6] del_pos\ngeometry_msgs/Transform[2] tf_incr\n"),
-        "raven_2/raven_state": (
-            "std_msgs/Header hdr\nint32 runlevel\nint32 sublevel\nint32 last_seq\nint32[2] type\n"
-            "int32[6] pos\nfloat32[18] ori\nfloat32[18] ori_d\nint32[6] pos_d\nduration dt\n"
-            "int32[16] encVals\nint32[16] dac_val\nfloat32[16] tau\nfloat32[16] mpos\nfloat32[16] jpos\n"
-            "float32[16] mvel\nfloat32[16] jvel\nfloat32[16] mpos_d\nfloat32[16] jpos_d\nfloat32[2] grasp_d\n"
-            "float32[16] encoffsets\nfloat32[12] jac_vel\nfloat32[12] jac_f\n"
-        ),
-        "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
-    }
-)
+_OWN: Mapping[str, str] = {
+    "crtk_msgs/OperatingState": "std_msgs/Header header\nstring state\nbool is_homed\nbool is_busy\n",
+    "crtk_msgs/StringStamped": "std_msgs/Header header\nstring string\n",
+    "raven_2/raven_automove": ("std_msgs/Header hdr\nint32[6] del_pos\ngeometry_msgs/Transform[2] tf_incr\n"),
+    "raven_2/raven_state": (
+        "std_msgs/Header hdr\nint32 runlevel\nint32 sublevel\nint32 last_seq\nint32[2] type\n"
+        "int32[6] pos\nfloat32[18] ori\nfloat32[18] ori_d\nint32[6] pos_d\nduration dt\n"
+        "int32[16] encVals\nint32[16] dac_val\nfloat32[16] tau\nfloat32[16] mpos\nfloat32[16] jpos\n"
+        "float32[16] mvel\nfloat32[16] jvel\nfloat32[16] mpos_d\nfloat32[16] jpos_d\nfloat32[2] grasp_d\n"
+        "float32[16] encoffsets\nfloat32[12] jac_vel\nfloat32[12] jac_f\n"
+    ),
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+}
 _GEOMETRY = (
     "Vector3 Vector3Stamped Point Pose PoseStamped Twist TwistStamped Wrench WrenchStamped Accel AccelStamped "
     "Quaternion Transform TransformStamped"
@@ -49,31 +46,27 @@ _STANDARD = (  # of ROS Noetic, as rosbags has them
 MAX_DEFINITION = 5000  # characters of fields; that of raven_state with all it contains has 1,000
 MESSAGES = (*_STANDARD, *_OWN)  # types that catenary knows
 # request, response
-SERVICES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "std_srvs/Trigger": ("", "bool success\nstring message\n"),
-        "crtk_msgs/QueryForwardKinematics": (
-            "float64[] jp\ngeometry_msgs/Pose cp\n",
-            "geometry_msgs/Pose cp\nbool result\nstring message\n",
-        ),
-        "crtk_msgs/QueryInverseKinematics": (
-            "geometry_msgs/Pose cp\nfloat64[] jp\n",
-            "float64[] jp\nbool result\nstring message\n",
-        ),
-        "cisst_msgs/ConvertFloat64Array": ("float64[] input\n", "float64[] output\n"),
-    }
-)
-OLD_NAMES: Mapping[str, str] = MappingProxyType({"crtk_msgs/operating_state": "crtk_msgs/OperatingState"})
+SERVICES: Mapping[str, tuple[str, str]] = {
+    "std_srvs/Trigger": ("", "bool success\nstring message\n"),
+    "crtk_msgs/QueryForwardKinematics": (
+        "float64[] jp\ngeometry_msgs/Pose cp\n",
+        "geometry_msgs/Pose cp\nbool result\nstring message\n",
+    ),
+    "crtk_msgs/QueryInverseKinematics": (
+        "geometry_msgs/Pose cp\nfloat64[] jp\n",
+        "float64[] jp\nbool result\nstring message\n",
+    ),
+    "cisst_msgs/ConvertFloat64Array": ("float64[] input\n", "float64[] output\n"),
+}
+OLD_NAMES: Mapping[str, str] = {"crtk_msgs/operating_state": "crtk_msgs/OperatingState"}
 
 # ROS 1 type -> NumPy type, for numbers; `time` and `duration` are two of them, `string` is none
-NUMBERS: Mapping[str, str] = MappingProxyType(
-    {
-        "bool": "u1", "byte": "i1", "char": "u1",
-        "int8": "i1", "int16": "<i2", "int32": "<i4", "int64": "<i8",
-        "uint8": "u1", "uint16": "<u2", "uint32": "<u4", "uint64": "<u8",
-        "float32": "<f4", "float64": "<f8",
-    }
-)  # fmt: skip
+NUMBERS: Mapping[str, str] = {
+    "bool": "u1", "byte": "i1", "char": "u1",
+    "int8": "i1", "int16": "<i2", "int32": "<i4", "int64": "<i8",
+    "uint8": "u1", "uint16": "<u2", "uint32": "<u4", "uint64": "<u8",
+    "float32": "<f4", "float64": "<f8",
+}  # fmt: skip
 TIMES = ("time", "duration")
 _HEADER = "std_msgs/Header"
 _PLACEHOLDER = "structure_needs_at_least_one_member"  # rosbags' field of a type that has none

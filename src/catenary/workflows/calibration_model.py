@@ -25,7 +25,7 @@ from catenary.errors import InputError
 from catenary.files import sha256_of, table_ending
 from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.logs import Reading, read_log, read_logs, read_recording
+from catenary.recording.logs import Reading, read_log, read_recording
 
 
 def fit_calibration(
@@ -37,7 +37,7 @@ def fit_calibration(
     progress: Progress = silent,
 ) -> FitResult:
     """Fit a calibration model to files of recordings; see `fit_logs`."""
-    return fit_logs(read_logs(paths, reading), options, run, progress=progress)
+    return fit_logs([read_recording(path, reading) for path in paths], options, run, progress=progress)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from catenary.calibration.fit_options import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import not_used
-from catenary.recording.import_formats.importer import columns_wanted, import_sources
+from catenary.recording.import_formats.importer import columns_wanted, synchronise
 from catenary.recording.import_formats.in_pieces import pieces_of
 from catenary.recording.import_formats.known_layouts import MOTION_LOG, Layout, layout_of_files, read_layout
 from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
@@ -63,7 +63,7 @@ def import_recording(
     """
     paths = [Path(sources)] if isinstance(sources, str | Path) else [Path(source) for source in sources]
     opened = _opened(paths, mapping, units, robot, accept_proposal, answers)
-    return opened if isinstance(opened, MotionLog) else import_sources(*opened)
+    return opened if isinstance(opened, MotionLog) else synchronise(*opened).log
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,7 @@ def import_to_file(
 ) -> ImportedLog:
     """Write the motion log of a recording; a long text table piece by piece, so that its memory is that of a piece.
 
-    Args:
-        out: The log, `.parquet`.
-        sources: The files of one recording, and further arguments as of `import_recording`.
-        progress: Is told the share of a file that was read.
+    Arguments are those of `import_recording`; `progress` is told the share of a file that was read.
     """
     opened = _opened(sources, mapping, units, robot, accept_proposal, answers, progress)
     left: tuple[str, ...] = ()
@@ -135,12 +132,7 @@ def propose_mapping(
 ) -> Proposal:
     """Propose what of a recording is which quantity, by type, name, rate and range; `toml` is its text to edit.
 
-    Args:
-        units: As for `import_recording`.
-        answers: As for `import_recording`; those that are not asked are refused.
-
-    Raises:
-        FileFormatError: A file cannot be read.
+    Arguments are those of `import_recording`; answers that are not asked are refused.
     """
     paths = [sources] if isinstance(sources, str | Path) else sources
     return propose(Sources([Path(path) for path in paths]), robot=robot, units=units, answers=answers)

@@ -1,6 +1,7 @@
 """Where a tracker stands and where its marker sits, from the robot's motion: as near as it says, or refused."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,11 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.recording.import_formats.registration import TrackedPoses, TrackerRegistration, register
-from catenary.robots.catalog import load_robot
+from catenary.robots import catalog
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, rotation_from_rpy, rotation_vector
+
+load_robot = cache(catalog.load_robot)  # of 100 recordings once
 
 X = Pose(rotation_from_rpy([0.1, -0.2, 1.0]), np.array([0.4, -0.3, 0.9]))  # T_base_tracker
 Z = Pose(rotation_from_rpy([0.5, 0.3, -0.2]), np.array([0.01, 0.02, -0.02]))  # T_frame_marker

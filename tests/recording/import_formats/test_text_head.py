@@ -53,6 +53,15 @@ def test_names_are_those_above_the_rows(lines: str, names: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "torn"), [("2,5", False), ("2,", False), ("2", True), ("2,-", True), ("2,1e-", True), ("2,\0\0", True)]
+)
+def test_a_last_line_without_an_end_is_torn_where_it_lacks_cells_or_one_is_no_number(line: str, torn: bool) -> None:
+    head = read_head("lab", ["t,q1", "0,1", "1,2"], unended=line)
+    assert head.torn == (line if torn else "")
+    assert [column.kind for column in head.columns] == ["number", "number"]
+
+
+@pytest.mark.parametrize(
     ("texts", "order", "doubt"),
     [
         (["2026-03-04", "2026-03-05"], "ymd", False),

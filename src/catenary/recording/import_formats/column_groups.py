@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.errors import InputError
 from catenary.plant import Jointed
@@ -54,9 +53,14 @@ _NO_JOINTS = _set(
     "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
     "points intensities ranges color colors quat eef cos sin"
 )
-_UNITS = _set("deg degree degrees rad mm m nm n")
-_UNIT = re.compile(r"[\[( _](?P<unit>deg|degree|degrees|rad|mm|m)[\])]?(?:\[?\d+\]?)?\Z", re.IGNORECASE)
-_UNIT_WORDS = {"degree": "deg", "degrees": "deg"}
+_UNITS = _set("deg degree degrees rad mm cm m s nm n k c nmm ncm")
+_UNIT = re.compile(  # behind a name: q1 [deg], dq_rad_s, "tau3 (N m)", elbow_deg[2]
+    r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)(?P<speed>(?:/|_per_|_|\*)s(?:ec)?(?:\^-1)?)?"
+    r"|(?P<effort>(?P<part>[mck]?)N[ *.·]?(?P<lever>[mc]?)m|(?P<alone>[mk]?)N))\s*(?=[\])]?(?:\[?\d+\]?)?\Z)",
+    re.IGNORECASE,
+)
+_UNIT_WORDS = {"degree": "deg", "degrees": "deg", "°": "deg"}
+_PARTS = {"": 1.0, "m": 1e-3, "c": 1e-2, "k": 1e3}  # of a newton, of a metre
 MOST_JOINTS = 64
 _FOLLOWS = 0.8  # correlation of a measured joint with its command: a hysteretic wrist's is 0.82
 _WHOLE = 0.95  # share of rows that a quantity is taken from, at least: the others are lost with it
@@ -76,7 +80,7 @@ class Candidate:
     def name(self) -> str:
         """What the columns have in common, for a reader."""
         first = self.columns[0]
-        base = first[: first.rfind("[")] if first.endswith("]") else first
+        base = first[: first.rfind("[")] if first.endswith("]") and not _UNIT.search(first) else first
         where = f"{self.stream.name}." if self.stream.type != "table" else ""
         more = f" ... {self.columns[-1]}" if base == first and len(self.columns) > 1 else ""
         return f"{where}{base}{more}"
@@ -96,7 +100,9 @@ class Candidate:
     @property
     def ranges(self) -> list[tuple[float, float]]:
         """Least and largest finite number of each column; NaN for none."""
-        return [_range(self.stream.columns[column]) for column in self.columns]
+        every = (np.asarray(self.stream.columns[column], dtype=np.float64) for column in self.columns)
+        finite = (values[np.isfinite(values)] for values in every)
+        return [(float(x.min()), float(x.max())) if len(x) else (np.nan, np.nan) for x in finite]
 
     @property
     def moves(self) -> bool:
@@ -134,12 +140,15 @@ class Candidate:
         return True
 
     def stated_units(self) -> tuple[str, ...] | None:
-        """Return the units that the columns' names end in; None where one has none."""
-        found = [_UNIT.search(re.sub(r"\[\d+\]\Z", "", column)) for column in self.columns]
-        if not all(found):
-            return None
-        units = [one["unit"].lower() for one in found if one]
-        return tuple(_UNIT_WORDS.get(unit, unit) for unit in units)
+        """Return the units that the columns' names end in, of velocities per second; None where one has none."""
+        found = [one["unit"].lower() for one in map(_UNIT.search, self.columns) if one and one["unit"]]
+        return tuple(_UNIT_WORDS.get(unit, unit) for unit in found) if len(found) == len(self.columns) else None
+
+    def stated_scale(self) -> tuple[float, ...] | None:
+        """Return the Nm or N of one unit that the columns' names end in, as of mNm; None where one has none."""
+        found = [one for one in map(_UNIT.search, self.columns) if one and one["effort"]]
+        parts = [((one["part"] or one["alone"] or "").lower(), (one["lever"] or "").lower()) for one in found]
+        return tuple(_PARTS[a] * _PARTS[b] for a, b in parts) if len(parts) == len(self.columns) else None
 
 
 def candidates_of(streams: Sequence[Stream]) -> list[Candidate]:
@@ -166,7 +175,7 @@ def _of_topic(stream: Stream) -> list[Candidate]:
             continue
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
         own = words if stream.type == "table" else [*_words(stream.name), *words]
-        found.append(Candidate(stream, tuple(columns), _kind(words), _role(own), joints))
+        found.append(Candidate(stream, tuple(columns), _kind(base), _role(own), joints))
     return found
 
 
@@ -187,11 +196,11 @@ def _of_table(stream: Stream) -> list[Candidate]:
         words = _words(name)
         if name in times or set(words) & _NO_JOINTS:
             continue
-        own = [w for w in words if w in _OF_QUANTITIES]
-        letters = re.sub(r"[\[_. ]?\d+\]?", "#", name)
-        stated = ("words",) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
+        own = [_kind(name), *(w for w in words if w in _OF_QUANTITIES)]
+        letters = re.sub(r"[\[_. ]?\d+\]?", "#", _UNIT.sub("", name))  # q1 [deg], q2 [deg], q3 [mm] are of one robot
+        stated = ("words", *own) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
         stem = [letters] if _joint_number(name) else []
-        key = ("words", *own, *stem) if own else ("#", letters) if "#" in letters else stated
+        key = ("words", *own, *stem) if own[1:] else ("#", letters, *own) if "#" in letters else stated
         groups.setdefault(key, []).append(name)
     for (how, *_), columns in groups.items():
         for part in _by_shared_number(columns) if how != "alone" else ():
@@ -203,7 +212,7 @@ def _of_table(stream: Stream) -> list[Candidate]:
             named = _own_parts(ordered)
             is_named = not is_numbered and how == "words" and all(named) and len(set(named)) == len(named)
             joints = named if is_named else ("",) * len(ordered)
-            found.append(Candidate(stream, tuple(ordered), _kind(words), _role(words), joints))
+            found.append(Candidate(stream, tuple(ordered), _kind(ordered[0]), _role(words), joints))
     return found
 
 
@@ -259,20 +268,17 @@ def _words(name: str) -> list[str]:
     return re.findall(r"[a-z]+", _CRTK.sub("", apart.lower()))
 
 
-def _kind(words: Sequence[str]) -> Kind:
-    return next((kind for kind, names in _KINDS.items() if set(words) & names), "position")
+def _kind(name: str) -> Kind:
+    unit, words = _UNIT.search(name), set(_words(name))
+    if unit and (unit["effort"] or unit["speed"]):
+        return "effort" if unit["effort"] else "velocity"
+    return next((kind for kind, names in _KINDS.items() if words & names), "position")
 
 
 def _role(words: Sequence[str]) -> Role:
     if set(words) & _REPORTED and not set(words) & _ROLES["measured outside"]:
         return "own"
     return next((role for role, names in _ROLES.items() if set(words) & names), "unknown")
-
-
-def _range(values: NDArray[np.generic]) -> tuple[float, float]:
-    numbers = values.astype(np.float64)
-    finite = numbers[np.isfinite(numbers)]
-    return (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"), float("nan"))
 
 
 def joints_meant(names: Sequence[str], model: Jointed) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.recording.import_formats.columns import ends
 
 MOST_ROWS = 100_000  # that are looked at
 LEAST_ROWS = 30
@@ -27,10 +28,10 @@ class MovingColumns:
 
     def said(self) -> str:
         """Return in words how they were told."""
-        told = f"{_ends(self.qd)} are the derivatives of {_ends(self.q)}, and were taken for qd"
-        told += f"; {_ends(self.again)} have the same" if self.again else ""
-        told += f"; {_ends(self.tau)} are what is left, and were taken for tau" if self.tau else ""
-        return told + (f"; {_ends(self.left)} are left, and were not taken" if self.left else "")
+        told = f"{ends(self.qd)} are the derivatives of {ends(self.q)}, and were taken for qd"
+        told += f"; {ends(self.again)} have the same" if self.again else ""
+        told += f"; {ends(self.tau)} are what is left, and were taken for tau" if self.tau else ""
+        return told + (f"; {ends(self.left)} are left, and were not taken" if self.left else "")
 
 
 def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None) -> MovingColumns | None:
@@ -92,7 +93,3 @@ def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> NDArray[np.
     if any_size and found.any():
         size = size / float(np.median(size[found]))
     return np.asarray(found & (size > 1.0 / _SAME) & (size < _SAME))
-
-
-def _ends(names: tuple[str, ...]) -> str:
-    return f"{names[0]} ... {names[-1]}" if len(names) > 1 else names[0]

@@ -184,9 +184,13 @@ def not_used(streams: Sequence[Stream], used: Mapping[str, Collection[str]]) -> 
                 indexed = _INDEXED.match(column)
                 group = indexed["base"] if indexed else re.sub(r"\d+", "#", column)
                 groups.setdefault(group, []).extend([column] * (column not in mine))
-            for columns in filter(None, groups.values()):
-                found.append(columns[0] if len(columns) == 1 else f"{columns[0]} ... {columns[-1]}")
+            found += [ends(columns) for columns in groups.values() if columns]
     return tuple(found)
+
+
+def ends(names: Sequence[str]) -> str:
+    """Return the first and last of names."""
+    return names[0] if len(names) == 1 else f"{names[0]} ... {names[-1]}"
 
 
 def listed(names: Sequence[str]) -> str:

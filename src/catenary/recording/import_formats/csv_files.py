@@ -3,9 +3,10 @@
 Read in pieces, so that the memory that a table takes is that of the columns that are kept.
 """
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -16,13 +17,15 @@ from numpy.typing import NDArray
 from catenary.documents import cut
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.text_dates import since_midnight
-from catenary.recording.import_formats.text_head import COMMENT, NOTHING, TextColumn, TextHead, read_head
+from catenary.recording.import_formats.text_head import NOTHING, TextColumn, TextHead, read_head
 from catenary.topics import SECOND
 
 MOST_LINE = 1_000_000  # characters
 _LOOKED_AT = 200  # lines by which separator, decimal sign and kinds of columns are told
 _END = 65_536  # [B] at the end of a file that are looked at, too
 _BLOCK = 4 << 20  # [B] that are read at a time
+_COMMENTS = "comment lines among the rows were passed over"
+_BEGINS = (b"#", b"%", b"//")  # of comments
 _TYPES: Mapping[str, Any] = {"number": pa.float64(), "whole": pa.int64(), "truth": pa.bool_()}
 
 Block = dict[str, NDArray[Any]]
@@ -34,12 +37,11 @@ class TextTable:
     def __init__(self, path: Path) -> None:
         """Read its first and last lines."""
         self.path, self._size = path, path.stat().st_size
-        lines, ends, last, is_torn = _lines(path)
-        self.head: TextHead = read_head(str(path), lines, last)
+        lines, ends, last, unended = _lines(path)
+        self.head: TextHead = read_head(str(path), lines, last, unended)
         self._first_byte = ends[self.head.begins - 1] if self.head.begins else 0
         head, rows = self._first_byte, len(ends) - self.head.begins
         self.about_rows = round((self._size - head) / max(1.0, (ends[-1] - head) / rows)) if rows else 0
-        self._torn = (last or lines or [""])[-1] if is_torn else ""
         self.notes = list(self.head.notes)  # and, once it was read, on rows that were passed over
 
     def blocks(
@@ -52,15 +54,9 @@ class TextTable:
         """
         columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
-        read = pa.csv.ReadOptions(column_names=[str(i) for i in range(self.head.width)], block_size=_BLOCK)
-        comments, torn = [0], [0]
-
-        def passed_over(row: Any) -> str:
-            comments[0] += bool(COMMENT.match(row.text))
-            torn[0] += row.text == self._torn
-            return "skip" if COMMENT.match(row.text) or row.text == self._torn else "error"
-
-        parse = pa.csv.ParseOptions(delimiter=self.head.dialect.separator, invalid_row_handler=passed_over)
+        read = pa.csv.ReadOptions(column_names=[str(i) for i in range(self.head.width)], block_size=4 * _BLOCK)
+        passed = Counter[str]()
+        parse = pa.csv.ParseOptions(delimiter=self.head.dialect.separator)
         convert = pa.csv.ConvertOptions(
             column_types=kinds, include_columns=list(kinds), null_values=list(NOTHING), strings_can_be_null=True,
             decimal_point=self.head.dialect.decimal,
@@ -68,18 +64,44 @@ class TextTable:
         )  # fmt: skip
         carried: dict[str, tuple[int, int | None]] = {}
         try:
-            with pa.OSFile(str(self.path)) as file:
+            with self.path.open("rb") as file:
                 file.seek(self._first_byte)
-                source = file if self.head.dialect.separator != " " else pa.PythonFile(_OneBlank(file), "r")
-                for batch in pa.csv.open_csv(source, read, parse, convert):
+                for rows in self._rows(file, passed):
+                    batches = pa.csv.read_csv(pa.BufferReader(rows), read, parse, convert).combine_chunks().to_batches()
                     progress(min(1.0, file.tell() / self._size))
-                    if batch.num_rows:
+                    for batch in batches:
                         yield {column.name: _numbers(column, batch, carried) for column in columns}
         except (pa.ArrowException, OSError, MemoryError, ValueError) as error:
             raise FileFormatError(f"{self.path}: cannot be read as CSV: {cut(str(error))}") from error
-        said = [f"{comments[0]} comment lines among the rows were passed over"] * bool(comments[0])
-        said += ["its last line is torn, and was left out"] * bool(torn[0])
+        said = [f"{count} {what}" for what, count in passed.items() if count]
+        said += ["its last line is torn, and was left out"] * bool(self.head.torn)
         self.notes += [note for note in said if note not in self.notes]
+
+    def _rows(self, file: BinaryIO, passed: Counter[str]) -> Iterator[bytes]:
+        """Yield some MB of rows at a time: without comments, heads that come again, and a torn last line."""
+        heads = {head.encode() for head in self.head.heads}
+        begins = [b"\n" + begin for begin in (*_BEGINS, *heads)]
+        is_blank, left = self.head.dialect.separator == " ", b""
+        while True:
+            block = file.read(_BLOCK)
+            data = left + block
+            end = data.rfind(b"\n") + 1 if block or self.head.torn else len(data)
+            data, left = data[:end], data[end:]
+            if is_blank or any(begin in data for begin in begins) or data.startswith((*_BEGINS, *heads)):
+                lines = []
+                for line in data.split(b"\n"):
+                    bare = line.strip()
+                    if bare.startswith(_BEGINS):
+                        passed[_COMMENTS] += 1
+                    elif bare in heads:
+                        passed["lines of names among the rows were passed over"] += 1
+                    else:
+                        lines.append(b" ".join(line.split()) if is_blank else line)
+                data = b"\n".join(lines)
+            if data.strip():
+                yield data
+            if not block:
+                return
 
 
 def _arrow_type(column: TextColumn) -> pa.DataType:
@@ -104,29 +126,8 @@ def _numbers(column: TextColumn, batch: pa.RecordBatch, carried: dict[str, tuple
     return values.astype(np.float64) if values.dtype.kind == "O" else values  # truth values, and some missing
 
 
-class _OneBlank:
-    """A file whose rows are parted by any number of blanks and tabs, read as if by one."""
-
-    def __init__(self, file: pa.OSFile) -> None:
-        self._file, self._left, self.closed = file, b"", False
-
-    def read(self, size: int = -1) -> bytes:
-        """Return about as many bytes of whole lines; none at the end."""
-        while True:
-            block = self._file.read(size // 2)  # no more than was asked for, with what is left of the last one
-            data = self._left + block
-            cut_at = data.rfind(b"\n") + 1 if block else len(data)
-            data, self._left = data[:cut_at], data[cut_at:]
-            if data or not block:
-                return b"\n".join(b" ".join(line.split()) for line in data.split(b"\n"))
-
-    def readable(self) -> bool:
-        """Return that it can be read."""
-        return True
-
-
-def _lines(path: Path) -> tuple[list[str], list[int], list[str], bool]:
-    """Return a file's first lines, where each ends [B], its last lines, and whether the very last has no end."""
+def _lines(path: Path) -> tuple[list[str], list[int], list[str], str]:
+    """Return a file's first lines, where each ends [B], its last lines, and apart the very last if it has no end."""
     try:
         with path.open("rb") as file:
             lines = [file.readline(MOST_LINE + 1) for _ in range(_LOOKED_AT)]
@@ -141,12 +142,15 @@ def _lines(path: Path) -> tuple[list[str], list[int], list[str], bool]:
         raise FileFormatError(f"{path}: is UTF-16, expected UTF-8")
     if any(b"\0" in line for line in lines):
         raise FileFormatError(f"{path}: holds bytes that are no text, expected CSV")
+    if any(b"\r" in line.rstrip(b"\r\n") for line in lines):
+        raise FileFormatError(f"{path}: its lines end in carriage returns alone, expected line feeds")
     ends = np.cumsum([len(line) for line in lines]).tolist()
-    is_torn = not (behind or b"".join(lines)).endswith(b"\n") and size > 0
     last = behind.split(b"\n")[1 if size - _END > end else 0 :]
     try:
         first = [line.decode().rstrip("\r\n") for line in lines if line]
         texts = [line.decode(errors="replace").rstrip("\r\n") for line in last]
-        return first, ends, [text for text in texts if text.strip()], is_torn
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: is no UTF-8 text: {error}") from error
+    is_unended, where = not (behind or b"".join(lines)).endswith(b"\n"), texts if behind else first
+    unended = where.pop() if is_unended and where else ""
+    return first, ends, [text for text in texts if text.strip()], unended

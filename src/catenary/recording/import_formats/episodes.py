@@ -9,7 +9,7 @@ from typing import Any
 
 from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.import_formats.columns import MOST_SHOWN
+from catenary.recording.import_formats.columns import listed
 
 # what says when an episode began: ISO 8601, seconds since 1970, or robosuite's month-day-year beside "time"
 _DATES = ("date", "recorded", "recorded_at", "created", "created_at", "start_time", "timestamp")
@@ -25,7 +25,7 @@ def wanted_episodes(path: Path, names: Sequence[str], wanted: str) -> list[str]:
     asked = _short(wanted)
     found = [name for name in names if wanted in ("", name) or asked in (_short(name), _short(name).lstrip(_LETTERS))]
     if not found:
-        raise FileFormatError(f'{path}: no episode "{cut(wanted)}"; its episodes are {_listed(names)}')
+        raise FileFormatError(f'{path}: no episode "{cut(wanted)}"; its episodes are {listed(names)}')
     return found
 
 
@@ -38,13 +38,8 @@ def _short(name: str) -> str:
 
 def in_a_row(path: Path, names: Sequence[str]) -> list[str]:
     """Return what is said of episodes that stand one behind the other."""
-    said = f"{len(names)} episodes, one behind the other: {_listed(names)}; {path}/{names[0]} is one alone"
+    said = f"{len(names)} episodes, one behind the other: {listed(names)}; {path}/{names[0]} is one alone"
     return [said] * (len(names) > 1)
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
-    return ", ".join(map(cut, names[:MOST_SHOWN])) + more if names else "none"
 
 
 def began_of(told: Mapping[str, Any]) -> float:

@@ -135,11 +135,6 @@ def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, 
     return _Columns.of(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
 
 
-def import_sources(sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None) -> MotionLog:
-    """Read a recording by a mapping, on one clock; see `synchronise`."""
-    return synchronise(sources, mapping, model=model).log
-
-
 def synchronise(
     sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None, is_piece: bool = False
 ) -> Synchronisation:
@@ -260,9 +255,15 @@ def _scale(
     """Return what turns a quantity's columns into SI (n,): as the mapping states it, or as they tell."""
     quantity, n = getattr(mapping, key), len(units)
     stated, factor = factors(key, quantity, units, n)
+    if key == "tau" and not quantity.scale and not mapping.name:
+        named = one.stated_scale() or (1.0,) * n
+        notes += [f"tau: taken times {', '.join(f'{s:g}' for s in named)} by the names of its columns"] * (
+            set(named) != {1.0}
+        )
+        return factor * named
     if stated is not None or key == "tau" or mapping.name:
         return factor
-    own = told or units
+    own = one.stated_units() or told or units
     if key == "q_encoder":
         its = (mapping.q_nominal.units * n)[:n] if mapping.q_nominal.units else own
         own, why, is_sure = encoder_units(one, nominal, its, None)
@@ -445,7 +446,7 @@ def _tracked(
             + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
             + " from all that the robot reaches"
         )
-    return clock.at_rows(Series(poses.stamp, found[:, chosen], poses.report), "pose")
+    return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))[0]
 
 
 def _signals(

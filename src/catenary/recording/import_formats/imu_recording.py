@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.columns import Stream, places_of
+from catenary.recording.import_formats.columns import Stream, listed, places_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_of
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
@@ -90,7 +90,9 @@ def read_imu(
         except InputError as error:
             raise InputError(f"{error}; here --time COLUMN@UNIT") from error
         if told is None:
-            raise InputError(f"{path}: no column of time, such as time or t_us: --time; it has {_shown(stream)}")
+            raise InputError(
+                f"{path}: no column of time, such as time or t_us: --time; it has {listed(list(stream.columns))}"
+            )
         stamp, why = told.stamp, told.said
     else:
         given = whole.stamp if whole.stamp is not None and (whole.stamp > 0).all() else whole.arrival
@@ -166,10 +168,11 @@ def _named(stream: Stream, patterns: Sequence[str], *, required: bool) -> list[s
         return []
     if any(pattern.format("x") in plain for pattern in _STRIPPED):
         raise InputError(
-            f"{stream.name}: accelerations without gravity ({_shown(stream)}): record the accelerometer's own, raw"
+            f"{stream.name}: accelerations without gravity ({listed(list(stream.columns))}): record the "
+            "accelerometer's own, raw"
         )
     raise InputError(
-        f"{stream.name}: no columns of an accelerometer such as ax, ay, az; it has {_shown(stream)}; "
+        f"{stream.name}: no columns of an accelerometer such as ax, ay, az; it has {listed(list(stream.columns))}; "
         "name them with --columns"
     )
 
@@ -190,7 +193,3 @@ def _scale(name: str, patterns: Sequence[str]) -> float:
     if unit not in choices:
         raise InputError(f'column "{cut(name)}": unit "{text}": expected one of {", ".join(choices)}; or say --units')
     return choices[unit]
-
-
-def _shown(stream: Stream) -> str:
-    return ", ".join(cut(name) for name in list(stream.columns)[:12])

@@ -18,7 +18,7 @@ from catenary.files import table_ending
 from catenary.plant import MotionLog, nameless, places_of
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, ROBOT, Arm
 from catenary.recording.bag_reader import open_recordings
-from catenary.recording.import_formats.importer import Synchronisation, import_sources, synchronise
+from catenary.recording.import_formats.importer import Synchronisation, synchronise
 from catenary.recording.import_formats.mapping import layout_mapping
 from catenary.recording.import_formats.raven_recordings import raven_table, read_raven
 from catenary.recording.import_formats.sources import Sources, is_bag
@@ -111,7 +111,7 @@ def read_layout(
             )
         return read_torques(path, model)
     if layout is RAVEN_STATE:
-        return import_sources(Sources(paths), layout_mapping("raven2/state"))
+        return synchronise(Sources(paths), layout_mapping("raven2/state")).log
     if model is not None:
         units, joint_names = units or model.joint_units, joint_names or model.joint_names
     return read_commands(path, units=units, joint_names=joint_names)
@@ -131,16 +131,14 @@ def read_commands(
     log says so; joints that nobody names are J1, J2, ...
     """
     content = read_arrays(path)
-    for key in ("q_des", "q_act", "ok"):
-        if key not in content:
-            raise FileFormatError(
-                f'{path}: array "{key}" is missing; a command log has q_des (N, n), q_act (N, n) and ok (N,); '
-                f"{content_in_words(content)}"
-            )
+    missing = next((key for key in ("q_des", "q_act", "ok") if key not in content), None)
+    if missing is not None:
+        expected = "a command log has q_des (N, n), q_act (N, n) and ok (N,)"
+        raise FileFormatError(f'{path}: array "{missing}" is missing; {expected}; {content_in_words(content)}')
     _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("recording/command_log")
     given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
-    return import_sources(_sources(path, content), mapping.model_copy(update=given))
+    return synchronise(_sources(path, content), mapping.model_copy(update=given)).log
 
 
 _TORQUES = ("tau", "effort", "current")  # arrays of a torque log, the first that it has; the others raw
@@ -165,7 +163,7 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
     stated = sources.streams[0].texts.get("units")
     units = stated or tuple(own.get(name, "rad") for name in names)
     given = {"joint_names": tuple(names), "joint_units": units, "default_robot": model.name}
-    log = import_sources(sources, mapping.model_copy(update=given))
+    log = synchronise(sources, mapping.model_copy(update=given)).log
     if not joints:
         log = log.in_order_of(model, of=f'robot "{model.name}" has')
     if raw or torque == "tau":

@@ -18,7 +18,7 @@ from catenary.recording.import_formats.table_time import TimeUnit
 from catenary.spatial import Pose, as_rotation, rotation_from_quaternion
 from catenary.units import TO_SI
 
-Unit = Literal["rad", "deg", "m", "mm", "counts"]
+Unit = Literal["rad", "deg", "m", "cm", "mm", "counts"]
 SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "cm", "mm")}
 JOINT_QUANTITIES = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")
 _OPTION = re.compile(r"(?P<quantity>[a-z_]+)(?::(?P<signal>[^=]+))?=(?P<columns>.+)\Z", re.DOTALL)
@@ -179,8 +179,7 @@ def mapping_of(
     Args:
         options: Such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid",
             "time=t@ms" or "signal:force=/ati.wrench.force.x@N". A minus turns a column round; units follow an @.
-        file: TOML with a mapping.
-        content: A mapping as such a file has it.
+        content: A mapping as a file has it.
         units: Of the joints, where an option has none: one, or one per joint.
         settings: Further keys, such as robot; those that are None are left out.
     """

@@ -122,10 +122,6 @@ class OneClock:
         """Return a quantity at the stamps of q_nominal, (N, k); NaN in gaps."""
         return np.column_stack([self._column(key, place) for place in self._quantities[key]])
 
-    def at_rows(self, series: Series, key: str) -> Floats:
-        """Return what was made of a quantity's samples at the stamps of q_nominal; NaN in gaps."""
-        return interpolate(series, self.stamp, self.gap(key))[0]
-
     def samples(self, key: str) -> Series | None:
         """Return a quantity at its own stamps; None where its columns are of several streams."""
         places = self._quantities[key]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.columns import Stream, ends
 from catenary.recording.import_formats.table_time import is_nameless
 
 # of geometry_msgs/Pose and Transform, and of what trackers' exports are read as
@@ -39,7 +39,7 @@ class PoseColumns(NamedTuple):
     @property
     def name(self) -> str:
         """The pose in a word."""
-        return self.references[0] if len(self.references) == 1 else f"{self.references[0]} ... {self.references[-1]}"
+        return ends(self.references)
 
 
 def poses_of(streams: Sequence[Stream]) -> list[PoseColumns]:

@@ -18,11 +18,11 @@ from catenary.recording.import_formats.column_groups import (
     ok_columns,
 )
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
-from catenary.recording.import_formats.columns import Stream, listed, not_used, places_of
+from catenary.recording.import_formats.columns import Stream, ends, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import SI, RecordingMapping, words_of
 from catenary.recording.import_formats.pose_columns import PoseColumns, poses_of
 from catenary.recording.import_formats.sources import Sources
-from catenary.recording.import_formats.table_time import UNITS, time_columns, time_of
+from catenary.recording.import_formats.table_time import UNITS, CoarseTimeError, time_columns, time_of, times_among
 from catenary.robots.catalog import load_robot
 from catenary.visible import visible
 
@@ -84,7 +84,6 @@ def propose(
     """Propose which columns are which quantity: by type, name, rate and range.
 
     Args:
-        sources: A recording.
         robot: Catalogue name or file: units of the joints.
         units: Of the joints: of q_nominal, and of q_encoder where the names of its columns say none.
         answers: To questions that were left open, by what they are about.
@@ -178,9 +177,9 @@ def _positions(
         reported = unknown
         pair = None if actual else _command_and_measurement(reported)
         if pair is not None:
-            both = f"{_ends(pair[0])} or {_ends(pair[1])}"
+            both = f"{ends(pair[0].references)} or {ends(pair[1].references)}"
             text = f"which is q_nominal: {both}, which moves with it; the other is q_encoder"
-            said = {one.references[0]: f"{_ends(one)} is q_nominal" for one in pair}
+            said = {one.references[0]: f"{ends(one.references)} is q_nominal" for one in pair}
             return pair[::-1] if draft.ask("q_nominal", text, said) == pair[1].references[0] else pair
     elif not reported and not commanded and not actual and outside:
         reported = [one for one in unknown if len(one.columns) == len(outside[0].columns)]
@@ -238,10 +237,6 @@ def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Can
     return (found[0], found[1]) if len(found) == 2 and found[0].is_followed_by(found[1]) else None
 
 
-def _ends(one: Candidate) -> str:
-    return f"{one.references[0]} ... {one.references[-1]}"
-
-
 def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | None) -> Candidate:
     """Choose the only one, or the only one of as many joints; ask where several are left."""
     fitting = [one for one in choices if count is not None and len(one.columns) == count] or list(choices)
@@ -293,8 +288,11 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
         parts = [one.part([one.columns[one.joints.index(joint)] for joint in nominal.joints]) for one in same]
         parts = parts or [one for one in of_kind if len(one.columns) == len(nominal.columns)]
         if len(parts) == 1 and parts[0].is_whole:
-            said = "taken in Nm and N" if quantity == "tau" else "as q_nominal, per second"
-            _write(draft, quantity, parts[0], (), said)
+            its, scale = parts[0].stated_units(), parts[0].stated_scale()
+            by = "by the names of the columns" if its or scale else ""
+            said = f"Nm and N a unit, {by}" if scale else "taken in Nm and N"
+            said = said if quantity == "tau" else f"per second, {by or 'as q_nominal'}"
+            _write(draft, quantity, parts[0], its or () if quantity == "qd" else (), said, scale or ())
         elif len(parts) > 1:
             draft.decisions.append(f"{quantity} may be {' or '.join(one.name for one in parts[:5])}; none was taken")
     currents = [one.name for one in found if one.kind == "current"]
@@ -342,9 +340,13 @@ def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candid
         if len(named) > 1:
             text = f"which column is the time: {' or '.join(named[:5])}"
             column = draft.ask("time", text, dict.fromkeys(named, "is the time")) or column
-        draft.used[stream.name].add(column or "")
+        draft.used[stream.name].update(times_among(stream, [column or ""]))
         try:
             found = time_of(stream, named and [column or ""], None, None)
+        except CoarseTimeError as error:
+            rate = draft.ask("rate_hz", str(error), {"HZ": "rows a second"}, is_free=True)
+            draft.top += [f"rate_hz = {rate}"] * (rate is not None)
+            continue
         except InputError as error:
             unit = draft.ask("time_unit", f"the time: {error}", dict.fromkeys(UNITS, "of all tables"))
             if unit is None:
@@ -370,7 +372,9 @@ def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candid
             draft.top.append(f"# {visible('; '.join(said))}")
 
 
-def _write(draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], why: str) -> None:
+def _write(
+    draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], why: str, scale: Sequence[float] = ()
+) -> None:
     draft.used.setdefault(one.stream.name, set()).update(one.columns)
     ranges = [f"{low:.3g} to {high:.3g}" for low, high in one.ranges[:_JOINTS_SHOWN]]
     rate = f"{one.rate:.4g} Hz, " if np.isfinite(one.rate) else ""
@@ -380,8 +384,9 @@ def _write(draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], w
         f"# {one.stream.type}, {rate}{one.stream.rows} rows, {'; '.join(ranges)}",
         "columns = [" + ", ".join(map(_text, one.references)) + "]",
     ]
-    if units:
-        draft.tables.append(f"units = [{', '.join(map(_text, units))}]  # {visible(why)}")
+    if units or set(scale) - {1.0}:
+        what, values = ("units", map(_text, units)) if units else ("scale", map(str, scale))
+        draft.tables.append(f"{what} = [{', '.join(values)}]  # {visible(why)}")
     else:
         draft.tables.append(f"# {visible(why)}")
 

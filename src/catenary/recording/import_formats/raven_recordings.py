@@ -54,7 +54,6 @@ def read_raven(
 
     Args:
         paths: Journal, bags, or the published CSV.
-        arm: Whose log.
         columns: Further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",).
         max_gap: Between two samples that are interpolated between [s].
     """

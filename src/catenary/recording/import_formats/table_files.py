@@ -150,12 +150,9 @@ def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_fi
         for size, columns in groups.items()
         if size != rows
     ]
-    tables = {
-        size: replace(_table(path, columns, constants, notes), texts=texts)
-        for size, columns in groups.items()
-        if columns
-    }
-    return [table if size == rows else replace(table, name=f"{path.stem}#{size}") for size, table in tables.items()]
+    names = {size: path.stem if size == rows else f"{path.stem}#{size}" for size in groups}
+    made = ((size, _table(path, columns, constants, notes)) for size, columns in groups.items() if columns)
+    return [replace(table, texts=texts, name=names[size]) for size, table in made]
 
 
 def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
@@ -174,31 +171,26 @@ def read_parquet_table(path: Path) -> Stream:
 
     file = open_parquet(path)
     columns: dict[str, NDArray[Any]] = {}
-    left, notes = [], []
+    names, left, notes = file.schema_arrow.names, list[str](), list[str]()
     try:
-        names = file.schema_arrow.names
         for name in names:
-            kind = file.schema_arrow.field(name).type
-            if names.count(name) > 1:
-                left.append(name)
-                continue
-            if pa.types.is_timestamp(kind):
-                column = file.read(columns=[name]).column(0).cast(pa.timestamp("ns")).cast(pa.int64())
-                plain = "time" if name == PANDAS_INDEX and "time" not in names else name
-                columns[plain] = column.to_numpy()
-                notes.append(f"{plain}: holds stamps, read as nanoseconds")
-            elif pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
-                columns[name] = file.read(columns=[name]).column(0).to_numpy()
-            elif pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind):
+            kind, widths = file.schema_arrow.field(name).type, [0]
+            is_list = pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
+            is_number = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
+            if names.count(name) == 1 and (is_list or is_number or pa.types.is_timestamp(kind)):
                 column = file.read(columns=[name]).column(0)
-                widths = pc.unique(pc.list_value_length(column)).to_pylist()
-                if len(widths) == 1 and widths[0] and widths[0] <= MOST_COLUMNS:
-                    flat = pc.list_flatten(column).to_numpy().reshape(-1, widths[0])
-                    columns |= {f"{name}[{i}]": flat[:, i] for i in range(widths[0])}
-                else:
-                    left.append(name)
-            else:
+                widths = pc.unique(pc.list_value_length(column)).to_pylist() if is_list else [1]
+            if len(widths) != 1 or not widths[0] or widths[0] > MOST_COLUMNS:
                 left.append(name)
+            elif is_list:
+                flat = pc.list_flatten(column).to_numpy().reshape(-1, widths[0])
+                columns |= {f"{name}[{i}]": flat[:, i] for i in range(widths[0])}
+            elif is_number:
+                columns[name] = column.to_numpy()
+            else:
+                plain = "time" if name == PANDAS_INDEX and "time" not in names else name
+                columns[plain] = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy()
+                notes.append(f"{plain}: holds stamps, read as nanoseconds")
     except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
         raise FileFormatError(f"{path}: cannot be read as Parquet: {cut(str(error))}") from error
     columns = {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}

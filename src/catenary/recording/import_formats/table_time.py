@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -27,6 +28,15 @@ _EPOCH = (9.5e8, 4.2e9)  # [s] since 1970: the years 2000 to 2100
 # single numbers of a file that say how many rows a second has, as labs, cameras and simulators call them
 RATES = ("fs", "rate", "rate_hz", "sampling_rate", "sample_rate", "frequency", "fps", "hz", "control_freq")
 _RISING = 100  # rows over which no joint moves one way alone
+_COARSE = 2 / 3  # share of rows that have the time of the row before, while most columns change
+_LOOKED_AT = 10_000  # rows, for that
+# what stands at the end of a name of whole seconds, and of one beside it of the rest of each stamp [ns]
+_SECONDS = re.compile(r"(?:secs?|seconds|s)\Z", re.IGNORECASE)
+_RESTS = {"nsec": 1, "nsecs": 1, "nanosec": 1, "nanosecs": 1, "nanoseconds": 1, "ns": 1, "usec": 1000, "usecs": 1000}
+
+
+class CoarseTimeError(InputError):
+    """Rows were taken faster than their time was written."""
 
 
 class TableTime(NamedTuple):
@@ -66,12 +76,49 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
             return _even(stream, rate, f"rows were taken at the file's {constant}, {rate:g} Hz")
         column = named[0]
     values = stream.columns[column]
+    rest = rest_of(stream, column)
+    if rest is not None:
+        name, size = rest
+        stamp = values.astype(np.int64) * SECOND + stream.columns[name].astype(np.int64) * size
+        return TableTime(stamp, column, "s", f"time is {cut(column)} in s and {cut(name)} in {size} ns")
+    _refuse_coarse(stream, column, unit)
     told, why = (unit, "as given") if unit is not None else _unit(stream, column, values)
     said = f"time is {cut(column)} in {told} ({why})"
     if values.dtype.kind == "i":
         return TableTime(values.astype(np.int64) * PER_UNIT[told], column, told, said)
     numbers = values.astype(np.float64)
     return TableTime(_nanoseconds(numbers, PER_UNIT[told]), column, told, said, numbers / (SECOND // PER_UNIT[told]))
+
+
+def rest_of(stream: Stream, column: str) -> tuple[str, int] | None:
+    """Return the column of what a time has beyond whole seconds, nsec beside sec as in ROS, and its unit [ns]."""
+    stem, whole = _SECONDS.sub("", column), stream.columns[column].astype(np.float64)
+    for name in stream.columns if stem != column else ():
+        size = _RESTS.get(name[len(stem) :].lower(), 0) if name.startswith(stem) else 0
+        rest = stream.columns[name].astype(np.float64) if size else whole
+        inside = (rest >= 0.0) & (rest * size < SECOND) & (whole == np.floor(whole))
+        if size and inside.all() and np.ptp(rest) > 0.0:
+            return name, size
+    return None
+
+
+def _refuse_coarse(stream: Stream, column: str, unit: str | None) -> None:
+    """Refuse a time that stands still on most rows while the others go on: repeated stamps would be dropped."""
+    time = stream.columns[column][:_LOOKED_AT].astype(np.float64)
+    same = np.diff(time) == 0.0
+    if len(same) < _RISING or same.mean() < _COARSE:
+        return
+    others = [values[:_LOOKED_AT].astype(np.float64) for name, values in stream.columns.items() if name != column]
+    change = [float((np.abs(np.diff(values)[same]) > 0.0).mean()) for values in others if np.ptp(values) != 0.0]
+    if change and np.mean(np.array(change) > 0.5) > 0.5:
+        new, rate = np.flatnonzero(~same) + 1, "HZ"
+        with suppress(InputError):
+            size = PER_UNIT[unit or _unit(stream, column, time)[0]] / SECOND
+            rate = f"{(new[-1] - new[0]) / ((time[new[-1]] - time[new[0]]) * size):.4g}" if len(new) > 1 else rate
+        raise CoarseTimeError(
+            f"{stream.name}: time {cut(column)} has {len(new) + 1} values in {len(time)} rows, in which others change: "
+            f"too coarse for the time of rows; give their rate in its place (rate_hz = {rate}), or another column"
+        )
 
 
 def _given(stream: Stream, columns: Sequence[str]) -> str | None:
@@ -92,7 +139,8 @@ def _given(stream: Stream, columns: Sequence[str]) -> str | None:
 def times_among(stream: Stream, references: Sequence[str]) -> list[str]:
     """Return the columns of a table that are given as the time, else those that may hold it."""
     given = [name for one in references for name in (one, one.partition(":")[2]) if name in stream.columns]
-    return given or time_columns(stream)
+    named = given or time_columns(stream)
+    return [*named, *(rest[0] for name in named if (rest := rest_of(stream, name)) is not None)]
 
 
 def time_columns(stream: Stream) -> list[str]:

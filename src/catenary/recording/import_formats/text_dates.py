@@ -15,7 +15,7 @@ _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 _WRITTEN = re.compile(
     r"(?P<date>(?P<a>\d{1,4})(?P<between>[-/.])(?P<b>\d{1,2}|[A-Za-z]{3,9})(?P=between)(?P<c>\d{4}|\d\d?))?"
     r"(?(date)(?:[T ,_]+|\Z))"
-    r"(?P<clock>\d{1,2}:\d\d(?::\d\d(?:[.,]\d{1,9})?)?)?(?P<half> ?[AaPp][Mm])?(?P<zone>Z|[+-]\d\d(?::?\d\d)?)?"
+    r"(?P<clock>\d{1,2}:\d\d(?::\d\d(?:[.,:]\d{1,9})?)?)?(?P<half> ?[AaPp][Mm])?(?P<zone>Z|[+-]\d\d(?::?\d\d)?)?"
 )
 _IN_WORDS = {"ymd": "year, month, day", "dmy": "day, month, year", "mdy": "month, day, year"}
 _PLACES = {"ymd": r"\1-\2-\3 ", "dmy": r"\3-\2-\1 ", "mdy": r"\3-\1-\2 "}
@@ -44,6 +44,7 @@ class DateFormat:
     def nanoseconds(self, column: pa.Array) -> pa.Array:
         """Return int64 of texts, null where one is none."""
         text = pc.replace_substring(pc.utf8_lower(pc.utf8_trim_whitespace(column)), ",", ".")
+        text = pc.replace_substring_regex(text, r"(:\d\d:\d\d):", r"\1.")  # before milliseconds
         if self.order:
             order = _PLACES[self.order]
             text = pc.replace_substring_regex(text, r"^(\w+)[-/.](\w+)[-/.](\d+)(?:[t ._]+|$)", order)
@@ -80,7 +81,8 @@ def date_format(texts: Sequence[str]) -> DateFormat | None:
         order = ""
     elif len(first["a"]) == 4:
         order = "ymd"
-        is_iso = all(re.fullmatch(r"\d{4}-\d\d-\d\d([T ][\d:.]+(Z|[+-][\d:]+)?)?", m.string.strip()) for m in found)
+        iso = r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-][\d:]+)?)?"
+        is_iso = all(re.fullmatch(iso, match.string.strip()) for match in found)
     elif not first["b"].isdigit() or first["between"] == ".":
         order = "dmy"
     else:

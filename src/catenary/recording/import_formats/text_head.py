@@ -4,6 +4,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Literal, NamedTuple
@@ -20,7 +21,7 @@ _SAYS_SEPARATOR = re.compile(r"\"?sep=[;,\t]\"?[;,\t]*")  # a first line for spr
 COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
 _UNIT = re.compile(
     r"[\[(]?\s*(|-|1|s|sec|ms|us|µs|ns|rad|deg|°|m|mm|cm|um|nm|n|a|ma|v|hz|counts?|ticks?"
-    r"|(rad|deg|m|mm|n\*?m|°)(/|\*)s(\^?[23]|²)?|n\*?mm?)\s*[\])]?",
+    r"|(rad|deg|m|mm|n\*?m|°)(/|\*)s(\^?[23]|²)?|[mck]?n([*.·]?[mc]?m)?)\s*[\])]?",
     re.IGNORECASE,
 )
 _SECONDS = (946_684_800, 4_200_000_000)  # [s] since 1970 that a stamp of ROS has: the years 2000 to 2100
@@ -41,8 +42,11 @@ class TextDialect(NamedTuple):
         return [cell.strip() for cell in next(csv.reader(islice([line], 1), delimiter=self.separator), [])]
 
     def is_value(self, cell: str) -> bool:
-        """Return whether a cell may stand in a column of numbers, an empty one too."""
-        return cell in NOTHING or is_number(cell.replace(",", ".") if self.decimal == "," else cell)
+        """Return whether a cell may stand in a column of numbers, an empty one too; 20260311_235958 may not."""
+        with suppress(ValueError):
+            float(cell.replace(",", ".") if self.decimal == "," else cell)
+            return "_" not in cell
+        return cell in NOTHING
 
 
 @dataclass(frozen=True)
@@ -66,27 +70,22 @@ class TextHead:
     columns: tuple[TextColumn, ...]
     is_named: bool
     joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    heads: tuple[str, ...] = ()  # lines above the rows that are no comments: behind them they begin another recording
+    torn: str = ""  # the last line, where it was not written to its end
     notes: tuple[str, ...] = ()
 
 
-def is_number(text: str) -> bool:
-    """Return true for a cell of a text table that is a number; NaN and infinity are."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def read_head(where: str, lines: Sequence[str], last: Sequence[str] = ()) -> TextHead:
+def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unended: str = "") -> TextHead:
     """Tell how a text table is read.
 
     Comment lines begin with #, % or //. Rows begin where a line has the usual number of cells, and none that is text
     above numbers. The line of names is the last line before them, or the last comment, that has a cell for each
     column; a line of units behind it goes into the names. A table without names has `data[0]`, `data[1]`, ...
 
-    `lines` are its first ones, empty ones too, `last` its last ones, where they are not among the first.
+    `lines` are its first ones, empty ones too, `last` its last ones, where they are not among the first; but for the
+    very last, `unended`, where it has no end.
     """
+    lines = [*lines, unended] if len(lines) < 2 and unended else lines  # a head and one row
     lines = [lines[0].lstrip("\ufeff"), *lines[1:]] if lines else []
     plain = [k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
     plain = plain[1:] if plain and _SAYS_SEPARATOR.fullmatch(lines[plain[0]]) else plain
@@ -106,8 +105,9 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = ()) -> Tex
     counted = [*map(str, range(width))]
     if not heads and width > 2 and dialect.split(lines[begins]) in (counted, ["", *counted[:-1]]):
         begins += 1  # pandas' names of columns that have none
-    rows = [(k + 1, dialect.split(lines[k])) for k in plain if k >= begins]
-    rows += [(0, dialect.split(line)) for line in last if not COMMENT.match(line)]
+    names_above = tuple(line.strip() for line in heads if not COMMENT.match(line))
+    rows = [(k + 1, dialect.split(lines[k])) for k in plain if k >= begins and lines[k].strip() not in names_above]
+    rows += [(0, dialect.split(line)) for line in last if not COMMENT.match(line) and line.strip() not in names_above]
     used = width
     named = {len(cells) for line in heads if (cells := dialect.split(line))[-1:] != [""]}
     while used > 1 and used not in named and all(len(row) < used or not row[used - 1] for _, row in rows):
@@ -135,7 +135,8 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = ()) -> Tex
     if dialect != (",", "."):
         separator = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f'"{dialect.separator}"')
         notes.append(f'columns are separated by {separator}, decimals by "{dialect.decimal}"')
-    return TextHead(dialect, width, begins, tuple(columns), bool(names), joints, tuple(notes))
+    torn = unended if _is_torn(dialect.split(unended), columns, width, dialect) else ""
+    return TextHead(dialect, width, begins, tuple(columns), bool(names), joints, names_above, torn, tuple(notes))
 
 
 def _dialect(lines: Sequence[str]) -> TextDialect:
@@ -164,6 +165,12 @@ def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDi
     return any(below) and all(is_value(cell) or not cell for cell, number in zip(cells, below, strict=True) if number)
 
 
+def _is_torn(cells: Sequence[str], columns: Sequence[TextColumn], width: int, dialect: TextDialect) -> bool:
+    """Return whether a line lacks cells, or has one that is none of its column."""
+    numbers = [place for column in columns if column.kind in ("number", "whole") for place in column.places]
+    return len(cells) != width or not all(dialect.is_value(cells[place]) for place in numbers)
+
+
 def _names(
     heads: Sequence[str], used: int, rows: Sequence[tuple[int, list[str]]], dialect: TextDialect
 ) -> tuple[list[str], list[str]]:
@@ -178,7 +185,8 @@ def _names(
         cells, units = above[0], [cell.strip("[]() ") for cell in cells]
     texts = [cell for cell in cells if cell and not dialect.is_value(cell)]
     if len(cells) == used and len(texts) >= used / 2:
-        return [_with_unit(*each) for each in zip(cells, units, strict=True)], []
+        behind = [f" [{unit}]" * (unit not in ("", "-", "1")) for unit in units]
+        return [name + unit * (not set(name) & set("[(")) for name, unit in zip(cells, behind, strict=True)], []
     few = f"{len(cells)} names for {used} columns ({', '.join(map(cut, cells[:5]))}, ...): none was taken"
     is_prose = COMMENT.match(said[-1]) and len(cells) < used / 2
     return [], [few] * (len(cells) > 1 and len(texts) == len(cells) and not is_prose)
@@ -187,13 +195,10 @@ def _names(
 def _words(line: str, used: int, dialect: TextDialect) -> list[str]:
     """Return the cells of a line above the rows, by the separator that makes as many as a row has."""
     ways = (dialect.separator, ",", ";", "\t", " ") if dialect.separator != " " else (",", ";", "\t", " ")
-    split = (TextDialect(separator, ".").split(line) for separator in ways)
+    split = [TextDialect(separator, ".").split(line) for separator in ways]
+    split.append(re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line))  # q1 [rad] q2 [rad]
     found = [cells[:used] if not any(cells[used:]) else cells for cells in split]
     return next((cells for cells in found if len(cells) == used), dialect.split(line))
-
-
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit not in ("", "-", "1") and not re.search(r"[\[(]", name) else name
 
 
 def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -13,7 +13,7 @@ from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
-from catenary.recording.logs import Reading, read_logs
+from catenary.recording.logs import Reading, read_recording
 from catenary.reports.project import shown_name, write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import require_apart, robot_of, verdict
@@ -198,7 +198,7 @@ def calibrate_recordings(
             trained_on, tested_on = ([one.path for one in each] for each in imports)
         else:
             trained_on, tested_on = _hashes(train), _hashes(test)
-            fitted = read_logs(train, reading)
+            fitted = [read_recording(path, reading) for path in train]
             tested = recordings_for(fitted[0], test, reading)
         both = [str(path) for path, content in zip(test, tested_on, strict=True) if content in trained_on]
         if both:

@@ -114,7 +114,8 @@ def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
         names = [names[0], *(names[k].removeprefix("q:") for k in positions)]
         units = [units[0], *(units[k] for k in positions)]
         values = values[:, [0, *positions]]
-    return _in_si(path, names[1:], units[1:], values[:, 0] * SECONDS[units[0]], values[:, 1:])
+    found = _in_si(path, names[1:], units[1:], values[:, 0] * SECONDS[units[0]], values[:, 1:])
+    return replace(found, notes=tuple(f"{path.name}: {note}" for note in table.notes[len(table.head.notes) :]))
 
 
 def _of_log(path: Path, log: MotionLog) -> FollowedFile:
