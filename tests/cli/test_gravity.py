@@ -96,6 +96,7 @@ def test_hold_tells_the_drift_of_every_joint() -> None:
     content = catenary("hold", "raven2", *tilted, "--json").json
     assert content["seconds"] == 0.5
     assert content["joints"][0]["drift"] < 0.1
+    assert all(joint["reported_off"] >= 0.0 for joint in content["joints"])
     assert "shoulder" in catenary("hold", "raven2", "--seconds", "0.2", "--controller", "sg").out
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
 SHOWN_POSES = 9  # of a motion, in its report
+FAR_OFF = 0.5  # [deg|mm] of a reported position, from which on that is told
 SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WAVE = "M/S2,HZ[,DEG]"
@@ -174,12 +175,9 @@ def gravity(
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
     columns = [
-        TableColumn("joint"),
-        TableColumn("torque", form=".4f"),
-        TableColumn("level base", form=".4f"),
-        TableColumn("difference", lambda row: row[1] - row[2], "+.4f"),
-        TableColumn("unit", 3),
-    ]
+        TableColumn("joint"), TableColumn("torque", form=".4f"), TableColumn("level base", form=".4f"),
+        TableColumn("difference", lambda row: row[1] - row[2], "+.4f"), TableColumn("unit", 3),
+    ]  # fmt: skip
     rows = list(zip(model.joint_names, torques, on_level, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if told is None else f"{vendor}: {told['command'] or 'no command'}"
@@ -283,6 +281,13 @@ def hold(
         pose = start_pose(arm.model, arm.plant, HOLD_START)
     felt = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
+    joints_off = [each for each in result.as_data()["joints"] if not calibrated and each["reported_off"] > FAR_OFF]
+    if joints_off:
+        far = ", ".join(f"{each['name']} by up to {each['reported_off']:.2g} {each['unit']}" for each in joints_off)
+        print_notes([
+            f"gravity was computed where the robot reports its joints, and they were elsewhere, {far}: a joint drifts "
+            "by what that costs, however well gravity is sensed; --calibrated knows where they are"
+        ])  # fmt: skip
     settings = {"robot": robot, "controller": controller, "calibrated": calibrated}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
     shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"

@@ -222,13 +222,15 @@ class Holding:
         """Plain data in deg and mm."""
         scale = np.array([DISPLAY[unit][1] for unit in self.joint_units])
         reported = np.abs(self.q - self.q[0]).max(axis=0)
-        columns = self.drift * scale, reported * scale, (self.q_true[-1] - self.q_true[0]) * scale
+        off = np.abs(self.q - self.q_true).max(axis=0)
+        columns = self.drift * scale, reported * scale, off * scale, (self.q_true[-1] - self.q_true[0]) * scale
         return {
             "simulated": True,
             "seconds": float(self.time[-1]),
             "joints": [
-                {"name": name, "unit": DISPLAY[unit][0], "drift": drift, "reported_drift": reported, "moved": moved}
-                for name, unit, (drift, reported, moved) in zip(
+                {"name": name, "unit": DISPLAY[unit][0]}
+                | dict(zip(("drift", "reported_drift", "reported_off", "moved"), values, strict=True))
+                for name, unit, values in zip(
                     self.joint_names, self.joint_units, np.transpose(columns).tolist(), strict=True
                 )
             ],

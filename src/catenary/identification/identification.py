@@ -46,9 +46,7 @@ class Rotor(NamedTuple):
 
     name: str
     inertia: float | None  # [kg m2 or kg]; None where only torques were fitted, and these show it with others
-    error: (
-        float | None
-    )  # standard error; None where torques show it only together with a link's inertia, or it is known
+    error: float | None  # standard; None where torques show it only together with a link's inertia, or it is known
 
 
 @dataclass(frozen=True)
@@ -308,14 +306,9 @@ def _fit(
     like: Identification | None = None,
 ) -> Identification:
     """Fit with friction as the model has it, and axes weighted as in another fit, if there is one."""
-    recorded = [np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd")]
-    base = base_parameters(
-        Parameters(model, options.terms),
-        gravity,
-        (recorded[0], recorded[1], recorded[2]),
-        np.random.default_rng(options.seed),
-        base=_base_in(samples),
-    )
+    q, qd, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd"))
+    rng, parameters = np.random.default_rng(options.seed), Parameters(model, options.terms)
+    base = base_parameters(parameters, gravity, (q, qd, qdd), rng, base=_base_in(samples))
     weights = None if like is None else like.weights
     known = {} if like is None else dict(zip(like.base.names, like.beta, strict=True))
     beta = None if like is None else np.array([known.get(name, 0.0) for name in base.names])  # of other friction: 0
@@ -341,19 +334,9 @@ def _fit(
         phi = consistent_fit(base, R, prior, prior_weight or LEAST_PRIOR)
         beta = base.combination @ phi
     result = Identification(
-        base=base,
-        beta=beta,
-        covariance=covariance(reduced, weights, beta),
-        options=options,
-        weights=weights,
-        rank=rank,
-        condition=condition,
-        training=(),
-        phi=phi,
-        seen=motion_of(samples),
-        moved_base=_base_in(samples) != "still",
-        prior_weight=prior_weight,
-    )
+        base, beta, covariance(reduced, weights, beta), options, weights, rank, condition, training=(), phi=phi,
+        seen=motion_of(samples), moved_base=_base_in(samples) != "still", prior_weight=prior_weight,
+    )  # fmt: skip
     return replace(result, training=tuple(result.compare(part) for part in samples))
 
 

@@ -62,10 +62,5 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
         return log.in_order_of(model, of="--joints are")
     arrays = {key: values[:, chosen] for key in JOINT_ARRAYS if (values := getattr(log, key)) is not None}
     left = [name for name in log.joint_names if name not in model.joint_names]
-    return replace(
-        log,
-        joint_names=model.joint_names,
-        joint_units=model.joint_units,
-        notes=(*log.notes, f"joints left out: {joints_text(Joints(tuple(left)))}"),
-        **arrays,
-    )
+    notes = (*log.notes, f"joints left out: {joints_text(Joints(tuple(left)))}")
+    return replace(log, joint_names=model.joint_names, joint_units=model.joint_units, notes=notes, **arrays)

@@ -291,12 +291,8 @@ def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: S
     assert log.tau is not None
     time = log.time[part]
     sensed = [values for values in base_of(log) if values is not None]
-    signals = [
-        log.q_nominal[part],
-        log.tau[part],
-        *([] if log.qd is None else [log.qd[part]]),
-        *(values[part] for values in sensed),
-    ]
+    recorded = (log.q_nominal, log.tau, *([] if log.qd is None else [log.qd]), *sensed)
+    signals = [values[part] for values in recorded]
     if not np.array_equal(even, time):
         increasing = np.concatenate([[True], np.diff(time) > 0.0])  # a repeated stamp has nothing to add
         signals = [

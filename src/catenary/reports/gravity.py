@@ -33,7 +33,8 @@ HOLDING = (
     "Held by controller {controller}",
     "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
     "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
-    "reports it at its motor. At the end: where it then was, seen from the start.",
+    "reports it at its motor. Report off by: the largest distance between both, which gravity is computed with. At the "
+    "end: where it then was, seen from the start.",
 )
 
 
@@ -45,8 +46,8 @@ def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
 
     joints = result.as_data()["joints"]
     if isinstance(result, Holding):
-        told = {"drift": ("drift", ".4f"), "as reported": ("reported_drift", ".4f"), "at the end": ("moved", "+.4f")}
-        columns = [of(heading, *key) for heading, key in told.items()]
+        told = {"drift": "drift", "as reported": "reported_drift", "report off by": "reported_off"}
+        columns = [*(of(heading, key, ".4f") for heading, key in told.items()), of("at the end", "moved", "+.4f")]
     else:
         share = dict(zip(result.joint_names, 100.0 * result.pd_share, strict=True))
         columns = [

@@ -122,17 +122,12 @@ def load_mounting(path: Path | str) -> Mounting:
     content = load_toml(Path(path), MountingFile)
     try:
         return Mounting(
-            rotation=np.array(content.mounting.rotation),
-            position=np.array(content.mounting.position_m),
-            bias=np.array(content.accelerometer.bias_m_s2),
-            scale=np.array(content.accelerometer.scale),
-            rate_bias=np.array(content.gyroscope.bias_rad_s),
-            checked=content.gyroscope.checked,
-            acceleration_range=content.sensor.range_m_s2,
-            rate_range=content.sensor.range_rad_s,
-            sensor=content.sensor.name,
-            base=content.mounting.base,
-        )
+            rotation=np.array(content.mounting.rotation), position=np.array(content.mounting.position_m),
+            bias=np.array(content.accelerometer.bias_m_s2), scale=np.array(content.accelerometer.scale),
+            rate_bias=np.array(content.gyroscope.bias_rad_s), checked=content.gyroscope.checked,
+            acceleration_range=content.sensor.range_m_s2, rate_range=content.sensor.range_rad_s,
+            sensor=content.sensor.name, base=content.mounting.base,
+        )  # fmt: skip
     except InputError as error:
         raise ConfigError(f"{path}: {error}") from error
 

@@ -53,15 +53,11 @@ class ExternalTorques:
         rows, size = np.abs(self.torque).argmax(axis=0), np.abs(self.torque)
         return [
             JointPush(
-                name,
-                TORQUE_UNIT[unit],
-                float(self.torque[rows[k], k]),
-                float(self.time[rows[k]]),
-                float(self.half_width[k]),
-                float(np.mean(size[:, k] > self.half_width[k])),
+                name, TORQUE_UNIT[unit], float(self.torque[rows[k], k]), float(self.time[rows[k]]),
+                float(self.half_width[k]), float(np.mean(size[:, k] > self.half_width[k])),
             )
             for k, (name, unit) in enumerate(zip(self.model.joint_names, self.model.joint_units, strict=True))
-        ]
+        ]  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
