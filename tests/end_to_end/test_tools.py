@@ -86,6 +86,7 @@ def before(meeting: Meeting, served: Program) -> Before:
         wait_until(lambda: robot.operating_state().is_busy)
         homing.interrupt()
         _, errors = homing.finish()
+        wait_until(lambda: not robot.operating_state().is_busy)  # what was said last may not have come here yet
         state = tuple(robot.operating_state())
     return Before(
         goto, (homing.process.returncode, errors), state, catenary("home", "--ros", MET[0].ros, "--yes", "--json")
