@@ -1,4 +1,4 @@
-"""A master that stands still and goes on is told both ways; a peer that is slow is told by its name."""
+"""A master that stands still and goes on is told both ways, and keeps no Ctrl-C from a program; a peer that is slow is told by its name."""
 
 import os
 import signal
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from patience import PATIENCE
 from ros import OPEN, Program, running_master
 
 pytestmark = pytest.mark.slow
@@ -34,6 +35,21 @@ while not publisher.overflowed:
 print(dict(publisher.missed), flush=True)
 """
 )
+CLOSING = (
+    OPEN
+    + """
+import _thread, threading
+heard = transport.subscribe("/count", T)
+print("up", flush=True)
+sys.stdin.readline()
+threading.Timer(0.5, _thread.interrupt_main).start()
+try:
+    heard.close()
+    print("the Ctrl-C was lost", flush=True)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+)
 DEAF = (
     OPEN
     + """
@@ -53,6 +69,17 @@ def test_a_master_that_comes_back_is_said_to_be_back(tmp_path: Path) -> None:
         assert "no ROS master" in node.line()
         os.kill(master._process.pid, signal.SIGCONT)
         assert node.line() == f"the ROS master at {master.uri} is back"
+
+
+def test_ctrl_c_is_heeded_while_a_topic_ends_and_a_master_that_stands_still_keeps_no_program(tmp_path: Path) -> None:
+    with running_master(tmp_path) as master, Program(master, CLOSING, "node") as node:
+        assert node.line() == "up"
+        assert master._process is not None
+        os.kill(master._process.pid, signal.SIGSTOP)
+        node.say("go")
+        assert node.line() == "interrupted"
+        node.finish(PATIENCE)
+        assert node.process.returncode == 0
 
 
 def test_who_misses_messages_is_named(tmp_path: Path) -> None:

@@ -45,6 +45,11 @@ def served(meeting: Meeting) -> Iterator[Program]:
         yield server
 
 
+def ended_well(deploy: Program, report: str) -> bool:
+    """Return whether a deployed model that Ctrl-C ended says by its exit code whether it kept up on this machine."""
+    return deploy.process.returncode == (0 if json.loads(report)["keeps_up"] else 1)
+
+
 def test_four_look_and_move_and_the_second_that_would_move_is_told_who_does(
     meeting: Meeting, served: Program, model: Path, tmp_path: Path
 ) -> None:
@@ -57,7 +62,7 @@ def test_four_look_and_move_and_the_second_that_would_move_is_told_who_does(
         Program(network, command, *record) as recorder,
     ):
         before = json.loads(monitor.line())["q"]
-        goal = ("--joints", "shoulder", "--q", f"{before[0] + 0.5}", "--speed", "0.3", "--json")
+        goal = ("--joints", "shoulder", "--q", f"{before[0] + 0.5}", "--speed", "0.06", "--json")  # while another starts
         with Program(network, command, "goto", "--ros", ros, "--simulated", *goal) as first:
             until(lambda: abs(json.loads(monitor.line())["q"][0] - before[0]) > 0.05)
             other = ("--joints", "elbow", "--q", f"{before[1] + 0.2}")
@@ -76,7 +81,7 @@ def test_four_look_and_move_and_the_second_that_would_move_is_told_who_does(
         for program in (monitor, deploy):
             program.interrupt()
         report, errors = deploy.finish()
-        assert deploy.process.returncode == 0, errors
+    assert ended_well(deploy, report), errors
     assert json.loads(report)["published"] > 500
     assert json.loads(report)["unreadable"] == 0
 
@@ -108,5 +113,5 @@ def test_a_played_bag_feeds_deploy_and_monitor_without_anybody_who_listens(
                 assert player.line() == "played"
             deploy.interrupt()
             report, errors = deploy.finish()
-            assert deploy.process.returncode == 0, errors
+    assert ended_well(deploy, report), errors
     assert json.loads(report)["published"] > 50

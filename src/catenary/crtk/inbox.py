@@ -9,6 +9,8 @@ from catenary.crtk.message import Message, has_header
 from catenary.crtk.message_bytes import ANY
 from catenary.errors import FileFormatError, InputError
 
+UNTAKEN = 4000  # messages that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts
+
 
 class Received(NamedTuple):
     """A message as it came."""

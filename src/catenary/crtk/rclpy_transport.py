@@ -2,7 +2,6 @@
 
 Messages pass rclpy as ROS 2's bytes (CDR), made and read by the codec that DDS has too; only services need rclpy's
 objects. rclpy's executor answers services and parameters. It would hear 4,400 messages a second; a thread takes 14,000.
-
 A type whose package is not built for this ROS 2 cannot be carried: its topics are left out, and a line says so.
 """
 
@@ -17,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import Log
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -24,15 +24,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import BEGIN, RosArguments
-from catenary.crtk.inbox import Origin, Request
+from catenary.crtk.inbox import UNTAKEN, Origin, Request
 from catenary.crtk.message import HEADER, Message
 from catenary.crtk.message_bytes import CDR, codec
-from catenary.crtk.rclpy_log import Rosout
 from catenary.crtk.transport import SETTLE, UNNAMED, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
 
-_DEPTH = 4000  # messages that the RMW keeps of a topic until the receiver takes them
 _AGAIN = 1000  # messages among which one that came to two readers is known again
 _IDLE = 0.0005  # [s] between two looks for messages where none came
 _LOOK = 0.2  # [s] between two looks at who is there: a twentieth of a millisecond a topic
@@ -62,11 +60,6 @@ def _origins(listed: list[Any]) -> _Origins:
 
 def _names(origins: _Origins) -> tuple[str, ...]:
     return tuple(sorted({origin.process.partition(" ")[0] for origin in origins.values()}))
-
-
-def _quality(offered: QoSProfile) -> _Quality:
-    """Return as what a publisher's messages are read."""
-    return (offered.reliability, offered.durability) if offered.reliability == _USUAL[0] else _POOR
 
 
 def _profile(depth: int, quality: _Quality) -> QoSProfile:
@@ -101,6 +94,19 @@ class _Publisher(Publisher):
             self._listeners = ()
 
 
+class _Rosout(logging.Handler):
+    """Says on `/rosout` what catenary logs."""
+
+    def __init__(self, node: Any) -> None:
+        super().__init__(logging.INFO)
+        self._node, self._publisher = node, node.create_publisher(Log, "/rosout", _profile(1000, _LATCHED))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        where = {"file": record.pathname, "function": record.funcName or "", "line": record.lineno}
+        what = {"name": self._node.get_name(), "level": record.levelno, "msg": record.getMessage()}
+        self._publisher.publish(Log(stamp=self._node.get_clock().now().to_msg(), **what, **where))
+
+
 class _Taken(CallbackGroup):  # type: ignore[misc]  # rclpy is not typed
     """What rclpy's executor is to leave alone, since the transport takes it."""
 
@@ -109,10 +115,7 @@ class _Taken(CallbackGroup):  # type: ignore[misc]  # rclpy is not typed
 
 
 class _ReadTopic(HeardTopic):
-    """A topic that is heard, by a reader for each quality that some publisher offers; what comes to two is given once.
-
-    A reader that asks for more than is offered gets nothing, and one that asks for less gets nothing that was latched.
-    """
+    """A topic that is heard, by a reader for each quality that some publisher offers; each message is given once."""
 
     def __init__(self, transport: "RclpyTransport", kind: Any, topic: str, type_name: str) -> None:
         super().__init__(type_name, self._end)
@@ -137,10 +140,11 @@ class _ReadTopic(HeardTopic):
             named = [one for one in listed if not one.node_name.startswith(_NAMELESS)]
             named += [one for one in listed if now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING]
             self._publishers = _origins(named)
-            offered = {_quality(one.qos_profile) for one in named} or {_USUAL}
+            found = [(one.qos_profile.reliability, one.qos_profile.durability) for one in named]
+            offered = {one if one[0] == _USUAL[0] else _POOR for one in found} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
                 self._readers[quality] = self._node.create_subscription(
-                    self._kind, self._name, print, _profile(_DEPTH, quality), callback_group=_Taken(), raw=True
+                    self._kind, self._name, print, _profile(UNTAKEN, quality), callback_group=_Taken(), raw=True
                 )
 
     def _end(self) -> None:
@@ -149,22 +153,18 @@ class _ReadTopic(HeardTopic):
             while self._readers:
                 self._node.destroy_subscription(self._readers.popitem()[1])
 
-    def take(self) -> bool:
-        """Give what has come; return whether anything has."""
-        found = False
+    def take(self) -> None:
+        """Give what has come."""
         with self._lock:
             for reader in tuple(self._readers.values()):
                 while (came := reader.handle.take_message(self._kind, True)) is not None:
-                    found = True
                     self._receive(*came)
-        return found
 
     def _receive(self, data: bytes, told: Mapping[str, Any]) -> None:
         which = sent, _ = told["source_timestamp"], told["publication_sequence_number"] or 0
-        if len(self._readers) > 1:
-            if which in self._came:
-                return
-            self._came.append(which)
+        if len(self._readers) > 1 and which in self._came:
+            return
+        self._came.append(which)
         self.give(data, self._steady(), self._origin(told.get("publisher_gid")), sent)
 
     def _origin(self, told: Mapping[str, Any] | None) -> Origin | None:
@@ -213,7 +213,7 @@ class RclpyTransport(Transport):
         except (RuntimeError, ValueError) as error:
             raise TransportError(f"rclpy: {error}") from error
         self._clients: dict[str, Any] = {}  # by the service that they call
-        self._rosout = Rosout(self.node)
+        self._rosout = _Rosout(self.node)
         logging.getLogger("catenary").addHandler(self._rosout)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
@@ -225,25 +225,24 @@ class RclpyTransport(Transport):
     def _receive(self) -> None:
         looked = 0.0
         while not self.inbox.closed:
-            came = list[HeardTopic]()
+            now, before = time.monotonic(), self.inbox.arrivals
+            is_due = now > looked + _LOOK
+            looked = now if is_due else looked
             try:
-                known = [*self._heard.values(), *self._publishers.values()]
-                came = [one for one in known if isinstance(one, _ReadTopic) and one.take()]
-                if time.monotonic() > looked + _LOOK:
-                    looked = time.monotonic()
-                    for one in known:
-                        if isinstance(one, _ReadTopic | _Publisher):
-                            one.look()
+                for one in (*self._heard.values(), *self._publishers.values()):
+                    if isinstance(one, _ReadTopic):
+                        one.take()
+                    if is_due and isinstance(one, _ReadTopic | _Publisher):
+                        one.look()
             except Exception:  # one message, or one program, must not end it
                 _logger.exception("receiver of %s", self.name)
-            if not came:
+            if self.inbox.arrivals == before:
                 time.sleep(_IDLE)
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher:
-        kind = _kind(type_name, "msg")
+        kind, quality = _kind(type_name, "msg"), _LATCHED if latch else _USUAL if self.sending.is_reliable else _POOR
         if kind is None:
             return Publisher(topic, type_name)  # to nobody
-        quality = _LATCHED if latch else _USUAL if self.sending.is_reliable else _POOR
         return _Publisher(self.node, kind, topic, type_name, _profile(1 if latch else queue, quality))
 
     def _hear(self, topic: str, type_name: str) -> HeardTopic:

@@ -97,20 +97,37 @@ def test_a_homing_that_ends_early_is_stopped() -> None:
     assert "disabled" in failure.value.__notes__[0]
 
 
-def test_ctrl_c_disables_a_robot_that_was_asked_and_does_not_show_it_yet(monkeypatch: pytest.MonkeyPatch) -> None:
-    plant = LongHoming(ready=False)
+class LateHoming(LongHoming):
+    """Takes the press of its button up at a tick."""
+
+    begins = -1
+
+    def wait(self) -> None:
+        super().wait()
+        self.begins -= 1
+        if self.begins == 0:
+            self.state_command("enable")
+            self.state_command("home")
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 30, 500])
+def test_ctrl_c_disables_a_robot_that_was_asked_and_does_not_show_it_yet(ticks, monkeypatch) -> None:
+    plant = LateHoming(ready=False)
     setup = RobotOnLoopback(plant)
     _, client = robot_over(setup.transport, simulated=True)
 
     def press(_: object) -> None:
-        plant.state_command("enable")
-        plant.state_command("home")
+        plant.begins = ticks
+        if not ticks:
+            plant.state_command("enable")
+            plant.state_command("home")
         assert not client.operating_state().is_busy  # as it was heard last
         raise KeyboardInterrupt
 
     monkeypatch.setattr(homing, "press_button", press)
     with client, pytest.raises(KeyboardInterrupt):
         home_client(client, AnswerYes())
+    assert plant.begins <= 0
     assert plant.operating_state() == ("DISABLED", False, False)
 
 

@@ -19,14 +19,13 @@ from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.directory import MANY, Endpoint, Quality
 from catenary.crtk.dds.program import Program
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
-from catenary.crtk.inbox import Origin
+from catenary.crtk.inbox import UNTAKEN, Origin
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import CDR, codec
 from catenary.crtk.transport import SETTLE, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 
 _USUAL = Quality()
-_DEPTH = 4000  # messages that DDS keeps of a topic until the receiver takes them; what it drops, nobody counts
 
 
 class ListenedTopic(HeardTopic):
@@ -61,7 +60,7 @@ class ListenedTopic(HeardTopic):
         program = self._program
         user_data = program.distribution.said_of(message_hash(self.type_name))
         self._readers[quality] = program.reader(
-            self.dds_name, message_type(self.type_name), quality, _DEPTH, user_data, partial(self._take, quality)
+            self.dds_name, message_type(self.type_name), quality, UNTAKEN, user_data, partial(self._take, quality)
         )
 
     def _close(self) -> None:

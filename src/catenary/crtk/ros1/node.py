@@ -62,7 +62,7 @@ def service_class(name: str) -> type:
 
 
 WATCH = 0.5  # [s] between looks at the master
-END = 5.0  # [s] a program that was shut down from afar waits at its end until the master has been told
+END = 5.0  # [s] a program waits at its end, and that of a topic, until the master has been told
 _logger = logging.getLogger(__name__)
 _node: "Node | None" = None
 
@@ -137,7 +137,7 @@ class Node:
         listed.pop(topic, None)
         if listed is self._subscribers:
             peers.take_up_to(topic, None)
-        publisher_or_subscriber.unregister()
+        self._tell(publisher_or_subscriber.unregister)
 
     def serve(self, name: str, type_name: str, answer: Callable[[bytes], bytes]) -> None:
         """Offer a service by a `rospy.Service`; `answer` runs in rospy's threads, and its error is the caller's."""
@@ -159,7 +159,13 @@ class Node:
 
     def end_service(self, name: str) -> None:
         """Offer a service no more."""
-        self._services.pop(name).shutdown()
+        self._tell(self._services.pop(name).shutdown)
+
+    def _tell(self, end: Callable[[], None]) -> None:
+        """End something, which tells the master, in a thread: rospy waits without limit, and loses a Ctrl-C then."""
+        thread = threading.Thread(target=end, daemon=True)
+        thread.start()
+        thread.join(END if self.up else WATCH)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():
@@ -214,7 +220,8 @@ class Node:
 
 def _end() -> None:
     """Shut the node down; where another thread does, as after `rosnode kill`, wait until the master has been told."""
-    rospy.signal_shutdown("the program ends")
+    if _node is not None:
+        _node._tell(lambda: rospy.signal_shutdown("the program ends"))
     if rospy.core._shutdown_lock.acquire(timeout=END):
         rospy.core._shutdown_lock.release()
 

@@ -4,6 +4,7 @@ Each step is checked against what the robot reports.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -21,6 +22,7 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 Check = Callable[[], str | None]  # what is still missing, as the robot reports it, or None
 PATIENCE = 60.0  # [s] until the robot must report it; as long as its encoder rig is given to register
 LOOK = 0.1  # [s] between two looks at the robot
+LATE = 1.0  # [s] in which a press of the button may still be on its way
 
 
 class Guide(Protocol):
@@ -204,8 +206,13 @@ def _command_home(client: CrtkClient) -> None:
 
 
 def _stop(client: CrtkClient, error: BaseException, *, asked: bool) -> None:
-    """End a homing that is under way, or that was asked for and does not show yet."""
+    """End a homing that is under way, or that was asked for and does not show yet: disabled before, it would begin."""
     try:
+        with suppress(KeyboardInterrupt):  # a second one: disable it at once
+            for _ in range(round(LATE / client.period) if asked else 0):
+                if client.operating_state().is_busy:
+                    break
+                client.transport.sleep(client.period)
         now = client.operating_state()
         if now.is_busy or (asked and not now.is_homed):
             client.state_command("disable")
