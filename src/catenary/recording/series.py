@@ -76,7 +76,7 @@ class TopicReport:
             notes.append(f"{self.topic}: stamps lie {self.clock_offset:.3f} s before arrival; not corrected")
         if self.stamped_by_arrival:
             notes.append(f"{self.topic}: messages carry no stamps; their arrival was taken")
-        notes += [f"{self.topic}: {step.note(self.start)}; stamps go on as before it" for step in self.clock_steps]
+        notes += [f"{self.topic}: {step.note(self.start)}; stamps continue as before" for step in self.clock_steps]
         return notes
 
 
