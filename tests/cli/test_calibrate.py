@@ -91,7 +91,7 @@ def test_calibrate_does_what_is_missing_and_no_more(project_folder: Path, quick:
     assert "deploy" in first.err  # its steps
     assert "deploy\n" not in first.out
     assert catenary("calibrate", project_folder, "--json").json["steps_run"] == []
-    assert "nothing to do: every step had been done" in catenary("calibrate", project_folder).out
+    assert "nothing to do: every step is done already" in catenary("calibrate", project_folder).out
 
 
 @pytest.mark.usefixtures("_no_page")

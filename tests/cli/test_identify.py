@@ -109,7 +109,7 @@ def test_a_payload_is_not_weighed_by_torques_of_another_sign_or_unit(
         tau[:, 1] *= factor
         np.savez(tmp_path / "spoilt.npz", **{**content, "tau": tau})
         line = ("payload", tmp_path / "spoilt.npz", "--model", parameters, "--at", "wrist", *PLACE)
-        assert f"nothing was weighed; to go on all the same: --accept {name}" in refusal(*line)
+        assert f"nothing was weighed; to continue anyway: --accept {name}" in refusal(*line)
         assert catenary(*line, *mend, "--json").json["mass"] == pytest.approx(0.2, abs=0.01)
 
 

@@ -62,7 +62,15 @@ def test_four_look_and_move_and_the_second_that_would_move_is_told_who_does(
         Program(network, command, *record) as recorder,
     ):
         before = json.loads(monitor.line())["q"]
-        goal = ("--joints", "shoulder", "--q", f"{before[0] + 0.5}", "--speed", "0.06", "--json")  # while another starts
+        goal = (
+            "--joints",
+            "shoulder",
+            "--q",
+            f"{before[0] + 0.5}",
+            "--speed",
+            "0.06",
+            "--json",
+        )  # while another starts
         with Program(network, command, "goto", "--ros", ros, "--simulated", *goal) as first:
             until(lambda: abs(json.loads(monitor.line())["q"][0] - before[0]) > 0.05)
             other = ("--joints", "elbow", "--q", f"{before[1] + 0.2}")

@@ -15,11 +15,11 @@ from catenary.workflows.calibration_model import fit_calibration
 
 
 def drawn(
-    path: Path, monkeypatch: pytest.MonkeyPatch, name: str | None = None, **changes: Any
+    path: Path, monkeypatch: pytest.MonkeyPatch, name: str | None = None, *, folds: int = 0, **changes: Any
 ) -> tuple[Figure, Picture]:
     """The figure of the first joint of a recording, and its picture."""
     result = fit_calibration(
-        [simulated_arm.write(path, **changes)], FitOptions(kind="linear"), FitRun(held_out=0.5, folds=0)
+        [simulated_arm.write(path, **changes)], FitOptions(kind="linear"), FitRun(held_out=0.5, folds=folds)
     )
     assert result.held_out is not None
     kept: list[Figure] = []
@@ -74,6 +74,20 @@ def test_one_wild_error_does_not_flatten_the_others_and_is_counted(
     figure, block = drawn(tmp_path / "run.npz", monkeypatch, rows=4000, q_act=content["q_act"])
     assert "beyond the picture: 1." in block.caption
     assert figure.axes[0].get_ylim()[1] < 90.0
+
+
+def test_an_interval_far_narrower_than_raw_errors_is_seen_close_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = simulated_arm.arrays(rows=4000)
+    content["q_act"][:, 0] += 1.0  # [rad], a thousand times the interval
+    figure, _ = drawn(tmp_path / "run.npz", monkeypatch, folds=5, rows=4000, q_act=content["q_act"])
+    whole, close = figure.axes[0], next(axes for axes in figure.axes if axes.collections)
+    (band,) = close.collections
+    low, high = np.quantile(band.get_paths()[0].vertices[:, 1], [0.25, 0.75])
+    assert high - low > 0.2 * np.ptp(close.get_ylim())
+    assert high - low < 0.02 * np.ptp(whole.get_ylim())
+    assert "interval, 90 %" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 @given(st.lists(st.text(st.characters(codec="ascii", exclude_categories=("C", "Z")), min_size=1), min_size=1))

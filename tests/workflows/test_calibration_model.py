@@ -309,7 +309,7 @@ def rmse(model: Path, log: Path, reading: Reading | None = None) -> tuple[list[f
     return [joint.rmse for joint in result.evaluation.joints], result.notes
 
 
-SAID = "corrected as the model's training data: --sign q_encoder:pitch --shift 4; --no-mend takes it as it is"
+SAID = "corrected as the model's training data: --sign q_encoder:pitch --shift 4; --as-is takes it as it is"
 
 
 def test_the_card_holds_its_mends_as_data(mended: Path) -> None:
@@ -340,7 +340,7 @@ def test_a_payload_is_weighed_by_torques_mended_as_those_of_the_identification(t
     loaded = turned(recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1), "l")
     found = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))
     assert found.payload.mass == pytest.approx(0.2, abs=0.01)
-    assert any("--sign tau:elbow; --no-mend" in note for note in found.notes)
+    assert any("--sign tau:elbow; --as-is" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], TURNED])
@@ -405,7 +405,7 @@ def test_units_are_mended_where_numbers_are_in_those_of_training_and_left_where_
     save_model(result.model, result.card, tmp_path / "arm.npz")
     errors, notes = rmse(tmp_path / "arm.npz", in_degrees(day(1), tmp_path / "1.npz"))
     assert_allclose(errors, 0.0, atol=0.02)
-    assert any("--units deg,deg,mm; --no-mend" in note for note in notes)
+    assert any("--units deg,deg,mm; --as-is" in note for note in notes)
     si = tmp_path / "si.npz"
     log = day(2)
     np.savez(si, q_des=log.q_nominal, q_act=log.q_encoder, ok=log.ok, t=log.time)
@@ -422,7 +422,7 @@ def test_errors_beyond_those_of_training_are_left_out_and_it_is_said(tmp_path: P
     path = as_parquet(replace(day(1), q_encoder=far), tmp_path / "far")
     errors, notes = rmse(tmp_path / "arm.npz", path)
     assert_allclose(errors, 0.0, atol=0.02)
-    assert any("--max-error 10,10,20; --no-mend takes all rows" in note for note in notes)
+    assert any("--max-error 10,10,20; --as-is takes all rows" in note for note in notes)
     assert rmse(tmp_path / "arm.npz", path, Reading(as_trained=False))[0][0] > 1.0
 
 
@@ -439,7 +439,7 @@ def test_a_robot_that_reports_otherwise_than_the_training_data_were_mended_to_be
 ) -> None:
     corrector = Corrector(replace(fit(day(0), model="linear", folds=0), mends=mends))
     if refused:
-        with pytest.raises(InputError, match=r"corrected by --sign q_nominal:yaw.*deploy --no-mend"):
+        with pytest.raises(InputError, match=r"corrected by --sign q_nominal:yaw.*deploy --as-is"):
             corrector.prepare(NAMES, UNITS, 1000.0)
     else:
         corrector.prepare(NAMES, UNITS, 1000.0)

@@ -120,7 +120,7 @@ def test_the_next_command_runs_with_the_mends_that_it_names(tmp_path: Path, name
 def test_what_no_option_mends_is_said() -> None:
     log = cable_arm()
     found = check_recording(replace(log, q_encoder=log.q_nominal))
-    assert found.next.startswith("no option mends copied")
+    assert found.next.startswith("no option corrects copied")
 
 
 def test_hysteresis_is_that_of_the_mended_recording() -> None:

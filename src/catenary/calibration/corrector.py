@@ -174,7 +174,7 @@ class Corrector:
         """
         model, robot = self.model, ", ".join(joint_names)
         for why in model.asked_of_reports:
-            raise InputError(f"corrector: {why}, and take the model without its mends (deploy --no-mend)")
+            raise InputError(f"corrector: {why}, or deploy --as-is if it reports them corrected")
         of_robot = Joints(tuple(joint_names), tuple(joint_units))
         places = places_of(model, of_robot, whose="corrector: the robot", of="the model is for")
         if model.features.history > 0 and abs(rate_hz / self.rate_hz - 1.0) > RATE_TOLERANCE:

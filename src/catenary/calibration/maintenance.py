@@ -78,7 +78,7 @@ def trained_limits(
         return asked, []
     limits = tuple(np.inf if limit is None else float(limit) for limit in found)
     text = ",".join(f"{limit:g}" for limit in limits)
-    return limits, [f"{AS_TRAINED}: --max-error {text}; --no-mend takes all rows"]
+    return limits, [f"{AS_TRAINED}: --max-error {text}; --as-is takes all rows"]
 
 
 def trained_positions(model: CalibrationModel) -> tuple[Floats, Floats]:

@@ -135,7 +135,7 @@ def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor:
     stretches: list[CardStretch] = []
     for name, card, errors in cards:
         if errors is None:
-            raise InputError(f"card {name}: tells no error on data that its model did not see")
+            raise InputError(f"card {name}: holds no error on unseen data")
         beyond = tuple(np.greater(errors, factor * np.array(stretches[0].rmse if stretches else errors)).tolist())
         zeros = [DISPLAY[joint["unit"]][1] * joint["fixed_offset"] for joint in card["joints"]]
         of_arm = card.get("instrument"), card.get("tool"), clock_delay(card), card.get("mends", {}), tuple(zeros)

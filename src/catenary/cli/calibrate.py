@@ -83,7 +83,7 @@ def extract(
     print_result(as_json, found, *parts, notes=[each for report in found.values() for each in report["problems"]])
     for name, failure in failed.items():
         if found and opened.outputs_of(f"record {name}") is None:
-            print_notes([f"{name}: was interrupted, and is left out: {failure}"])
+            print_notes([f"{name}: was interrupted and is left out: {failure}"])
         else:
             raise failure
 
@@ -125,7 +125,7 @@ def calibrate(
 
 
 def demo(
-    out: Path = option("FOLDER", "New, empty, or that of a demo before.", Path("demo"), read=out_path),
+    out: Path = option("FOLDER", "Folder to write; new, empty, or from an earlier demo.", Path("demo"), read=out_path),
     seed: int | None = SIMULATED_SEED,
     as_json: bool = AS_JSON,
 ) -> None:
@@ -168,7 +168,7 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
             f"median {compute['median']:.0f} us, p99.9 {compute['p999']:.0f} us{overruns}"
         )
     if not result.repeated:
-        lines.append("nothing to do: every step had been done")
+        lines.append("nothing to do: every step is done already")
     lines.append(f"page:  {result.page}\nmodel: {result.model_path}")
     print_result(as_json, result.summary(), comparison_table(result.evaluations, title), *lines)
 

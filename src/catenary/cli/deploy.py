@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 
 def deploy(
-    model: Path = argument("MODEL", "A calibration model of the project's robot."),
-    project: Path | None = argument("PROJECT", "Folder; none with --ros.", None, not_with=("ros", "ros_distro")),
+    model: Path = argument("MODEL", "Calibration model of the project's robot."),
+    project: Path | None = argument("PROJECT", "Its folder; not with --ros.", None, not_with=("ros", "ros_distro")),
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
     real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
     ros: int | None = option("1|2", "With a robot on ROS: publish its corrected messages.", joins_ros=True),
@@ -33,7 +33,7 @@ def deploy(
     namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros"),
     rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros"),
     name: str | None = replace(NODE_NAME, goes_with="ros"),
-    no_mend: bool = option(None, "The robot already reports what the corrected training data had.", False),
+    as_is: bool = option(None, "The robot's reports are corrected already: take them as they are.", False),
     gravity_torque: bool = option(None, "With --ros: also publish gravity torques.", False, goes_with="ros"),
     as_json: bool = AS_JSON,
 ) -> None:
@@ -49,7 +49,7 @@ def deploy(
     from catenary.calibration.model_file import load_model
 
     loaded, _ = load_model(model)
-    loaded = replace(loaded, mends={}) if no_mend else loaded
+    loaded = replace(loaded, mends={}) if as_is else loaded
     if project is not None:
         _in_a_loop(project, loaded, 20.0 if seconds is None else seconds, real_time=real_time, as_json=as_json)
         return

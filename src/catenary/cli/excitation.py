@@ -45,7 +45,7 @@ class CollisionOptions:
     margin_mm: float = option("MM", "Smallest distance between bodies.", 10.0)
     link_radius_mm: float | None = option("MM", "Take capsules of this radius along the links as their shapes.")
     package_dir: Sequence[Path] = option("FOLDER", "ROS package with meshes; repeatable. [default: above the URDF]")
-    may_touch: Sequence[Touching] = option("A:B", "Links or obstacles not to compare; repeatable.", read=_pair)
+    may_touch: Sequence[Touching] = option("A:B", "Pair of links or obstacles to ignore; repeatable.", read=_pair)
     no_collision_check: bool = option(None, "Design without a collision check.", False)
 
     def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":

@@ -55,7 +55,7 @@ def check(
 
 def recover(
     recording: Path = argument("RECORDING", "Journal (folder or one of its files), .bag, .mcap or its folder."),
-    out: Path | None = option("PATH", "What to write. [default: NAME.recovered, in its folder]", read=out_path),
+    out: Path | None = option("PATH", "Recording to write. [default: NAME.recovered, in its folder]", read=out_path),
     as_json: bool = AS_JSON,
 ) -> None:
     """Recover the intact part of a damaged recording.
@@ -93,7 +93,7 @@ def export(
     c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
     onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
     mcap: Path | None = option("OUT", "MCAP file to write, e.g. lab.mcap, with the robot's lab.urdf.", writes=MCAP),
-    robot: str | None = option("ROBOT", "With --mcap: what was recorded. [default: as it says]", goes_with="mcap"),
+    robot: str | None = option("ROBOT", "With --mcap: recorded robot. [default: as it states]", goes_with="mcap"),
     model: Path | None = option("MODEL", "Calibration model for the header or the recording.", not_with="onnx"),
     rate_hz: float | None = option("HZ", "Rate of the loop. [default: 1000 in C, the rows' in ONNX]", not_with="mcap"),
     friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"),

@@ -66,9 +66,9 @@ class ModelOptions:
     """Options of a fit, by the names of FitOptions and FitRun, which refuse what they do not know."""
 
     kind: str = option(
-        "KIND", "offset, linear, polynomial, hysteretic, neural, or auto: the simplest good.", "auto", flag="--model"
+        "KIND", "offset, linear, polynomial, hysteretic, neural, auto (simplest good one).", "auto", flag="--model"
     )
-    preset: str | None = option("NAME", "Of a neural model: paper (Peng et al.) or best (ours). [default: best]")
+    preset: str | None = option("NAME", "Preset of a neural model: paper (Peng et al.) or best (ours). [default: best]")
     inputs: Names | dict[str, Names] | None = option(
         "SIGNALS", "Inputs: q, tau, qd, all, q:J1; or 'J1=q:J1;J2=q'. [default: q, and tau if recorded]", read=_inputs
     )
@@ -217,9 +217,9 @@ def refresh(
 
 def drift(
     recordings: ModelRecordingOptions,
-    model: Path = argument("MODEL", "A model that catenary fit or refresh wrote."),
+    model: Path = argument("MODEL", "Model that catenary fit or refresh wrote."),
     data: Sequence[Path] = RECORDINGS,
-    factor: float = option("K", "For a model without intervals: multiple of its card's error that is too much.", 2.0),
+    factor: float = option("K", "For a model without intervals: multiple of its card's error that is drift.", 2.0),
     max_error: Numbers | None = MAX_ERROR,
     accept: Sequence[str] = ACCEPT,
     report: Path | None = REPORT,

@@ -131,7 +131,7 @@ def gravity(
     joints: JointOptions,
     robot: str = ROBOT,
     latex: bool = option(None, "Print formulas for LaTeX, without --q.", False, not_with=("q", "q_deg", "as_json")),
-    vendor: str | None = option("ur|kortex|franka", "Also print the command that sets it there.", flag="--for"),
+    vendor: str | None = option("ur|kortex|franka", "Also print the vendor's command for it.", flag="--for"),
     as_json: bool = AS_JSON,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
@@ -217,7 +217,7 @@ def track(
     amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0),
     axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z")),
     seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0),
-    damping: str = option("relative|absolute", "To the motion's velocity, or as RAVEN-II's: it lags.", "relative"),
+    damping: str = option("relative|absolute", "Relative to the motion's, or as RAVEN-II does.", "relative"),
     report: Path | None = REPORT,
     as_json: bool = AS_JSON,
 ) -> None:
@@ -261,7 +261,7 @@ def hold(
     robot: str = SIMULATED,
     controller: str = option("sg|dg", "Gravity of a level base, or sensed gravity.", "dg"),
     seconds: float = option("S", "How long to watch.", 10.0),
-    calibrated: bool = option(None, "Know the joints as they truly are, in place of as the robot reports them.", False),
+    calibrated: bool = option(None, "Use true joint positions instead of those that the robot reports.", False),
     report: Path | None = REPORT,
     as_json: bool = AS_JSON,
 ) -> None:

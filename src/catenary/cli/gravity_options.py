@@ -32,7 +32,7 @@ def base_tilt(text: str) -> tuple[float, float]:
 LEVEL_BASE = (0.0, 0.0)  # roll and pitch [deg]
 BASE_TILT = option("R,P", "Turn the base by R about x, then by P about its own y.", read=base_tilt)
 GRAVITY = option("X,Y,Z", "Gravity vector in base axes, z up, in m/s2. [default: 0,0,-9.81]")
-IMU_READING = option("AX,AY,AZ", "In place of --gravity: what an accelerometer on the base reads at rest, up, in m/s2.")
+IMU_READING = option("AX,AY,AZ", "Instead of --gravity: accelerometer's reading on the base at rest, m/s2.")
 MOUNTING_FILE = option("FILE", "Sensor's mounting file.")
 
 
@@ -81,11 +81,11 @@ class GivenGravity:
 class ReadingOptions:
     """Options that say how a sensor's numbers come, and where it is fixed to a robot."""
 
-    units: Names | None = option("U[,U]", "Of accelerometer and gyroscope: m/s2, cm/s2, g or mg; rad/s or deg/s.")
-    axes: Names | None = option("FRAME|X,Y,Z", "Of both: flu, frd, ned, enu, optical, or an order as x,-y,-z; or six.")
-    driver: str | None = option("NAME", "Units and axes of a common driver: docs/gravity-vector.md has them.")
+    units: Names | None = option("U[,U]", "Units of accelerometer (m/s2, cm/s2, g, mg) and gyroscope (rad/s, deg/s).")
+    axes: Names | None = option("FRAME|X,Y,Z", "Axes of both: flu, frd, ned, enu, optical, or e.g. x,-y,-z (or six).")
+    driver: str | None = option("NAME", "Common driver, which sets --units and --axes (list: docs/gravity-vector.md).")
     imu_frame: str | None = option(
-        "ROBOT:FRAME|tf:BASE:FRAME", "Where the sensor is, by a robot's description or by /tf.", not_with="mounting"
+        "ROBOT:FRAME|tf:BASE:FRAME", "Frame of the sensor in a robot's description or on /tf.", not_with="mounting"
     )
 
     def convention(self) -> "Convention | None":

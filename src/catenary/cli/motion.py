@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def goto(
     robot: PacedRobot,
-    q_deg: Numbers | None = option("Q,Q,...", "Joints in deg and mm: the first ones, or those of --joints."),
+    q_deg: Numbers | None = option("Q,Q,...", "Joint positions in deg and mm: of the first joints, or of --joints."),
     q: Numbers | None = option("Q,Q,...", "The same in rad and m."),
     joints: Names | None = option("NAME,...", "Which joints; the others stay.", goes_with=("q", "q_deg")),
     position_mm: Triple | None = option("X,Y,Z", "In place of joints: where the tool goes, in the base frame."),

@@ -30,13 +30,13 @@ DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
 
 def serve(
     robot: str = option("ROBOT", "Robot to simulate.", "raven2"),
-    dialect: str | None = option("raven|crtk", "Topics. [default: the robot's own]"),
-    namespace: str | None = option("/NAME", "Of a dVRK PSM: in front of its topics. [default: /PSM1]"),
+    dialect: str | None = option("raven|crtk", "Dialect of the topics. [default: the robot's own]"),
+    namespace: str | None = option("/NAME", "Namespace of a dVRK PSM's topics. [default: /PSM1]"),
     ros: str = CARRIER,
-    name: str = option("NAME", "Of the robot's node; two cannot have one.", "catenary_robot"),
+    name: str = option("NAME", "Name of the robot's ROS node; it must be unique.", "catenary_robot"),
     rate: float = option("HZ", "Rate at which its state is published.", 1000.0),
-    depth: int = option("N", "Messages of a topic that wait for a client that does not keep up.", 100, least=1),
-    qos: str = option("reliable|best-effort", "On ROS 2, of what is published in every tick.", "reliable"),
+    depth: int = option("N", "Queue length per topic for clients that do not keep up.", 100, least=1),
+    qos: str = option("reliable|best-effort", "On ROS 2: quality of service of frequent topics.", "reliable"),
     seed: int | None = SIMULATED_SEED,
     base_tilt_deg: tuple[float, float] = replace(BASE_TILT, default=LEVEL_BASE),
     payload: float = option("KG", "Mass at the tool's wrist.", 0.0),
@@ -46,7 +46,7 @@ def serve(
         None, "Publish external encoders of a RAVEN-II, a tracker of a PSM.", True, flag="--encoders/--no-encoders"
     ),
     start: bool = option(None, "Press the silver button at once; with crtk: enable and home.", False),
-    grav_dir: Triple | None = option("X,Y,Z", "The robot's own gravity compensation, by this in whole cm/s2, z down."),
+    grav_dir: Triple | None = option("X,Y,Z", "Gravity for the robot's own compensation, in whole cm/s2, z down."),
     duration: float | None = DURATION,
     as_json: bool = LINES_AS_JSON,
 ) -> None:
@@ -207,7 +207,7 @@ def gravity_node(
     joints: str = option("TOPIC", "Joints of --delta-of, a sensor_msgs/JointState.", "/joint_states"),
     points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
     urscript: str | None = option("TOPIC", "Also set gravity on a Universal Robot, by its driver's script topic."),
-    no_gyroscope: bool = option(None, "Ignore the Imu's angular rates.", False),
+    no_gyroscope: bool = option(None, "Ignore the IMU's angular rates.", False),
     baud: int = replace(BAUD, goes_with="port"),
     duration: float | None = DURATION,
     as_json: bool = LINES_AS_JSON,

@@ -280,9 +280,9 @@ def _reader(kind: Any) -> Read | None:
 
 
 _ON_ROS = ("ros", "project")  # whose settings may say where its robot is
-_TRANSPORT = option("rclpy|dds", "On ROS 2: by what. [default: rclpy if it and crtk_msgs are there]", goes_with=_ON_ROS)
+_TRANSPORT = option("rclpy|dds", "On ROS 2: middleware. [default: rclpy with crtk_msgs, if there]", goes_with=_ON_ROS)
 _ROS_DISTRO = option(
-    "NAME", "On ROS 2: distribution of the others, such as humble. [default: ROS_DISTRO, or jazzy]", goes_with=_ON_ROS
+    "NAME", "On ROS 2: distribution of the other programs. [default: ROS_DISTRO, or jazzy]", goes_with=_ON_ROS
 )
 _NO_NOTES = option(None, "Print no notes: results and errors only.", False)
 AS_JSON = option(None, "Print JSON.", False, flag="--json")

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 FOLDER = argument("PROJECT", "Folder of the project; made if it is not there.")
 BEGUN_FOLDER = argument("PROJECT", "Folder of a project that was begun.")
-ARM_NAMESPACE = option("/NAME", "Of a dVRK PSM: in front of its topics. [default: /PSM1]")
-ARM_KIND = option("ROBOT", "Which robot a new project is of: raven2 or dvrk_psm. [default: raven2]")
+ARM_NAMESPACE = option("/NAME", "Namespace of a dVRK PSM's topics. [default: /PSM1]")
+ARM_KIND = option("ROBOT", "Robot of a new project: raven2 or dvrk_psm. [default: raven2]")
 HOURS = option(None, "Length of the random motion.")
 
 
@@ -52,11 +52,11 @@ class ExcitationOptions(ArmOptions):
     """Options of an arm, and of the zig-zag that it is calibrated with."""
 
     direction: str | None = option(None, "Joints that the zig-zag sweeps: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
-    form: str | None = option("generator|files|paper", "Which published J1-J2-J3. [default: generator]")
+    form: str | None = option("generator|files|paper", "Published form of the J1-J2-J3 zig-zag. [default: generator]")
     sparsities: Numbers | None = option(
         "S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions, flag="--sparsity"
     )
-    train_minutes: float | None = option("MIN", "Length of a dVRK PSM's motion to train on. [default: 20]")
+    train_minutes: float | None = option("MIN", "Length of a dVRK PSM's training motion. [default: 20]")
     state_rate_hz: float | None = option("HZ", "Rate of raven_state, 30 or 100. [default: 30]", flag="--state-rate")
 
 
@@ -69,7 +69,7 @@ class RobotAccess:
 
     ros: int | None = option("1|2", "Robot on ROS 1 or 2. [default: the project's, simulated at first]", joins_ros=True)
     yes: bool = option(None, "With --ros: do not ask; its state must permit each step.", False, goes_with=_ON_ROS)
-    simulated: bool = option(None, "With --ros: a simulation; recordings say so.", False, goes_with=_ON_ROS)
+    simulated: bool = option(None, "With --ros: the robot is simulated; recordings say so.", False, goes_with=_ON_ROS)
 
 
 def open_project(

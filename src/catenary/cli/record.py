@@ -44,7 +44,7 @@ def home(
     arm: ArmOptions,
     access: RobotAccess,
     project: Path | None = argument("PROJECT", "Folder of the robot's project; made if it is not there.", None),
-    robot: str | None = option("ROBOT", "Which one; of a project raven2 or dvrk_psm. [default: raven2]"),
+    robot: str | None = option("ROBOT", "Robot to home; in a project raven2 or dvrk_psm. [default: raven2]"),
     dialect: str | None = replace(DIALECT, not_with="project"),
     namespace: str | None = replace(ARM_NAMESPACE, goes_with=("ros", "project")),
     as_json: bool = AS_JSON,
@@ -108,7 +108,7 @@ def excite(
     robot: str | None = ARM_KIND,
     namespace: str | None = ARM_NAMESPACE,
     refresh: bool = option(None, "Minutes of full reversals of each joint, which catenary refresh takes.", False),
-    out: Path | None = option("FILE", "Only write that minute, for follow.", writes=EXCITATION, goes_with="refresh"),
+    out: Path | None = option("FILE", "Write those minutes; move nothing.", writes=EXCITATION, goes_with="refresh"),
     as_json: bool = AS_JSON,
 ) -> None:
     """Record a project's robot along its calibration motion.

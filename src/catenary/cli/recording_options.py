@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from catenary.recording.logs import Reading
 
 RECORDINGS = argument("DATA", "Recordings: .parquet logs, .npz with q_des, q_act (SI), RAVEN-II .csv; others by --map.")
-ACCEPT = option("NAME", "Continue despite this finding; repeatable.")
+ACCEPT = option("NAME", "Continue despite the finding of this name; repeatable.")
 MAX_ERROR = option("E,E,...", "Leave out rows with larger errors, per joint in deg, mm.")
 _READS = ("data", "train", "log", "file", "sources", "mcap")  # parameters that name a recording
 
@@ -24,8 +24,8 @@ def _of_recordings(metavar: str, help: str, default: Any = None) -> Any:
 class MappingOptions:
     """How a third-party recording is read: which of its columns are which quantity."""
 
-    map: Sequence[str] = _of_recordings("QUANTITY=COLUMNS", "As q_encoder=/cam/joints.position[0:6]@deg; repeatable.")
-    mapping: Path | None = _of_recordings("TOML", "The same from a file; catenary import proposes one.")
+    map: Sequence[str] = _of_recordings("QUANTITY=COLUMNS", "E.g. q_encoder=/cam/joints.position[0:6]@deg; repeatable.")
+    mapping: Path | None = _of_recordings("TOML", "Mapping file in place of --map; catenary import proposes one.")
 
     def read(self, units: str | None = None, **settings: object) -> "RecordingMapping | None":
         """Return the mapping; None where none is given.
@@ -45,7 +45,7 @@ class MappingOptions:
 class RecordingOptions(MappingOptions):
     """How recordings are read, third-party ones too, and corrected before they are used."""
 
-    units: str | None = _of_recordings("U,U,...", "rad, m, deg, mm or cm per joint; q_encoder:deg,... of it alone.")
+    units: str | None = _of_recordings("U,U,...", "Joints' units: rad, m, deg, mm, cm; q_encoder:deg,... of it alone.")
     swap: Sequence[str] = _of_recordings("J,J", "Exchange these measured columns; tau:J,J of torques.")
     sign: Sequence[str] = _of_recordings("J", "This measured column has the wrong sign; tau:J of torques.")
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
@@ -68,7 +68,7 @@ class RecordingOptions(MappingOptions):
 
             arm = load_robot(robot)
             names, own_units = arm.joint_names, arm.joint_units
-        as_trained = not getattr(self, "no_mend", False)
+        as_trained = not getattr(self, "as_is", False)
         array, given = (None, ()) if self.units is None else units_of(self.units)
         mapping = self.read(self.units if array is None else None, robot=robot)
         typed = values_of(self, "swap", "sign", "scale", "delay", "shift", "time_unit", "leave_out")
@@ -92,4 +92,4 @@ class RecordingOptions(MappingOptions):
 class ModelRecordingOptions(RecordingOptions):
     """The same for recordings given to a model, which knows how its training data were corrected."""
 
-    no_mend: bool = option(None, "Do not correct them like the training data.", False, goes_with=(*_READS, "what"))
+    as_is: bool = option(None, "Do not correct recordings like the training data.", False, goes_with=(*_READS, "what"))

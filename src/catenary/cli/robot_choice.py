@@ -14,12 +14,12 @@ from catenary.cli.terminal import announce, print_notes
 if TYPE_CHECKING:
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
-NODE_NAME = option("NAME", "On ROS: this program's. [default: catenary_COMMAND_PID]")
-CARRIER = option("1|2|none", "ROS that carries the messages.", "1", joins_ros=True)
+NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
+CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
 BAUD = option(None, "Speed of the serial line.", 115200, least=300)
 RECORD = option("FOLDER", "Also record a RAVEN-II's topics.")
-DIALECT = option("raven|crtk", "With --ros: topics. [default: the robot's own]", goes_with="ros")
-NAMESPACE = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros")
+DIALECT = option("raven|crtk", "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
+NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
 
 
@@ -32,7 +32,7 @@ class WatchedRobot:
     dialect: str | None = DIALECT
     namespace: str | None = NAMESPACE
     name: str | None = replace(NODE_NAME, goes_with="ros")
-    simulated: bool = option(None, "With --ros: simulated, no workspace to clear.", False, goes_with="ros")
+    simulated: bool = option(None, "With --ros: the robot is simulated; no workspace to clear.", False, goes_with="ros")
     base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, not_with="ros")
     robot_seed: int | None = replace(SIMULATED_SEED, not_with="ros")
 

@@ -198,8 +198,8 @@ def plot(
     """Draw a robot and its torques, or a model's errors.
 
     A robot with its links, frames, centres of mass, gravity, and the torques that hold it; without --q in the middle of
-    its joints' ranges. Or, given a recording too, what a calibration model does for one joint: errors over time, their
-    histogram, hysteresis, coverage of the intervals, and delay, as a figure for a paper.
+    its joints' ranges. Or, given a recording too, what a calibration model does for one joint: errors over time, close
+    up and as a histogram, hysteresis, coverage of the intervals, and delay, as a figure for a paper.
 
     Example: catenary plot panda --q-deg 0,-30,0,-120,0,90,45 --base-tilt-deg 0,20 --out panda.png
 

@@ -35,9 +35,9 @@ class ReplayOptions:
     """A recording in place of a sensor."""
 
     replay: Path | None = option("FILE", "Read a recorded sensor: a bag, or a CSV with time, ax, ay, az, gx, gy, gz.")
-    topic: str | None = option("TOPIC", "Of a bag with several sensor_msgs/Imu.", goes_with="replay")
+    topic: str | None = option("TOPIC", "Topic to read from a bag with several sensor_msgs/Imu.", goes_with="replay")
     columns: Names | None = option("C,C,C[,...]", "Accelerometer's columns, then gyroscope's.", goes_with="replay")
-    time: str | None = option("COLUMN[@UNIT]", "Of a table: its time, in s, ms, us or ns.", goes_with="replay")
+    time: str | None = option("COLUMN[@UNIT]", "Time column of a table, in s, ms, us or ns.", goes_with="replay")
     orientations: Path | None = option(
         "CSV", "With --tumble: roll_deg,pitch_deg at each rest, or the joints of --robot.", goes_with="replay"
     )

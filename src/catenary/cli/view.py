@@ -44,12 +44,12 @@ def view(
     gravity: str | None = GRAVITY_TOPIC,
     name: str | None = replace(NODE_NAME, goes_with="ros"),
     control: bool = option(None, "With --ros: buttons that move the robot while held.", False, goes_with="ros"),
-    simulated: bool = option(None, "With --control: no workspace to clear.", False, goes_with="control"),
+    simulated: bool = option(None, "With --control: simulated, no workspace.", False, goes_with="control"),
     yes: bool = option(None, "With --control: the workspace is clear; do not ask.", False, goes_with="control"),
-    port: int = option(None, "Of 127.0.0.1, or the next free one; from another machine: ssh -L.", 8080),
+    port: int = option(None, "Port on 127.0.0.1, or the next free one; from another machine use ssh -L.", 8080),
     browser: bool | None = option(None, "Open it in a browser. [default: on a screen]", flag="--open/--no-open"),
     robot_seed: int | None = replace(SIMULATED_SEED, not_with="ros"),
-    seconds: float | None = option(None, "How long. [default: until Ctrl-C]"),
+    seconds: float | None = option(None, "Duration. [default: until Ctrl-C]"),
     as_json: bool = option(None, "Print the address of the page as a line of JSON.", False, flag="--json"),
 ) -> None:
     """Show an arm in the browser.
@@ -66,7 +66,7 @@ def view(
     if recorded and (ros is not None or robot_seed is not None):
         raise InputError("--ros and --robot-seed are of a robot; --log and a project show a recording")
     if not recorded and recordings != ModelRecordingOptions():
-        raise InputError("--no-mend goes with --log or a project, as other options of recordings do")
+        raise InputError("--as-is goes with --log or a project, as other options of recordings do")
     with ExitStack() as stack:
         page = stack.enter_context(PageProcess(port=port))
         end = float("inf") if seconds is None else time.monotonic() + seconds

@@ -36,7 +36,7 @@ def _coal() -> Any:
     except ImportError as error:
         raise MissingPackageError(
             f"shapes that are no capsules need Coal, which is not installed: {to_install('collision')}; "
-            "--no-collision-check goes on without"
+            "--no-collision-check continues without"
         ) from error
     return coal
 

@@ -65,14 +65,18 @@ class TopicReport:
 
     def notes(self) -> list[str]:
         """Return what a reader should know, in words."""
-        gaps = f"{self.topic}: {len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s"
-        stamps = f"{self.topic}: stamps lie {self.clock_offset:.3f} s before arrival; not corrected"
-        notes = [gaps] * bool(self.gaps)
-        notes += [f"{self.topic}: {self.repeated} repeated stamps were dropped"] * bool(self.repeated)
-        notes += [f"{self.topic}: {self.shuffled} messages were out of order and sorted"] * bool(self.shuffled)
-        notes += [stamps] * (abs(self.clock_offset) > OFFSET)
-        notes += [f"{self.topic}: messages carry no stamps; their arrival was taken"] * self.stamped_by_arrival
-        notes += [f"{self.topic}: {step.note(self.start)}; stamps go on as before it" for step in self.clock_steps]
+        notes = []
+        if self.gaps:
+            notes.append(f"{self.topic}: {len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s")
+        if self.repeated:
+            notes.append(f"{self.topic}: {self.repeated} repeated stamps were dropped")
+        if self.shuffled:
+            notes.append(f"{self.topic}: {self.shuffled} messages were out of order and sorted")
+        if abs(self.clock_offset) > OFFSET:
+            notes.append(f"{self.topic}: stamps lie {self.clock_offset:.3f} s before arrival; not corrected")
+        if self.stamped_by_arrival:
+            notes.append(f"{self.topic}: messages carry no stamps; their arrival was taken")
+        notes += [f"{self.topic}: {step.note(self.start)}; stamps continue as before" for step in self.clock_steps]
         return notes
 
 

@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from catenary.units import DISPLAY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_WINDOWS = 200  # rows of a page's table
 MOST_COLUMNS = 8  # joints side by side on a page
@@ -194,26 +195,28 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, na
     shown = name if name is not None else model.kind
     unit = DISPLAY[model.joint_units[j]][0]
     series = error_series(evaluation, j, shown)
-    figure = Figure(figsize=(10, 3.1), layout="constrained")
-    over_time, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
-    beyond = draw_errors_over_time(over_time, evaluation, j, series)
-    over_time.set_ylabel(f"error [{unit}]")
-    draw_histograms(histogram, series[1:], unit)
-    handles, labels = over_time.get_legend_handles_labels()
-    legend = figure.legend(
-        handles, [wrapped(label) for label in labels], loc="outside upper right", ncols=4, frameon=False, fontsize=9
-    )
-    for handle in legend.get_lines():
-        handle.set_linewidth(3.0)
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    panels = figure.subplot_mosaic([["all", "often"], ["close", "often"]], width_ratios=[2.6, 1], height_ratios=[3, 2])
+    beyond = draw_errors_over_time((panels["all"], panels["close"]), evaluation, j, series)
+    draw_histograms(panels["often"], series[1:], unit)
+    draw_legend(figure, loc="outside upper right", ncols=4, frameon=False, fontsize=9)
     joint = evaluation.joints[j]
     errors = f"RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed offset"
-    caption = f"{joint.name}: {errors}, {joint.rmse:.3f} {unit} after {shown}. Left: over time, no line where rows are"
-    caption += " missing; right: how often each error occurs."
+    caption = f"{joint.name}: {errors}, {joint.rmse:.3f} {unit} after {shown}. Left: over time, with no line where rows"
+    caption += f" are missing; below it {shown} alone, close up; right: how often each error occurs."
     caption += f" Rows that lie beyond the picture: {beyond:,}." if beyond else ""
     if evaluation.level is not None:
         level = f"which is to hold {100.0 * evaluation.level:g} % of its errors"
-        caption += f" Dashed: the interval of {shown}, {level}; it holds {100.0 * joint.coverage:.1f} %."
+        caption += f" Shaded: the interval of {shown}, {level}; it holds {100.0 * joint.coverage:.1f} %."
     return picture(figure, caption, f"Errors of joint {joint.name} over time, and their histogram.")
+
+
+def draw_legend(figure: "Figure", **where: Any) -> None:
+    """Name the lines and the interval of a joint's errors once, above its panels."""
+    named = [each for axes in figure.axes for each in zip(*axes.get_legend_handles_labels(), strict=True)]
+    legend = figure.legend([line for line, _ in named], [wrapped(label) for _, label in named], **where)
+    for handle in legend.get_lines():
+        handle.set_linewidth(3.0)
 
 
 def wrapped(label: str) -> str:
@@ -242,30 +245,44 @@ def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
     return int(np.any([(line.values < lower) | (line.values > upper) for line in series], axis=0).sum())
 
 
-def draw_errors_over_time(axes: "Axes", evaluation: Evaluation, j: int, series: Sequence[ErrorSeries]) -> int:
-    """Draw a joint's errors over time with the model's interval; return how many rows lie beyond the picture."""
+def draw_errors_over_time(
+    panels: tuple["Axes", "Axes"], evaluation: Evaluation, j: int, series: Sequence[ErrorSeries]
+) -> int:
+    """Draw a joint's errors over time, and below them the last of these close up, with the model's interval.
+
+    Where the interval is wider than the lower panel it fills it. Returns how many rows lie beyond the upper one.
+    """
+    whole, close = panels
     x, recordings = running_time(evaluation)
     shown = np.arange(0, len(x), len(x) // MOST_POINTS + 1)
     gaps = np.unique(np.searchsorted(shown, row_breaks(evaluation)))
+    unit, scale = DISPLAY[evaluation.data.joint_units[j]]
 
     def parted(values: Floats) -> Floats:
         return np.insert(values[shown], gaps[gaps < len(shown)], np.nan)
 
-    at = parted(x)
+    at, corrected = parted(x), series[-1]
+    close.sharex(whole)
     for line in series:  # a row between two gaps has no line, but a dot
-        axes.plot(at, parted(line.values), ".-", color=line.color, linewidth=0.7, markersize=1.0, label=line.label)
-    for row in recordings:
-        axes.axvline(x[row], color=RAW, linewidth=0.8, linestyle=":")
-    axes.axhline(0.0, color="#1c2430", linewidth=0.6)
+        whole.plot(at, parted(line.values), ".-", color=line.color, linewidth=0.7, markersize=1.0, label=line.label)
+    close.plot(at, parted(corrected.values), ".-", color=corrected.color, linewidth=0.7, markersize=1.0)
+    reach = float(np.quantile(np.abs(corrected.values), SHOWN_SHARE))
     if evaluation.level is not None:
-        width = parted(DISPLAY[evaluation.data.joint_units[j]][1] * evaluation.interval[:, j])
-        axes.fill_between(at, -width, width, color=INTERVAL, alpha=0.12, linewidth=0.0, zorder=0)
-        for edge, label in ((width, f"interval, {100.0 * evaluation.level:g} %"), (-width, None)):
-            axes.plot(at, edge, color=INTERVAL, linewidth=0.9, linestyle="--", label=label)
-    unit = "time [s]" if evaluation.window_unit == "s" else "row"
-    axes.set_xlabel(f"{unit}, {len(recordings) + 1} recordings one after the other" if len(recordings) else unit)
-    axes.margins(x=0.01)
-    return _limit(axes, series)
+        width = scale * evaluation.interval[:, j]
+        reach, label = max(reach, float(np.median(width))), f"interval, {100.0 * evaluation.level:g} %"
+        close.fill_between(at, -parted(width), parted(width), color=INTERVAL, alpha=0.25, zorder=0, label=label)
+    if reach > 0.0:
+        close.set_ylim(-1.3 * reach, 1.3 * reach)
+    for axes in panels:
+        for row in recordings:
+            axes.axvline(x[row], color=RAW, linewidth=0.8, linestyle=":")
+        axes.axhline(0.0, color="#1c2430", linewidth=0.6)
+        axes.set_ylabel(f"error [{unit}]")
+        axes.margins(x=0.01)
+    time = "time [s]" if evaluation.window_unit == "s" else "row"
+    close.set_xlabel(f"{time}, {len(recordings) + 1} recordings one after the other" if len(recordings) else time)
+    whole.tick_params(labelbottom=False)
+    return _limit(whole, series)
 
 
 def draw_histograms(axes: "Axes", series: Sequence[ErrorSeries], unit: str) -> None:

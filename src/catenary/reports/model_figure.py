@@ -1,4 +1,4 @@
-"""A figure of one joint for a paper: errors over time and their histogram, hysteresis, coverage, and delay."""
+"""A figure of one joint for a paper: errors over time, close up and as a histogram, hysteresis, coverage, delay."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from catenary.reports.joint_errors import (
     RAW,
     draw_errors_over_time,
     draw_histograms,
+    draw_legend,
     error_series,
     running_time,
 )
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMN = 3.5  # width of a journal's column [inch]
-HEIGHT = 8.0  # of the five panels [inch]
+HEIGHT = 9.2  # of the six panels [inch]
 BLOCKS = 20  # of time, each with its share of errors within the interval
 STYLE: dict[Any, Any] = {
     "font.size": 7.0,
@@ -58,13 +59,12 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
     series = error_series(evaluation, j, name)
     with rc_context(STYLE):
         figure = Figure(figsize=(COLUMN, HEIGHT), layout="constrained")
-        over_time, histogram, loop, coverage, delay = figure.subplots(5, 1)
-        draw_errors_over_time(over_time, evaluation, j, series)
-        over_time.set_ylabel(f"error [{unit}]")
-        figure.legend(*over_time.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+        over_time, close, histogram, loop, coverage, delay = figure.subplots(6, 1)
+        draw_errors_over_time((over_time, close), evaluation, j, series)
+        draw_legend(figure, loc="outside upper center", ncols=2)
         draw_histograms(histogram, series[1:], unit)
         shown = slice(None, None, len(evaluation.data) // MOST_POINTS + 1)
-        for line in (series[0], series[2]):
+        for line in series[1:]:
             command = scale * evaluation.data.q_nominal[shown, j]
             loop.plot(command, line.values[shown], ".", color=line.color, markersize=1.0)
         loop.set_xlabel(f"commanded {names[j]} [{unit}]")
@@ -76,7 +76,7 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
         delay.set_title(f"delay {found.low:+.3f} to {found.high:+.3f} {in_unit}", loc="right")
         delay.set_xlabel(f"time [{in_unit}]")
         delay.legend(ncols=2, loc="best")
-        for letter, axes in zip("abcde", figure.axes, strict=True):
+        for letter, axes in zip("abcdef", figure.axes, strict=True):
             axes.set_title(f"({letter})", loc="left")
             axes.spines[["top", "right"]].set_visible(False)
     return figure

@@ -70,5 +70,5 @@ def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (),
         names = sorted({each.name for _, each in refused})
         lines = [f'recording "{where}": {each}' for where, each in refused]
         go_on = " ".join(f"--accept {name}" for name in names)
-        raise DataError("\n".join([*lines, f"nothing was {done}; to go on all the same: {go_on}"]), names)
+        raise DataError("\n".join([*lines, f"nothing was {done}; to continue anyway: {go_on}"]), names)
     return [f"{where}: {'accepted ' + each.name + ': ' if each.refuses else ''}{each}" for where, each in findings]

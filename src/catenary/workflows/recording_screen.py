@@ -85,7 +85,7 @@ def check_recording(
         found.next = _without_measurement(log, source)
     else:
         found.next = (
-            f"no option mends {', '.join(left)}: bring in the right columns (catenary import), or record again"
+            f"no option corrects {', '.join(left)}: bring in the right columns (catenary import), or record again"
             if left
             else source.command("fit", [*mended.options, *([MAX_ERROR, limits] if limits else [])], "_model.npz")
         )
@@ -119,7 +119,7 @@ def _cured(
     """Follow what findings advise until none refuses.
 
     Returns:
-        The mend, the log so mended, the text of --max-error, and names of findings that no option mends.
+        The mend, the log so mended, the text of --max-error, and names of findings that no option corrects.
     """
     limits = "" if max_error is None else ",".join(f"{limit:g}" for limit in max_error)
     for _ in range(ROUNDS):

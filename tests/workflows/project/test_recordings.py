@@ -86,8 +86,8 @@ def test_a_recording_killed_at_its_begin_blocks_no_other(project: Project, conte
     outcome = catenary("extract", project.folder, "--json")
     assert outcome.code == 0
     assert sorted(outcome.json) == ["torn", "whole"]
-    assert "begun: was interrupted, and is left out" in outcome.err
-    assert "empty: was interrupted, and is left out" in outcome.err
+    assert "begun: was interrupted and is left out" in outcome.err
+    assert "empty: was interrupted and is left out" in outcome.err
     assert outcome.json["torn"]["rescued"]["ends_early"]
 
 

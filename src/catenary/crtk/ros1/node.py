@@ -173,7 +173,7 @@ class Node:
                 self._look()
             except (TransportError, Refused) as error:
                 if self.up:
-                    _logger.warning("%s; topics that are connected go on", error)
+                    _logger.warning("%s; connected topics continue", error)
                 self.up = False
             threading.Event().wait(WATCH)
 

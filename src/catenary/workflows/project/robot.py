@@ -121,10 +121,10 @@ def set_aside(project: Project, name: str, left: LeftOff | None) -> None:
         place.mkdir()
         for file in left.dropped:
             file.rename(place / file.name)
-        _log.warning("%s: goes on from %.1f s; the pass that was cut off lies in %s", name, left.begins, place)
+        _log.warning("%s: continues from %.1f s; the interrupted pass is kept in %s", name, left.begins, place)
     else:
         folder.rename(place)
-        _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
+        _log.warning("%s: the earlier recording of this name is kept in %s", folder, place)
 
 
 def empty(folder: Path) -> None:
