@@ -134,8 +134,10 @@ def looked_at(url: str, size: dict[str, int] = SIZE) -> Iterator[LookedAtPage]:
         looked.page.goto(url, timeout=PATIENCE)
         looked.wait_for_words()
         # fades in, and a message about drawing by software lies over it
-        for button in looked.page.locator("button.mantine-Notification-closeButton").all():
-            button.click(timeout=PATIENCE)
+        closing = (
+            "document.querySelectorAll('button.mantine-Notification-closeButton').forEach(button => button.click())"
+        )
+        looked.page.evaluate(closing)
         looked.page.wait_for_timeout(3000)
         yield looked
 
