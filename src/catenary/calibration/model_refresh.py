@@ -43,7 +43,7 @@ SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resem
 SLOPES_RIDGES = (1.0, 0.1, 0.01, 1e-3)  # the most held first
 HOW = (NOTHING, ZERO, SCALE, *(SLOPES,) * len(SLOPES_RIDGES))
 SWEPT = 0.5  # of the trained range, from one side to the other, that makes a sweep
-SWEEPS = 10  # of a joint, below which any change does harm on days of the real arm; from there on none did
+SWEEPS = 10  # of a joint; chosen on windows of two minutes of a real arm, where changes after fewer did harm
 SHOWN = {NOTHING: 0.0, ZERO: 0.0, SCALE: 0.6, SLOPES: 0.8}  # least share of the trained range, for each kind of change
 CLEAR = 0.4  # of the error on blocks: what leaves less is no side of the slack, however few the sweeps
 
