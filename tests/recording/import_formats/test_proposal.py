@@ -197,6 +197,24 @@ def test_a_digit_anywhere_in_a_name_does_not_break_a_group(names: list[str], exp
     assert sorted(columns for columns, _ in groups(names)) == sorted(expected)
 
 
+@pytest.mark.parametrize(
+    ("name", "kind", "unit", "scale"),
+    [
+        ("q1 [deg]", "position", "deg", None), ("elbow_deg[2]", "position", "deg", None),
+        ("dq_rad_s", "velocity", "rad", None), ("tau1 [mNm]", "effort", None, 1e-3), ("push_kN", "effort", None, 1e3),
+        # accelerations are no speeds, nor a letter a force
+        ("a1 [m/s2]", "position", None, None), ("a1 [rad/s^2]", "position", None, None),
+        ("part1_n", "position", None, None),
+    ],
+)  # fmt: skip
+def test_a_unit_behind_a_name_tells_a_quantity(name: str, kind: str, unit: str | None, scale: float | None) -> None:
+    stream = Stream("log.csv", "table", {name: np.arange(9.0), "t": np.arange(9.0)}, 9)
+    found = next(one for one in candidates_of([stream]) if one.columns == (name,))
+    assert found.kind == kind
+    assert found.stated_units() == (None if unit is None else (unit,))
+    assert found.stated_scale() == (None if scale is None else (scale,))
+
+
 @pytest.mark.parametrize("scale", [1.0, 180.0 / np.pi])
 def test_a_mapping_without_units_takes_those_that_are_proposed(scale: float, tmp_path: Path) -> None:
     """JointStates in rad and m, or a robot's in degrees against the standard: told by the robot's limits."""

@@ -55,8 +55,8 @@ _NO_JOINTS = _set(
 )
 _UNITS = _set("deg degree degrees rad mm cm m s nm n k c nmm ncm")
 _UNIT = re.compile(  # behind a name: q1 [deg], dq_rad_s, "tau3 (N m)", elbow_deg[2]
-    r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)(?P<speed>(?:/|_per_|_|\*)s(?:ec)?(?:\^-1)?)?"
-    r"|(?P<effort>(?P<part>[mck]?)N[ *.·]?(?P<lever>[mc]?)m|(?P<alone>[mk]?)N))\s*(?=[\])]?(?:\[?\d+\]?)?\Z)",
+    r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)(?P<speed>(?:/|_per_|_|\*)s(?:ec)?(?:\^-1)?(?!\d))?"
+    r"|(?P<effort>(?P<part>[mck]?)N[ *.·]?(?P<lever>[mc]?)m|(?-i:(?P<alone>[mk]?)N)))\s*(?=[\])]?(?:\[?\d+\]?)?\Z)",
     re.IGNORECASE,
 )
 _UNIT_WORDS = {"degree": "deg", "degrees": "deg", "°": "deg"}
