@@ -30,12 +30,12 @@ class Ticking:
         if not serving.is_psm:
             plants = {"gold": self.plant, "green": ParkedArm(JOINTS, UNITS, self.plant.firmware.home_value)}
         self.server = make_server(serving, transport, plants=plants)
-        self._transport, self._ends = transport, threading.Event()
+        self.transport, self._ends = transport, threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
     def _run(self) -> None:
-        rate = self._transport.rate(1000.0)
+        rate = self.transport.rate(1000.0)
         while not self._ends.is_set():
             self.server.tick()
             rate.sleep()
@@ -119,12 +119,15 @@ def test_states_and_state_commands_are_real_ones(robot: Ticking, peer: Peer) -> 
     asked = [("disable", "DISABLED", True), ("pause", "DISABLED", True)]
     if place == "/PSM1":  # which homes by command, in seconds
         asked += [("unhome", "DISABLED", False), ("enable", "ENABLED", False), ("home", "ENABLED", True)]
+    said = {"topic": f"{place}/state_command", "type": "crtk_msgs/StringStamped"}
+    peer("say", times=0, values={}, **said)
+    until(lambda: robot.transport.connections(said["topic"]).publishers, every=0.05)  # both know of each other
     for command, *wanted in asked:
-        peer("say", topic=f"{place}/state_command", type="crtk_msgs/StringStamped", values={"string": command})
+        peer("say", values={"string": command}, **said)
 
         def is_so(wanted: list[object] = wanted) -> bool:
-            said = peer("last", topic=f"{place}/operating_state")
-            return [said["state"], said["is_homed"]] == wanted
+            state = peer("last", topic=f"{place}/operating_state")
+            return [state["state"], state["is_homed"]] == wanted
 
         until(is_so, every=0.1)
     robot.plant.state_command("enable")
