@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from catenary.collision.contacts import without_constant_contacts
 from catenary.collision.scene import scene_of
 from catenary.identification.fourier_series import series_at_rest
 from catenary.robots.catalog import load_robot
@@ -29,7 +28,7 @@ def box_arm(model=PANDA):
 def apart(geometry, obstacles=(), model=PANDA):
     """Return the scene without pairs that are near in every pose."""
     q = np.random.default_rng(0).uniform(model.lower, model.upper, (40, model.n))
-    return without_constant_contacts(scene_of(model, geometry, obstacles), q, 0.05)[0]
+    return scene_of(model, geometry, obstacles).without_constant_contacts(q, 0.05)[0]
 
 
 def motion(model, seed, amplitude=0.8, period=4.0, centre=None):

@@ -6,9 +6,8 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from catenary.collision.bodies import box_at, floor_at
-from catenary.collision.clearance import FIRST, clearance_of
-from catenary.collision.scene import scene_of
-from catenary.dynamics.kinematics import forward_kinematics
+from catenary.collision.scene import LOOKS, scene_of
+from catenary.dynamics.kinematics import Configuration, forward_kinematics
 from colliding_arm import PANDA, apart, box_arm, capsule_arm, motion
 
 CAPSULES = apart(capsule_arm(), [floor_at(0.25)])
@@ -16,15 +15,14 @@ BOXES = apart(box_arm(), [floor_at(-0.2), box_at(1, [0.5, 0.0, 0.6, 0.2, 0.2, 0.
 
 
 def smallest(scene, path, rows):
-    placed = scene.place(path.sample(np.linspace(0.0, path.duration, rows))[0])
+    placed = Configuration(scene.model, path.sample(np.linspace(0.0, path.duration, rows))[0])
     known = scene.lower_bounds(placed)
     least = np.inf
     for place in np.argsort(known, axis=None):
         row, pair = (int(k) for k in np.unravel_index(place, known.shape))
         if known[row, pair] >= least:
             break
-        exact = scene.is_exact[pair]
-        least = min(least, known[row, pair] if exact else scene.distance(placed, row, pair))
+        least = min(least, scene.distance(placed, row, pair))
     return least
 
 
@@ -32,7 +30,7 @@ def smallest(scene, path, rows):
 @settings(max_examples=12)
 def test_a_motion_is_kept_clear_where_a_fine_look_finds_nothing_nearer(seed, margin, amplitude):
     path = motion(PANDA, seed, amplitude)
-    found = clearance_of(CAPSULES, path, margin)
+    found = CAPSULES.clearance(path, margin)
     least = smallest(CAPSULES, path, 1500)
     if found.is_kept:
         assert least >= margin
@@ -46,7 +44,7 @@ def test_a_motion_is_kept_clear_where_a_fine_look_finds_nothing_nearer(seed, mar
 @settings(max_examples=10)
 def test_the_same_of_boxes_by_coal(seed, amplitude):
     path = motion(PANDA, seed, amplitude)
-    found = clearance_of(BOXES, path, 0.01)
+    found = BOXES.clearance(path, 0.01)
     least = smallest(BOXES, path, 600)
     assert least >= 0.01 if found.is_kept else least < 0.015
     if found.is_kept:
@@ -55,7 +53,7 @@ def test_the_same_of_boxes_by_coal(seed, amplitude):
 
 def test_a_small_thing_that_is_passed_between_two_looks_is_found():
     path = motion(PANDA, 3, 1.5, centre=np.array([0.0, 0.9, 0.0, -1.2, 0.0, 2.0, 0.0]))
-    times = np.linspace(0.0, path.duration, FIRST + 1)
+    times = np.linspace(0.0, path.duration, LOOKS + 1)
     tip = forward_kinematics(PANDA, path.sample(times)[0])[1]
     k = int(np.argmax(np.linalg.norm(np.diff(tip, axis=0), axis=1)))
     passed = forward_kinematics(PANDA, path.sample(times[k : k + 2].mean(keepdims=True))[0])[1][0]
@@ -63,15 +61,15 @@ def test_a_small_thing_that_is_passed_between_two_looks_is_found():
     # the hand's own capsule alone: the links before it would be in the way as well
     is_hand = [set(scene.names(p)) == {PANDA.link_names[-1], "box 1"} for p in range(len(scene.pairs))]
     scene = replace(scene, pairs=scene.pairs[is_hand])
-    assert smallest(scene, path, FIRST + 1) > 0.01
-    found = clearance_of(scene, path, 1e-3)
+    assert smallest(scene, path, LOOKS + 1) > 0.01
+    found = scene.clearance(path, 1e-3)
     assert not found.is_kept
     assert times[k] < found.time < times[k + 1]
 
 
 def test_a_motion_that_stands_still_is_looked_at_little():
     path = motion(PANDA, 0, 1e-6, centre=np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0]))
-    found = clearance_of(CAPSULES, path, 0.005)
+    found = CAPSULES.clearance(path, 0.005)
     assert found.is_kept
     assert found.instants < 300
     assert found.distance == pytest.approx(smallest(CAPSULES, path, 3), abs=1e-5)

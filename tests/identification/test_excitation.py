@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.collision.bodies import box_at, floor_at
-from catenary.collision.contacts import is_free
 from catenary.errors import InputError, LimitError
 from catenary.identification.excitation import fourier_motion, static_poses
 from catenary.identification.motion_limits import MotionLimits, room_of
@@ -43,10 +42,9 @@ def test_a_motion_above_a_floor_stays_there_and_shows_nearly_as_much():
     kept = fourier_motion(replace(LIMITS, scene=scene), np.random.default_rng(0), trials=40)
     free = fourier_motion(LIMITS, np.random.default_rng(0), trials=40)
     assert kept.checked.clearance.is_kept
-    bounds = scene.lower_bounds(scene.place(kept.q))
-    assert bounds.min() >= 0.01
-    assert kept.checked.clearance.distance == pytest.approx(bounds.min(), abs=0.002)  # between fewer rows
-    assert scene.lower_bounds(scene.place(free.q)).min() < 0.0  # so that the floor is in the way at all
+    assert scene.keeps_apart(kept.q, 0.01)
+    assert not scene.keeps_apart(kept.q, kept.checked.clearance.distance + 0.002)  # between fewer rows
+    assert not scene.keeps_apart(free.q, 0.0)  # so that the floor is in the way at all
     assert kept.condition < 2.0 * free.condition
 
 
@@ -92,7 +90,7 @@ def test_chosen_poses_are_better_than_random_ones(monkeypatch):
 def test_poses_touch_nothing():
     scene = apart(capsule_arm(), [floor_at(0.2)])
     found = static_poses(replace(LIMITS, scene=scene), 15, np.random.default_rng(0))
-    assert is_free(scene, found.q, 0.01).all()
+    assert scene.keeps_apart(found.q, 0.01)
 
 
 def test_poses_are_refused_where_none_is_free(monkeypatch):

@@ -1,10 +1,8 @@
-"""Shapes in the form that distances are taken in: a capsule about each, and Coal's form of it; floors, boxes, meshes.
+"""Shapes as Coal has them, the library behind Pinocchio, and what stands about a robot: floors, boxes, meshes."""
 
-The only file that imports Coal, the library behind Pinocchio.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,56 +10,74 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError, MissingPackageError, to_install
-from catenary.robots.geometry import (
-    Ball,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    HalfSpace,
-    MeshFile,
-    Shape,
-    TriangleMesh,
-    check_form,
-)
+from catenary.robots.geometry import Ball, Box, HalfSpace, MeshFile, Shape, TriangleMesh, check_form
 from catenary.spatial import Pose
 
 MOST_TRIANGLES = 2_000_000
-ROUNDING = 1e-9  # [m] added to the capsule about vertices
 
 
+@cache
 def _coal() -> Any:
     try:
         import coal
     except ImportError as error:
         raise MissingPackageError(
-            f"shapes that are no capsules need Coal, which is not installed: {to_install('collision')}; "
+            f"collisions are found by Coal, which is not installed: {to_install('collision')}; "
             "--no-collision-check continues without"
         ) from error
     return coal
 
 
-def primitive(form: Box | Cylinder | Ellipsoid | Capsule | HalfSpace) -> Any:
-    """Return a simple form as Coal has it."""
-    coal = _coal()
+@dataclass(frozen=True)
+class Body:
+    """A shape on a link, with a ball about it; a half-space has none: its plane is z = 0 of `pose`."""
+
+    name: str
+    link: int  # -1: the base; obstacles stand on it too
+    pose: Pose  # in the link's frame
+    solid: Any  # Coal's convex form of it
+    surface: Any  # Coal's mesh of one that may not be convex; None of others
+    centre: Floats  # (3,) [m] of the ball, in the link's frame
+    radius: float  # [m] of the ball
+    is_obstacle: bool = False
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether it is a half-space."""
+        return not np.isfinite(self.radius)
+
+
+def body_of(shape: Shape, *, obstacle: bool = False) -> Body:
+    """Return a shape as a body."""
+    coal, form, (rotation, position) = _coal(), shape.form, shape.pose
+    solid = surface = None
     if isinstance(form, HalfSpace):
-        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
-    return getattr(coal, type(form).__name__)(*form)
+        solid = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+        return Body(shape.name, shape.link, shape.pose, solid, None, position, np.inf, obstacle)
+    if isinstance(form, MeshFile | TriangleMesh):
+        solid, surface = _mesh(shape.name, form)
+    else:
+        solid = coal.Sphere(form.radius) if isinstance(form, Ball) else getattr(coal, type(form).__name__)(*form)
+    solid.computeLocalAABB()
+    centre = rotation @ np.asarray(solid.aabb_center) + position
+    return Body(shape.name, shape.link, shape.pose, solid, surface, centre, float(solid.aabb_radius), obstacle)
 
 
-def mesh_of(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any, Floats]:
-    """Return a mesh's convex hull, the mesh itself, and its vertices (V, 3) [m]."""
-    coal = _coal()
+def _mesh(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any]:
+    """Return a mesh's convex hull, and the mesh itself."""
+    coal, where = _coal(), f'"{name}"'
     if isinstance(form, MeshFile):
-        where = f'"{name}": {form.path}'
-        scale = np.array(form.scale, dtype=float)
+        where = f"{where}: {form.path}"
         try:
-            surface = coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(form.path), scale)
+            surface = coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(form.path), np.array(form.scale, dtype=float))
         except (RuntimeError, ValueError) as error:
             raise FileFormatError(f"{where}: cannot be read as a mesh: {str(error).strip()}") from error
     else:
-        where = f'"{name}"'
-        surface = _surface(coal, form)
+        surface = coal.BVHModelOBBRSS()
+        surface.beginModel(len(form.triangles), len(form.vertices))
+        surface.addVertices(np.asarray(form.vertices, dtype=float))
+        surface.addTriangles(np.asarray(form.triangles, dtype=np.int64))
+        surface.endModel()
     vertices = np.array(surface.vertices(), dtype=float).reshape(-1, 3)
     if len(vertices) < 3 or not np.isfinite(vertices).all() or surface.num_tris > MOST_TRIANGLES:
         raise FileFormatError(
@@ -72,113 +88,19 @@ def mesh_of(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any, Floats]
         surface.buildConvexHull(True, "Qt")
     except (RuntimeError, ValueError) as error:
         raise FileFormatError(f"{where}: the mesh is flat: it has no convex hull") from error
-    return surface.convex, surface, vertices
+    return surface.convex, surface
 
 
-def _surface(coal: Any, mesh: TriangleMesh) -> Any:
-    surface = coal.BVHModelOBBRSS()
-    surface.beginModel(len(mesh.triangles), len(mesh.vertices))
-    surface.addVertices(np.asarray(mesh.vertices, dtype=float))
-    surface.addTriangles(np.asarray(mesh.triangles, dtype=np.int64))
-    surface.endModel()
-    return surface
+@cache
+def _request() -> tuple[Any, Any]:
+    return _coal().DistanceRequest(), _coal().DistanceResult()
 
 
-def distances() -> Callable[[Any, Pose, Any, Pose], float]:
-    """Return a function of two of Coal's forms and their poses: their distance [m], negative where they overlap."""
-    coal = _coal()
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-
-    def distance(a: Any, at_a: Pose, b: Any, at_b: Pose) -> float:
-        result.clear()
-        return float(coal.distance(a, coal.Transform3s(*at_a), b, coal.Transform3s(*at_b), request, result))
-
-    return distance
-
-
-@dataclass(frozen=True)
-class Body:
-    """A shape on a link, with the smallest capsule found about it.
-
-    A half-space has none: its plane is z = 0 of `pose`.
-    """
-
-    name: str
-    link: int  # -1: the base; obstacles stand on it too
-    pose: Pose  # in the link's frame
-    start: Floats  # (3,) [m] ends of the capsule's segment in the link's frame
-    end: Floats
-    radius: float  # [m]
-    is_plane: bool = False
-    solid: Any = None  # Coal's convex form of it, None where the capsule is the shape itself
-    surface: Any = None  # Coal's mesh, of one that may not be convex
-    is_obstacle: bool = False
-
-    @property
-    def is_capsule(self) -> bool:
-        """Whether the capsule is the shape itself."""
-        return self.solid is None and not self.is_plane
-
-    @property
-    def extent(self) -> float:
-        """Distance of its farthest point from the link's origin [m]."""
-        return float(max(np.linalg.norm(self.start), np.linalg.norm(self.end))) + self.radius
-
-
-def bodies_of(shapes: tuple[Shape, ...], *, obstacles: bool = False) -> list[Body]:
-    """Return shapes as bodies; Coal is imported for all but balls, capsules and planes."""
-    return [_body(shape, obstacle=obstacles) for shape in shapes]
-
-
-def _body(shape: Shape, *, obstacle: bool) -> Body:
-    form, pose = shape.form, shape.pose
-    half = np.zeros(3)
-    solid = surface = None
-    centre = np.zeros(3)
-    if isinstance(form, HalfSpace):
-        return Body(shape.name, shape.link, pose, half, half, 0.0, is_plane=True, is_obstacle=obstacle)
-    if isinstance(form, Ball):
-        radius = form.radius
-    elif isinstance(form, Capsule):
-        half, radius = np.array([0.0, 0.0, 0.5 * form.length]), form.radius
-    else:
-        if isinstance(form, Cylinder):
-            half, radius = np.array([0.0, 0.0, 0.5 * form.length]), form.radius
-            solid = primitive(form)
-        elif isinstance(form, Box | Ellipsoid):
-            sizes = np.array(form, dtype=float) * (0.5 if isinstance(form, Box) else 1.0)
-            longest = int(np.argmax(sizes))
-            others = np.delete(sizes, longest)
-            # a box needs the diagonal of its smaller side, an ellipsoid its second half axis
-            radius = float(np.linalg.norm(others)) if isinstance(form, Box) else float(others.max())
-            half[longest] = sizes[longest] - (0.0 if isinstance(form, Box) else radius)
-            solid = primitive(form)
-        else:
-            solid, surface, vertices = mesh_of(shape.name, form)
-            centre, half, radius = capsule_about(vertices)
-    start, end = (pose.rotation @ (centre + sign * half) + pose.position for sign in (-1.0, 1.0))
-    return Body(shape.name, shape.link, pose, start, end, radius, solid=solid, surface=surface, is_obstacle=obstacle)
-
-
-def capsule_about(vertices: Floats) -> tuple[Floats, Floats, float]:
-    """Return a capsule about points (V, 3): its centre, half its segment (3,), its radius [m].
-
-    Along their longest principal axis; the segment is the shortest for the radius that they need about it.
-    """
-    mean = vertices.mean(axis=0)
-    axis = np.linalg.svd(vertices - mean, full_matrices=False)[2][0]
-    along = (vertices - mean) @ axis
-    beside = vertices - mean - along[:, None] * axis
-    # the centre of the box about what lies across the axis, which is never far from the smallest circle's
-    middle = 0.5 * (beside.max(axis=0) + beside.min(axis=0))
-    middle -= (middle @ axis) * axis
-    across = np.linalg.norm(beside - middle, axis=1)
-    radius = float(across.max())
-    cap = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
-    low, high = float((along + cap).min()), float((along - cap).max())
-    if low > high:  # one ball holds all
-        low = high = 0.5 * (low + high)
-    return mean + middle + 0.5 * (low + high) * axis, 0.5 * (high - low) * axis, radius + ROUNDING
+def distance(a: Any, at_a: Pose, b: Any, at_b: Pose) -> float:
+    """Return the distance of two of Coal's forms at their poses [m], negative where they overlap."""
+    (request, result), coal = _request(), _coal()
+    result.clear()
+    return float(coal.distance(a, coal.Transform3s(*at_a), b, coal.Transform3s(*at_b), request, result))
 
 
 def floor_at(height: float) -> Shape:

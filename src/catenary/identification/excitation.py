@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.collision.contacts import require_free_pose
 from catenary.errors import InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
 from catenary.identification.fourier_series import FourierSeries, series_at_rest
@@ -221,7 +220,7 @@ def free_poses(limits: MotionLimits, rng: np.random.Generator) -> Floats:
     free = limits.free_poses(drawn)
     if not len(free):
         if limits.scene is not None:
-            require_free_pose(limits.scene, drawn, limits.margin)
+            limits.scene.free_poses(drawn, limits.margin)
         raise InputError(
             f'robot "{limits.model.name}": in none of {POSES} poses within the limits can its own weight be held, '
             "with distances of more than the margin"

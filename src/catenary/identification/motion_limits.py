@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.collision.clearance import Clearance, clearance_of
-from catenary.collision.contacts import is_free, keep_apart
-from catenary.collision.scene import CollisionScene
+from catenary.collision.scene import Clearance, CollisionScene
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError
 from catenary.identification.fourier_series import FourierSeries
@@ -105,7 +103,7 @@ class MotionLimits:
             over = np.abs(self.torque(q, still, still)) > EFFORT * self.room.effort
             free = np.asarray(~over.any(axis=1))
         if self.scene is not None and free.any():
-            free[free] = is_free(self.scene, q[free], self.margin + DIP)
+            free[free] = ~self.scene.touching(q[free], self.margin + DIP).any(axis=1)
         return np.asarray(q[free])
 
     def seem_kept(self, series: FourierSeries) -> bool:
@@ -117,7 +115,7 @@ class MotionLimits:
         rows = series.sample(np.arange(SEARCH_ROWS) * series.period / SEARCH_ROWS)
         if self.has_torques and (np.abs(self.torque(*rows)) > EFFORT * self.room.effort).any():
             return False
-        return self.scene is None or keep_apart(self.scene, rows[0], self.margin + DIP)
+        return self.scene is None or self.scene.keeps_apart(rows[0], self.margin + DIP)
 
     def check(self, path: FourierSeries) -> "CheckedMotion":
         """Return whether a motion keeps all limits: at every instant, torques at a thousand rows of it."""
@@ -140,7 +138,7 @@ class MotionLimits:
                 return CheckedMotion(f"{names[worst]} needs {torque[worst]:.2f} of its torque limit", torque, None)
         if self.scene is None:
             return CheckedMotion(None, torque, None)
-        found = clearance_of(self.scene, path, self.margin)
+        found = self.scene.clearance(path, self.margin)
         fault = None
         if not found.is_kept:
             a, b = found.pair

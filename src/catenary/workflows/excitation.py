@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.collision.contacts import POSES, without_constant_contacts
-from catenary.collision.scene import Names, scene_of
+from catenary.collision.scene import POSES, Names, scene_of
 from catenary.errors import InputError
 from catenary.files import write_atomically
 from catenary.identification.excitation import Excitation, fourier_motion, static_poses
@@ -135,7 +134,7 @@ def _limits(
         within = replace(model, lower=room.lower, upper=room.upper)
         scene = scene_of(within, around.geometry, around.obstacles, ignored=around.ignored)
         poses = rng.uniform(*room.inner(), (POSES, model.n))
-        scene, always = without_constant_contacts(scene, poses, around.margin)
+        scene, always = scene.without_constant_contacts(poses, around.margin)
         notes += around.geometry.notes
         if around.geometry.assumed:
             notes.append(f"shapes are assumed, not measured: {around.geometry.origin}")
