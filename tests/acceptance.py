@@ -34,6 +34,7 @@ OVER = {
     **{f"{ros.capitalize()}, {by}": (ros, by.lower()) for ros in DISTRIBUTIONS for by in ("DDS", "rclpy")},
 }
 BEFORE = "<!-- made by `make acceptance` -->"  # the table in a page
+EARLY, TRIES = "no data received yet", 5
 LIMIT = 600.0  # [s] of a program
 RATE = "200"  # [Hz] of what is served: a dVRK's is 100 to 200
 
@@ -99,6 +100,15 @@ def outcome(ros: str, by: str, program: str, programs: Path) -> str:
     return ended
 
 
+def tried(ros: str, by: str, program: str, programs: Path) -> str:
+    """Return how a program ended, tried again where it read before any data could reach it: see docs/crtk.md."""
+    for count in range(1, TRIES + 1):
+        ended = outcome(ros, by, program, programs)
+        if EARLY not in ended:
+            break
+    return ended if count == 1 else f"{ended}, try {count}"
+
+
 def say(line: str) -> None:
     """Print a line at once."""
     sys.stdout.write(f"{line}\n")
@@ -131,7 +141,7 @@ def main() -> int:
     say(head)
     faults = 0
     for name in asked.over or OVER:
-        cells = [outcome(*OVER[name], program, asked.folder.resolve()) for program in programs]
+        cells = [tried(*OVER[name], program, asked.folder.resolve()) for program in programs]
         faults += sum(not cell.startswith("0,") for cell in cells)
         rows[name] = f"| {name} | {' | '.join(cells)} |"
         say(rows[name])
