@@ -102,10 +102,9 @@ def outcome(ros: str, by: str, program: str, programs: Path) -> str:
 
 def tried(ros: str, by: str, program: str, programs: Path) -> str:
     """Return how a program ended, tried again where it read before any data could reach it: see docs/crtk.md."""
-    for count in range(1, TRIES + 1):
-        ended = outcome(ros, by, program, programs)
-        if EARLY not in ended:
-            break
+    count, ended = 1, outcome(ros, by, program, programs)
+    while EARLY in ended and count < TRIES:
+        count, ended = count + 1, outcome(ros, by, program, programs)
     return ended if count == 1 else f"{ended}, try {count}"
 
 

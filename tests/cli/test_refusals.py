@@ -250,7 +250,6 @@ REFUSALS = {
     # what mends a recording stands beside one
     "calibrate new --swap J1,J2": "--swap: goes with [DATA...]",
     "calibrate new {run} --test {run} --hours 1": "--hours: does not go with [DATA...]",
-    "export raven2 --c a.h --swap J1,J2": "--swap: goes with --mcap",
     "view raven2 --as-is": "goes with --log or a project",
     "serve --ros none --dialect klingon": "raven or crtk",
     "serve --ros 3": "1, 2 or none",

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one
-from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, PICTURE, out_path
-from catenary.cli.recording_options import MAX_ERROR, MappingOptions, ModelRecordingOptions, RecordingOptions
+from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
+from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
 from catenary.errors import InputError
@@ -86,45 +86,33 @@ def recover(
 def export(
     description: DescriptionOptions,
     carried: PayloadOptions,
-    recordings: ModelRecordingOptions,
-    what: str | None = argument(
-        "[ROBOT|MODEL|LOG]", "With --c a robot, none with --model; with --onnx a model; with --mcap a recording.", None
-    ),
+    what: str | None = argument("[ROBOT|MODEL]", "With --c a robot, none with --model; with --onnx a model.", None),
     c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
     onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
-    mcap: Path | None = option("OUT", "MCAP file to write, e.g. lab.mcap, with the robot's lab.urdf.", writes=MCAP),
-    robot: str | None = option("ROBOT", "With --mcap: recorded robot. [default: as it states]", goes_with="mcap"),
-    model: Path | None = option("MODEL", "Calibration model for the header or the recording.", not_with="onnx"),
-    rate_hz: float | None = option("HZ", "Rate of the loop. [default: 1000 in C, the rows' in ONNX]", not_with="mcap"),
+    model: Path | None = option("MODEL", "Calibration model for the header.", goes_with="c"),
+    rate_hz: float | None = option("HZ", "Rate of the loop. [default: 1000 in C, the rows' in ONNX]"),
     friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"),
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.", goes_with="c"),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Write a robot as C, a model as ONNX, a recording as MCAP.
+    """Write a robot as C, a model as ONNX.
 
     The C header holds the dynamics (feedforward, inverse dynamics on a moving base, mass matrix, gravity) and the joint
     correction, for loops in C and C++, without libraries or allocation. Without a robot it holds the correction alone.
-    The ONNX graph computes in float64; its memory goes in and out as tensors. Foxglove, PlotJuggler and Rerun show the
-    MCAP file: joints, link poses, gravity.
+    The ONNX graph computes in float64; its memory goes in and out as tensors.
 
     Example: catenary export --model arm.npz --c arm.h
-    Example: catenary export demo/test.parquet --mcap test.mcap
     """
-    require_one(c=c, onnx=onnx, mcap=mcap)
+    require_one(c=c, onnx=onnx)
     if what is None and (c is None or model is None):
-        other = "the calibration model" if onnx is not None else "the recording"
-        needed = "a robot, or --model for its correction alone" if c is not None else other
+        needed = "the calibration model" if c is None else "a robot, or --model for its correction alone"
         raise InputError(f"export: expected {needed}")
     if (c is None or what is None) and (carried != PayloadOptions() or friction or viscous):
         raise InputError("export: --payload, --friction and --viscous are for --c of a robot")
-    if mcap is None and recordings != ModelRecordingOptions():
-        raise InputError("export: options of a recording go with --mcap")
     if c is not None:
         loads = {"friction": friction, "viscous": viscous}
         known = None if what is None else carried.on(description.load(what))
         _c(known, c, model, 1000.0 if rate_hz is None else rate_hz, loads, as_json)
-    elif mcap is not None and what is not None:
-        _mcap(Path(what), mcap, robot, model, recordings, as_json)
     elif onnx is not None and what is not None:
         _onnx(Path(what), onnx, rate_hz, as_json)
 
@@ -164,30 +152,6 @@ def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
             value = [f"{tensor} ({', '.join(map(str, shape))})" for tensor, shape in value.items()]
         facts.append((name, value if isinstance(value, str) else ", ".join(value)))
     print_result(as_json, summary, facts, notes=summary["notes"])
-
-
-def _mcap(
-    log: Path, out: Path, robot: str | None, model: Path | None, recordings: ModelRecordingOptions, as_json: bool
-) -> None:
-    from catenary.calibration.model_file import load_model
-    from catenary.robots.catalog import load_robot
-    from catenary.robots.shapes import load_geometry
-    from catenary.view.mcap_file import write_mcap
-    from catenary.view.replay import recorded_arm
-    from catenary.workflows.calibration_model import recording_for
-
-    calibration = None if model is None else load_model(model)[0]
-    recording = recording_for(calibration, log, recordings.reading())
-    named = robot or recording.robot or "raven2"
-    arm = load_robot(named)
-    geometry = load_geometry(named, arm)
-    shapes = () if geometry is None else geometry.shapes
-    made = write_mcap(recorded_arm(recording, arm, calibration), recording, out, shapes)
-    print_notes([*(note for note in recording.notes if note.startswith("corrected")), *made.notes])
-    urdf = None if made.urdf is None else str(made.urdf)
-    content = {"file": str(out), "urdf": urdf, "robot": arm.name, "messages": dict(made.messages)}
-    topics = ", ".join(f"{topic} ({n})" for topic, n in made.messages.items())
-    print_result(as_json, content, [("written", str(out)), ("robot", f"{arm.name}, {urdf}"), ("topics", topics)])
 
 
 def import_recording(

@@ -30,7 +30,7 @@ class FileKind:
     name: str
     endings: tuple[str, ...]  # known endings that its name may have
     is_one: Callable[[Path], bool]  # whether an existing file is one
-    beside: "tuple[str, Callable[[Path], Path], FileKind | None] | None" = None  # written with it: what, where, kind
+    has_card: bool = False  # which is written with it
 
 
 def out_path(typed: str | Path) -> Path:
@@ -55,9 +55,8 @@ def refuse_outputs(written: Mapping[str, tuple[Path, FileKind]], read: Sequence[
     every: dict[str, tuple[Path, FileKind | None]] = {}
     for option, (path, kind) in written.items():
         every[option] = path, kind
-        if kind.beside is not None:
-            what, place_of, other = kind.beside
-            every[f"{what} of {option}"] = place_of(path), other
+        if kind.has_card:
+            every[f"the card of {option}"] = card_path(path), None
     places: list[Path] = []
     for option, (path, _) in every.items():
         if path.exists() and any(os.path.exists(each) and path.samefile(each) for each in read):
@@ -141,9 +140,8 @@ def _is_excitation(path: Path) -> bool:
     return _is_designed(path) or _holds(b",ddq:")(path)
 
 
-_CARD = ("the card", card_path, None)
-MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"), _CARD)
-PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), _CARD)
+MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"), True)
+PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), True)
 LOG = FileKind("a motion log", (".parquet",), _is_log)
 EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
 EXTERNAL = FileKind("external torques", (".csv",), _holds(b"external:"))
@@ -152,9 +150,6 @@ MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
 GRAPH = FileKind("an ONNX graph", (".onnx",), _holds(b"catenary"))
 URDF = FileKind("a URDF", (".urdf", ".xml"), _holds(b"<robot"))
-MCAP = FileKind(
-    "an MCAP file", (".mcap",), _holds(b"\x89MCAP"), ("the URDF", lambda path: path.with_suffix(".urdf"), URDF)
-)
 PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), _is_picture)
 PAGE = FileKind("a page", (".html", ".htm"), _holds(b"<!doctype html>"))
 

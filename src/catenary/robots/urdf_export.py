@@ -1,6 +1,5 @@
 """Robots written as URDF, for other programs to read."""
 
-from collections.abc import Sequence
 from math import atan2, hypot
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +13,6 @@ from catenary.arrays import Floats
 from catenary.errors import UnsupportedModelError
 from catenary.files import write_atomically
 from catenary.robots.actuation import JointDrives, joint_drives
-from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Shape
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
@@ -26,53 +24,32 @@ def write_urdf(model: RobotModel, path: Path) -> None:
     write_atomically(path, urdf_text(model).encode())
 
 
-def urdf_text(model: RobotModel, shapes: Sequence[Shape] = ()) -> str:
+def urdf_text(model: RobotModel) -> str:
     """Return a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
 
     A link whose inertia about its centre of mass is not known has none here either. Coordinates that move no link
     (motors that carry friction only) have no place in URDF and are left out. Of an actuation whose numbers are known
     the Coulomb and viscous friction of joints by themselves is written (<dynamics>); URDF has nothing for the rest.
-
-    Args:
-        model: The robot.
-        shapes: What its links look like (<visual>): boxes, balls, cylinders, and capsules as a cylinder between balls.
-            Others are left out.
     """
     root = Element("robot", name=model.name)
-    _add_shapes(SubElement(root, "link", name=model.base), shapes, -1)
+    SubElement(root, "link", name=model.base)
     drives = _drives(model)
     friction = None if model.actuation is None else joint_drives(model.actuation, model.n)
     for i in range(len(model.link_names)):
-        _add_shapes(_add_link(root, model, i), shapes, i)
+        _add_link(root, model, i)
         _add_joint(root, model, i, drives, friction)
-    for frame in fixed_frames(model):
-        SubElement(root, "link", name=frame.name)
-        joint = SubElement(root, "joint", name=f"{frame.name}_fixed", type="fixed")
-        SubElement(joint, "parent", link=frame.on)
-        SubElement(joint, "child", link=frame.name)
-        _add_origin(joint, frame.pose)
+    for frame, (link, pose) in model.frames.items():
+        moved = not (np.array_equal(pose.rotation, np.eye(3)) and not pose.position.any())
+        if frame == model.base or (frame in model.link_names and not moved):
+            continue  # those that are a link's own
+        name = f"{frame}_frame" if frame in model.link_names else frame
+        SubElement(root, "link", name=name)
+        joint = SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
+        SubElement(joint, "parent", link=model.base if link < 0 else model.link_names[link])
+        SubElement(joint, "child", link=name)
+        _add_origin(joint, pose)
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-class FixedFrame(NamedTuple):
-    """A named frame on a link, as its URDF has it: a link without mass, fixed to another."""
-
-    name: str
-    on: str  # the link
-    pose: Pose  # in the link's frame
-
-
-def fixed_frames(model: RobotModel) -> tuple[FixedFrame, ...]:
-    """Return a robot's named frames but those that are its links' own."""
-    found = []
-    for name, (link, pose) in model.frames.items():
-        moved = not (np.array_equal(pose.rotation, np.eye(3)) and not pose.position.any())
-        if name == model.base or (name in model.link_names and not moved):
-            continue
-        label = f"{name}_frame" if name in model.link_names else name
-        found.append(FixedFrame(label, model.base if link < 0 else model.link_names[link], pose))
-    return tuple(found)
 
 
 class _Drive(NamedTuple):
@@ -106,45 +83,19 @@ def _drives(model: RobotModel) -> list[_Drive]:
     return drives
 
 
-def _add_link(root: Element, model: RobotModel, i: int) -> Element:
+def _add_link(root: Element, model: RobotModel, i: int) -> None:
     link = SubElement(root, "link", name=model.link_names[i])
     if model.tree.mass[i] <= 0.0:
-        return link
+        return
     inertial = SubElement(link, "inertial")
     SubElement(inertial, "origin", xyz=_text(model.tree.com[i]), rpy="0 0 0")
     SubElement(inertial, "mass", value=repr(float(model.tree.mass[i])))
     if model.link_names[i] in model.missing_tensor:
-        return link
+        return
     tensor = model.tree.inertia[i]
     keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     entries = zip(keys, tensor[np.triu_indices(3)], strict=True)
     SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in entries})
-    return link
-
-
-def _add_shapes(link: Element, shapes: Sequence[Shape], number: int) -> None:
-    """Add what a link looks like; -1 is the base."""
-    for shape in shapes:
-        if shape.link != number:
-            continue
-        form = shape.form
-        if isinstance(form, Box):
-            _add_visual(link, shape.pose, "box", size=_text(np.array(form)))
-        elif isinstance(form, Ball):
-            _add_visual(link, shape.pose, "sphere", radius=repr(float(form.radius)))
-        elif isinstance(form, Capsule | Cylinder):
-            radius = repr(float(form.radius))
-            if form.length > 0.0:
-                _add_visual(link, shape.pose, "cylinder", radius=radius, length=repr(float(form.length)))
-            for end in (-0.5, 0.5) if isinstance(form, Capsule) else ():
-                place = shape.pose @ Pose(np.eye(3), np.array([0.0, 0.0, end * form.length]))
-                _add_visual(link, place, "sphere", radius=radius)
-
-
-def _add_visual(link: Element, pose: Pose, kind: str, **sizes: str) -> None:
-    visual = SubElement(link, "visual")
-    _add_origin(visual, pose)
-    SubElement(SubElement(visual, "geometry"), kind, sizes)
 
 
 def _add_joint(root: Element, model: RobotModel, i: int, drives: list[_Drive], friction: JointDrives | None) -> None:
