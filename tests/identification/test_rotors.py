@@ -79,11 +79,25 @@ def test_torques_of_a_geared_arm_are_in_no_doubt(arm):
             assert torque_findings(replace(result, training=(result.compare(samples),)), samples, fitted=True) == []
 
 
+def test_currents_read_as_torques_get_no_factors_that_masses_do_not_tell(found, arm):
+    amps = replace(log(0), tau=log(0).tau / 10.0)
+    options = IdentifyOptions(consistent=False, friction=())
+    own, loaded = prepare(amps, arm, options), ur10_log(3, payload=(5.0, [0.02, 0.1922, 0.05]))
+    loaded = prepare(replace(loaded, tau=loaded.tau / 10.0), arm, options)
+    for result, samples, fitted in (identify([amps], arm, options), own, True), (found.test([loaded]), loaded, False):
+        [finding] = torque_findings(result, samples, fitted=fitted, may_carry=not fitted)
+        assert finding.name == "torques"
+        assert "of every joint" in finding.remedy
+        assert "masses tell nothing of wrist_1_joint, wrist_2_joint, wrist_3_joint" in finding.remedy
+
+
 def test_a_payload_of_a_geared_arm_is_weighed(found, arm):
     place = [0.02, 0.1922, 0.05]
-    samples = [prepare(ur10_log(2, payload=(5.0, place)), arm, IdentifyOptions())]
+    samples = [prepare(ur10_log(3, payload=(5.0, place)), arm, IdentifyOptions())]
     estimate = estimate_payload(found, samples, at=("wrist_3_link", place))
     assert estimate.mass == pytest.approx(5.0, rel=0.005)
+    # torques of the wrist that friction and a rotor made alone are no currents where a load hangs on it
+    assert torque_findings(found.test(samples), samples[0], fitted=False, may_carry=True) == []
 
 
 def test_rotors_that_are_known_are_taken_as_they_are(arm, found):

@@ -1,3 +1,4 @@
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import DataError, InputError
+from catenary.files import json_text
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification_file import save_identification
 from catenary.identification.identify_options import IdentifyOptions
@@ -109,6 +111,7 @@ def test_currents_with_a_known_load_give_torques(tmp_path: Path) -> None:
     result = identify_files([fitted], urdf, options, tests=[tested], reading=reading, load=(5.0, loaded))
     assert result.gains is not None
     assert (np.abs(result.gains.gains / gains - 1.0) < 0.03).all()
+    assert json.loads(json_text(result.summary()))["drive_gains"]["gains"] == result.gains.gains.tolist()
     assert result.identification.tests[0].verdict == "holds"
     assert any("drive gains" in note for note in result.notes)
     assert any("the load weighs 5.0" in note or "the load weighs 4.9" in note for note in result.notes)

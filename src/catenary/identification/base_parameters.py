@@ -67,18 +67,9 @@ class BaseParameters:
         """Which of all parameters (k,) torques tell by themselves, in combination with others, or not at all."""
         return tuple(_identifiable(self.combination, c) for c in range(self.combination.shape[1]))
 
-    def regressor(
-        self,
-        q: Floats,
-        qd: Floats,
-        qdd: Floats,
-        gravity: Floats,
-        *,
-        base: BaseMotion | None = None,
-        loads: Floats | None = None,
-    ) -> Floats:
+    def regressor(self, *motion: Floats, base: BaseMotion | None = None, loads: Floats | None = None) -> Floats:
         """Return the matrix (N, n, b) of tau = Y_b beta at motions (N, n); arguments as `Parameters.regressor`."""
-        return self.parameters.regressor(q, qd, qdd, gravity, base=base, loads=loads)[:, :, self.columns]
+        return self.parameters.regressor(*motion, base=base, loads=loads)[:, :, self.columns]
 
     def chunks(self, samples: Samples, gravity: Floats) -> Iterator[tuple[slice, Floats]]:
         """Yield parts of a recording's rows with their matrix (N, n, b), a chunk at a time.

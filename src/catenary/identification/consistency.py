@@ -65,7 +65,9 @@ def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None,
     bounded, limits, sets = consistent_cones(base)
     A.append(sparse.hstack([sparse.csc_matrix(bounded), sparse.csc_matrix((len(limits), rows))]))
     linear = np.zeros(k + rows)
-    linear[:k] = PREFER_SMALL * trace_row(base)
+    per_link, links = base.parameters.per_link, len(base.parameters.links)
+    trace = _triangle(np.eye(4)) @ _pseudo_inertia_map() * scale[:PER_LINK] if per_link == PER_LINK else np.eye(4)[0]
+    linear[: links * per_link] = PREFER_SMALL * np.tile(trace, links)
     quadratic = sparse.csc_matrix(np.diag(np.concatenate([np.zeros(k), np.ones(rows)])))
     phi = solve_program(quadratic, linear, sparse.vstack(A), np.concatenate([right, limits]), [*cones, *sets])
     return phi[:k] * scale
@@ -93,18 +95,6 @@ def consistent_cones(base: BaseParameters) -> tuple[Floats, Floats, list[object]
             cones.append(clarabel.SecondOrderConeT(4))
         A.append(block)
     return np.vstack(A), np.concatenate(right), cones
-
-
-def trace_row(base: BaseParameters) -> Floats:
-    """Return the row (k,) that gives the links' sum of pseudo-inertia traces, or of masses, of phi / scale."""
-    parameters, row = base.parameters, np.zeros(base.combination.shape[1])
-    for place in range(len(parameters.links)):
-        if parameters.per_link == PER_LINK:
-            body = _pseudo_inertia_map() @ np.diag(parameter_scale(base)[:10])
-            row[parameters.link_columns(place)] = _triangle(np.eye(4)) @ body
-        else:
-            row[parameters.link_columns(place)] = [1.0, 0.0, 0.0, 0.0]
-    return row
 
 
 def solve_program(quadratic: Any, linear: Floats, A: Any, right: Floats, cones: list[object]) -> Floats:

@@ -16,11 +16,13 @@ from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import ExcitationError, InputError
 from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.least_squares import scaled_solution
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.model import RobotModel
 
 MOST_ROUNDS = 50
 CONVERGED = 1e-7  # of the logarithm of a gain
+VISIBLE = 1e-9  # smallest singular value, columns scaled to one
 LONGEST = 0.5  # step of that logarithm
 OWN = ("coulomb", "viscous", "offset")  # kinds of friction that a loaded arm has otherwise
 SURE = 0.2  # relative standard error of a gain: beyond it the recordings do not show it
@@ -119,7 +121,7 @@ def _solved(
     for i, R in enumerate(axes):  # K i - Y x = m y
         rows, weight = slice(bounds[i], bounds[i + 1]), 1.0 / max(float(np.linalg.norm(R[:, k])), 1e-300)
         A[rows, i], A[rows, n:], right[rows] = weight * R[:, k], -weight * R[:, free], weight * load * R[:, mass]
-    solution = _least_squares(A, right)
+    solution = scaled_solution(A, right, VISIBLE)
     unknown[free] = solution[n:]
     gains = solution[:n] if start is None else start
     logs = np.log(np.where(gains > 0.0, gains, np.abs(gains).max()))
@@ -131,17 +133,10 @@ def _solved(
             weight = 1.0 / max(float(np.linalg.norm(left)), 1e-300)
             A[rows] = 0.0
             A[rows, i], A[rows, n:], right[rows] = -weight * explained, weight * R[:, free] / gain, weight * left
-        step = _least_squares(A, right)
+        step = scaled_solution(A, right, VISIBLE)
         largest = float(np.abs(step[:n]).max())
         step *= min(1.0, LONGEST / max(largest, 1e-300))
         logs, unknown[free] = logs + step[:n], unknown[free] + step[n:]
         if largest < CONVERGED:
             break
     return np.exp(logs), unknown
-
-
-def _least_squares(A: Floats, b: Floats) -> Floats:
-    scale = np.linalg.norm(A, axis=0)
-    scale[scale == 0.0] = 1.0
-    solution: Floats = np.linalg.lstsq(A / scale, b, rcond=1e-9)[0] / scale
-    return solution

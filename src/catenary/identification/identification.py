@@ -22,7 +22,7 @@ from catenary.identification.drive_gains import DriveGains, drive_gains
 from catenary.identification.friction_choice import FrictionPart, choose_friction, terms_show
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
-from catenary.identification.parameters import Parameters, friction_of
+from catenary.identification.parameters import IN, Parameters
 from catenary.identification.residuals import (
     LogResidual,
     MovedRange,
@@ -34,7 +34,7 @@ from catenary.identification.residuals import (
 )
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
-from catenary.robots.actuation import Actuation, MotorInertia, actuation_terms
+from catenary.robots.actuation import Actuation, Friction, MotorInertia, actuation_terms
 from catenary.robots.model import RobotModel
 
 TILTING = 0.02  # of gravity: recordings in which its direction varies by less are of one base
@@ -143,8 +143,8 @@ class Identification:
             result = residual(part, predicted)
             axes = [int(i) for i in unpredicted(result, worst)]
             reasons = {i: reason_of(self.model, i, part, predicted, self.seen) for i in axes}
-            telling = [i for i in axes if not reasons[i].tells_nothing]
-            said = tuple(reason.says for reason in reasons.values())
+            telling = [i for i in axes if reasons[i][1]]
+            said = tuple(says for says, _ in reasons.values())
             tests.append(replace(result, verdict=judge(result, axes, telling), reasons=said))
         return replace(self, tests=(*self.tests, *tests))
 
@@ -284,7 +284,11 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
         plain = _fit(samples, model, free, gravity)
     names = [part.name for part in samples]
     if options.terms == "full" and "recording" in options.friction and len(set(names)) == len(names) > 1:
-        each = (friction_of(friction, name) for name in names[:-1] for friction in actuation.friction)
+        each = (
+            Friction(f"{own.name}{IN}{name}", own.combination, own.coulomb, own.viscous, own.offset, recording=name)
+            for name in names[:-1]
+            for own in actuation.friction
+        )
         apart = replace(actuation, friction=(*actuation.friction, *each))
         if shows(apart):
             actuation, model = apart, replace(model, actuation=apart)

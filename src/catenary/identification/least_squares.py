@@ -81,6 +81,14 @@ def one_over(size: Floats) -> Floats:
     return np.where(size > floor, 1.0 / np.maximum(size, floor), largest)
 
 
+def scaled_solution(X: Floats, y: Floats, visible: float) -> Floats:
+    """Solve least squares with columns scaled to one; directions of smaller singular values stay zero."""
+    scale = np.linalg.norm(X, axis=0)
+    scale[scale <= 1e-9 * max(float(scale.max()), 1e-300)] = np.inf
+    solution: Floats = np.linalg.lstsq(X / scale, y, rcond=visible)[0] / scale
+    return solution
+
+
 def solve(R: Floats) -> Floats:
     """Solve least squares from the triangle of [Y | tau]; dependent columns share."""
     b = R.shape[1] - 1

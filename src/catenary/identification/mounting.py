@@ -4,8 +4,6 @@ Torques of a motion are linear in gravity, so its three components are fitted be
 each axis. An arm on a wall that is taken for upright has torques that no masses give, and masses that no arm has.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from catenary.arrays import Floats
@@ -21,26 +19,20 @@ LEFT = 0.4  # of the squared residual with the stated direction, at most
 UPSIDE_DOWN = 150.0  # [deg]: torques of the wrong sign look like this as well
 NEAR = 10.0  # [deg] from an axis of the base, within which a mounting has a name
 NAMES = {
-    (0, 0, -1): "the base stands upright", (0, 0, 1): "the base hangs from a ceiling",
-    (1, 0, 0): "the base is on a wall, its x axis down", (-1, 0, 0): "the base is on a wall, its x axis up",
-    (0, 1, 0): "the base is on a wall, its y axis down", (0, -1, 0): "the base is on a wall, its y axis up",
+    "the base stands upright": (0, 0, -1), "the base hangs from a ceiling": (0, 0, 1),
+    "the base is on a wall, its x axis down": (1, 0, 0), "the base is on a wall, its x axis up": (-1, 0, 0),
+    "the base is on a wall, its y axis down": (0, 1, 0), "the base is on a wall, its y axis up": (0, -1, 0),
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class FittedGravity:
-    """Gravity (3,) [m/s2] in base axes that fits best, its standard errors, and the squared residual left."""
-
-    vector: Floats
-    errors: Floats
-    left: float  # of the squared residual with gravity along the stated direction, of whatever size
-    braked: bool  # friction takes power: torques have their sign
-
-
-def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> FittedGravity | None:
+def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> tuple[Floats, float, bool] | None:
     """Fit gravity to a recording by the masses of the robot's file; None where these are unknown, or gravity recorded.
 
-    Axes weigh as the spread of their torque. Rows are as good as independent where they are few.
+    Axes weigh as the spread of their torque.
+
+    Returns:
+        Gravity (3,) [m/s2] in base axes; what it leaves of the squared residual with the stated direction, of whatever
+        size; whether friction takes power, as where torques have their sign.
     """
     if model.missing_inertia or samples.gravity is not None or not model.tree.mass.any():
         return None
@@ -75,34 +67,31 @@ def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> Fitte
     along = A @ stated
     upon = max(float(along @ b), 0.0)  # of whatever size, but not of the other sign
     before = float(b @ b) - upon**2 / max(float(along @ along), 1e-300)
-    errors = np.sqrt(np.diag(np.linalg.inv(A.T @ A)) * left / max(len(b) - 3, 1))
     taken = [float(np.mean((c[:, :2] @ (f[:2, 0] - f[:2, 1:] @ vector)) * c[:, 1])) for c, f in beside]
-    return FittedGravity(vector, errors, left / max(before, 1e-300), sum(taken) >= 0.0)
+    return vector, left / max(before, 1e-300), sum(taken) >= 0.0
 
 
 def mounting_finding(model: RobotModel, samples: Samples, stated: Floats) -> Finding | None:
     """Find a recording in which gravity pulled along another direction than was stated; None where it did not."""
     found = fitted_gravity(model, samples, stated)
-    if found is None or found.left > LEFT or not found.braked:
+    if found is None or not stated.any():
         return None
-    size = float(np.linalg.norm(found.vector))
-    if not SIZE[0] < size / STANDARD_GRAVITY < SIZE[1] or not stated.any():
+    vector, left, braked = found
+    size, turned = float(np.linalg.norm(vector)), angle_deg(vector, stated)
+    if left > LEFT or not braked or not SIZE[0] < size / STANDARD_GRAVITY < SIZE[1]:
         return None
-    turned = angle_deg(found.vector, stated)
     if turned < TURNED or (turned > UPSIDE_DOWN and not samples.qd.any()):
         return None
-    vector = found.vector * STANDARD_GRAVITY / size
-    names = {text: angle_deg(vector, np.array(axis, dtype=float)) for axis, text in NAMES.items()}
-    name, off = min(names.items(), key=lambda each: each[1])
-    exact = next(np.array(axis) * float(np.linalg.norm(stated)) for axis, text in NAMES.items() if text == name)
+    off, name = min((angle_deg(vector, np.array(axis, dtype=float)), name) for name, axis in NAMES.items())
     mounted = f"{name}, within {off:.0f} deg" if off < NEAR else f"the base is tilted, {off:.0f} deg from where {name}"
-    given = exact if off < NEAR else vector
-    x, y, z = found.vector
+    exact = np.array(NAMES[name]) * float(np.linalg.norm(stated))
+    given = exact if off < NEAR else vector * STANDARD_GRAVITY / size
+    x, y, z = vector
     return Finding(
         "gravity",
         tuple(model.joint_names),
         f"with the masses of the robot's file, torques fit gravity of ({x:.2f}, {y:.2f}, {z:.2f}) m/s2, "
-        f"{turned:.0f} deg from what was stated, and leave {100.0 * found.left:.0f} % of the squared residual: "
+        f"{turned:.0f} deg from what was stated, and leave {100.0 * left:.0f} % of the squared residual: "
         f"{mounted}",
         "gravity of another mounting, or forgotten",
         f"--gravity {','.join(f'{v:.4g}' for v in given + 0.0)}",

@@ -11,7 +11,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
 from catenary.identification.identify_options import Terms, actuation_of
 from catenary.identification.samples import HELD_OUT, Samples
-from catenary.robots.actuation import ActuationTerm, Friction, actuation_terms
+from catenary.robots.actuation import ActuationTerm, actuation_terms
 from catenary.robots.model import RobotModel
 
 # kinds that no random motion finds dependent on others: they stand beside what is reduced
@@ -164,14 +164,6 @@ def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float
         carried = np.zeros(len(samples)) if samples.carried is None else samples.carried @ c
         load = load * np.abs(carried) / (c @ c)
     return load
-
-
-def friction_of(friction: Friction, recording: str) -> Friction:
-    """Return what Coulomb and viscous friction and constant one recording has beside the friction of all."""
-    return Friction(
-        f"{friction.name}{IN}{recording}", friction.combination, friction.coulomb, friction.viscous, friction.offset,
-        recording=recording,
-    )  # fmt: skip
 
 
 def _one(column: int | None) -> dict[int, float]:

@@ -22,7 +22,7 @@ from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.load_location import likely, location_text, probabilities, telling_joint
 from catenary.identification.identification import Identification
 from catenary.identification.identify_options import filter_of
-from catenary.identification.least_squares import one_over
+from catenary.identification.least_squares import one_over, scaled_solution
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
@@ -165,14 +165,14 @@ def _fit(
     if unloaded:
         before, y_before = _rows(result, unloaded, link)
         directions = np.eye(PER_LINK) if place is None else point_mass(place)[:, None]
-        baseline = _least_squares(_flat(before @ directions), y_before.reshape(-1))
+        baseline = scaled_solution(_flat(before @ directions), y_before.reshape(-1), VISIBLE)
         y = y - Y @ directions @ baseline
     if not np.abs(Y).max() > 0.0:
         nothing = PayloadEstimate(name, None, None, None, None, False, 0.0, 0.0)
         return _Fitted(nothing, float(np.sum(y**2)), np.zeros(4))
     if place is not None:
         column = point_mass(place)
-        mass = float(_least_squares(_flat(Y @ column[:, None]), y.reshape(-1))[0])
+        mass = float(scaled_solution(_flat(Y @ column[:, None]), y.reshape(-1), VISIBLE)[0])
         phi, tangent = mass * column, column[:, None]
         moment = mass * place
     else:
@@ -229,7 +229,7 @@ def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]
 
     solutions = []
     bounds = ([1e-4] + [-reach] * 3, [1e3] + [reach] * 3)
-    linear = _least_squares(R[:, :4], R[:, PER_LINK])
+    linear = scaled_solution(R[:, :4], R[:, PER_LINK], VISIBLE)
     for start in (0.05, 0.2, 1.0, 5.0):
         at = np.clip(linear[1:] / start, -0.9 * reach, 0.9 * reach)
         solutions.append(least_squares(misfit, [start, *at], bounds=bounds, x_scale="jac"))
@@ -253,14 +253,6 @@ def _tangent(mass: float, moment: Floats) -> Floats:
         ahead, behind = (_body(mass + s * step[0], moment + s * step[1:]) for s in (1.0, -1.0))
         columns.append((ahead - behind) / (2.0 * step[k]))
     return np.column_stack(columns)
-
-
-def _least_squares(X: Floats, y: Floats) -> Floats:
-    """Solve least squares with columns scaled to one; directions that hardly show stay zero."""
-    scale = np.linalg.norm(X, axis=0)
-    scale[scale <= 1e-9 * max(float(scale.max()), 1e-300)] = np.inf
-    solution: Floats = np.linalg.lstsq(X / scale, y, rcond=VISIBLE)[0] / scale
-    return solution
 
 
 def _flat(X: Floats) -> Floats:

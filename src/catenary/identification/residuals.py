@@ -7,7 +7,7 @@ by rows of torque and motion out of step; what explains most is named.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,13 +102,6 @@ class MovedRange:
     speed: Annotated[Floats, Listed()]
 
 
-class Reason(NamedTuple):
-    """Why one axis is not predicted."""
-
-    says: str
-    tells_nothing: bool  # of the arm: it was moved too little, or elsewhere
-
-
 def motion_of(samples: Sequence[Samples]) -> MovedRange:
     """Return how recordings moved."""
     q = np.concatenate([part.q for part in samples])
@@ -116,8 +109,10 @@ def motion_of(samples: Sequence[Samples]) -> MovedRange:
     return MovedRange(q.min(axis=0), q.max(axis=0), np.sqrt(np.mean(qd**2, axis=0)))
 
 
-def reason_of(model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None) -> Reason:
-    """Return why an axis of a recording is not predicted.
+def reason_of(
+    model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None
+) -> tuple[str, bool]:
+    """Return why an axis of a recording is not predicted, and whether it moved enough, and there, to tell of the arm.
 
     Args:
         predicted: (N, n) what was predicted of its torques.
@@ -125,11 +120,11 @@ def reason_of(model: RobotModel, axis: int, samples: Samples, predicted: Floats,
     name, unit = model.joint_names[axis], model.joint_units[axis]
     left = samples.tau[:, axis] - predicted[:, axis]
     if seen is not None and (moved := _motion_reason(name, unit, axis, samples, left, seen)) is not None:
-        return Reason(moved, tells_nothing=True)
+        return moved, False
     share, says = max(_shapes(name, unit, axis, samples, predicted, left))
     if share < EXPLAINED:
-        return Reason(f"what is left of {name} has no shape of a constant, friction, scale or lag", False)
-    return Reason(says, False)
+        return f"what is left of {name} has no shape of a constant, friction, scale or lag", True
+    return says, True
 
 
 def _motion_reason(name: str, unit: str, axis: int, samples: Samples, left: Floats, seen: MovedRange) -> str | None:

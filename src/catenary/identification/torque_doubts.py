@@ -45,11 +45,11 @@ def torque_findings(
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
         doubtful = bool(np.any(residual.relative_rms > DOUBTFUL)) or residual.verdict not in (None, "holds")
+    findings, against, factors = _known_torques(result, samples, fitted, may_carry)
     pair, left = swapped_axes(result, samples, refit=fitted) if doubtful else (None, 1.0)
     axis, left_when_turned = _turned(result, samples, fitted) if doubtful else (None, 1.0)
-    if pair is not None and (axis is None or left < left_when_turned):
-        names = result.model.joint_names
-        a, b = names[pair[0]], names[pair[1]]
+    if pair is not None and left < min(left_when_turned, _left(result, samples, factors, fitted)):
+        a, b = (result.model.joint_names[i] for i in pair)
         return [
             Finding(
                 "swapped",
@@ -60,7 +60,6 @@ def torque_findings(
                 f"--swap tau:{a},{b}",
             )
         ]
-    findings, against = _known_torques(result, samples, fitted, may_carry)
     # an axis turned round spoils the friction of those that move with it: what one sign mends is that axis
     turned = set() if axis is None else {axis}
     if fitted and not turned:
@@ -107,26 +106,27 @@ def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], se
 
 def _turned(result: Identification, samples: Samples, refit: bool) -> tuple[int | None, float]:
     """Return the axis whose torque, turned round, leaves clearly less residual, or None, and the share left."""
+    n = result.model.n
+    left, axis = min((_left(result, samples, 1.0 - 2.0 * np.eye(n)[i], refit), i) for i in range(n))
+    return (axis, left) if left < MENDED else (None, 1.0)
+
+
+def _left(result: Identification, samples: Samples, factors: Floats, refit: bool) -> float:
+    """Return the share of all axes' residual (their product) that is left when torques are multiplied."""
     rows = _some_rows(samples)
-    before, best, axis = _misfit(result, rows, refit), MENDED, None
-    for i in range(samples.tau.shape[1]):
-        sign = np.ones(samples.tau.shape[1])
-        sign[i] = -1.0
-        # what is known beforehand was subtracted with its own sign
-        turned = replace(rows, tau=(rows.tau + rows.known) * sign - rows.known)
-        left = float(np.prod(_misfit(result, turned, refit) / before))
-        if left < best:
-            best, axis = left, i
-    return axis, best
+    # what is known beforehand was subtracted as it is
+    times = replace(rows, tau=(rows.tau + rows.known) * factors - rows.known)
+    return float(np.prod(_misfit(result, times, refit) / _misfit(result, rows, refit)))
 
 
 def _known_torques(
     result: Identification, samples: Samples, fitted: bool, may_carry: bool
-) -> tuple[list[Finding], set[int]]:
+) -> tuple[list[Finding], set[int], Floats]:
     """Compare torques with those of the robot file's masses, or of a test with those of what was identified.
 
     Returns:
-        A finding on axes whose torque is many times that, or a fraction, and the axes where it has the other sign.
+        A finding on axes whose torque is many times that, or a fraction; the axes where it has the other sign; what to
+        multiply torques with (n,), as found.
     """
     model = result.model
     whose = "the robot's own masses" if fitted else "what was identified"
@@ -134,44 +134,51 @@ def _known_torques(
     if not fitted:
         own = result.predict_samples(rows)
     elif model.missing_inertia:
-        return [], set()
+        return [], set(), np.ones(model.n)
     else:
         down = rows.gravity_rows(np.array(result.options.gravity))
         own = torque_regressor(model, rows.q, rows.qd, rows.qdd, down, rows.base_motion()) @ link_parameters(model.tree)
-    found, against, as_expected = [], set[int](), 0
-    for i in range(model.n):
+    found, against, as_expected, untold = dict[int, float](), set[int](), 0, list[str]()
+    for i, name in enumerate(model.joint_names):
         # friction, a constant and, of a file that has none, a rotor are beside the model's own torque, of any size
         speed, one = rows.qd[:, i], np.ones(len(rows))
         beside = np.column_stack([np.sign(speed), speed, one, *([rows.qdd[:, i]] if fitted else [])])
         given, measured = (v - beside @ np.linalg.lstsq(beside, v)[0] for v in (own[:, i], rows.tau[:, i]))
         size, torque = float(np.linalg.norm(given)), float(np.linalg.norm(measured))
-        if size <= TOLD * np.linalg.norm(own[:, i]) or torque <= TOLD * np.linalg.norm(rows.tau[:, i]):
+        if torque <= TOLD * np.linalg.norm(rows.tau[:, i]):
             continue
-        ratio, correlation = float(given @ measured) / size**2, float(given @ measured) / size / torque
-        if not fitted:  # what was identified has them itself
-            correlation = float(np.corrcoef(own[:, i], rows.tau[:, i])[0, 1])
-        if correlation < -EXPLAINED and ratio < 0.0:
+        told = size > TOLD * np.linalg.norm(own[:, i])
+        ratio, correlation = np.array([1.0 / size, 1.0 / torque]) * (given @ measured) / size if told else np.zeros(2)
+        if correlation < -EXPLAINED:
             against.add(i)
-        if abs(correlation) > EXPLAINED:
-            if RATIO[0] < abs(ratio) < RATIO[1]:
-                as_expected += 1
-            else:
-                found.append((model.joint_names[i], ratio))
+        if abs(correlation) <= EXPLAINED:
+            untold.append(name)
+        elif RATIO[0] < abs(ratio) < RATIO[1]:
+            as_expected += 1
+        else:
+            found[i] = abs(ratio)
     if may_carry and as_expected:
         # another unit is all axes' or a smaller one; beside axes as expected, a load on light links explains more
-        found = [(name, ratio) for name, ratio in found if abs(ratio) < RATIO[1]]
+        found = {i: ratio for i, ratio in found.items() if ratio < RATIO[1]}
+    factors = np.array([1.0 / found.get(i, 1.0) for i in range(model.n)])
     if not found:
-        return [], against
-    ratios = ", ".join(f"{name} {ratio:.3g}" for name, ratio in found)
-    return [
-        Finding(
-            "torques",
-            tuple(name for name, _ in found),
-            f"torques over those of {whose} are {ratios}, expected {RATIO[0]:g} to {RATIO[1]:g}",
-            "motor currents, or torques at the motor, read as joint torques",
-            " ".join(f"--scale tau:{name}={1.0 / abs(ratio):.4g}" for name, ratio in found),
+        return [], against, factors
+    names = {model.joint_names[i]: ratio for i, ratio in found.items()}
+    remedy = " ".join(f"--scale tau:{name}={1.0 / ratio:.4g}" for name, ratio in names.items())
+    if untold and not as_expected:  # one unit for all: those scaled would stand beside others that are not
+        remedy = (
+            "--scale tau:JOINT=FACTOR of every joint, from the drives' data sheets (masses tell nothing of "
+            f"{', '.join(untold)}), or catenary identify --currents with a known --load"
         )
-    ], against
+    finding = Finding(
+        "torques",
+        tuple(names),
+        f"torques over those of {whose} are {', '.join(f'{name} {ratio:.3g}' for name, ratio in names.items())}, "
+        f"expected {RATIO[0]:g} to {RATIO[1]:g}",
+        "motor currents, or torques at the motor, read as joint torques",
+        remedy,
+    )
+    return [finding], against, factors
 
 
 # untouched recordings of five real arms keep 0.95 or more

@@ -116,7 +116,7 @@ def mass_table(found: Identification) -> Table | None:
         ),
     ]
     links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]
-    title = "Links beside the robot's file; single masses are plausible, not measured"
+    title = "Links beside the robot's file; single masses are drawn to it, not measured"
     return Table(columns, links, title)
 
 

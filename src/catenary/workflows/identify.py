@@ -9,7 +9,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.config import plain_data
 from catenary.errors import InputError
 from catenary.files import table_ending
 from catenary.gravity.mass_doubts import mass_doubts
@@ -26,7 +25,7 @@ from catenary.recording.logs import Reading, read_torque_recording
 from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.verdict.finding import Finding, judge, require_names
+from catenary.verdict.finding import judge, require_names
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.external_torque import ExternalTorques, external_torques
 from catenary.workflows.import_recording import import_recording
@@ -53,7 +52,7 @@ class IdentifyResult:
             "joints": list(result.model.joint_names),
             "terms": result.options.terms,
             "rotors": [rotor._asdict() for rotor in result.rotors],
-            "drive_gains": None if self.gains is None else plain_data(self.gains),
+            "drive_gains": None if self.gains is None else asdict(self.gains),
         }
 
 
@@ -115,7 +114,9 @@ def identify_files(
     # an axis of the wrong sign has friction below zero, and is told by it: doubts are about a fit that lets it
     free = identify_samples(training, model, replace(options, consistent=False, friction=())).test(held_out)
     with threadpool_limits(limits=1):  # as identification itself
-        doubts = judge(_findings(free, training, held_out), accept)
+        parts = [*((part, True) for part in training), *((part, False) for part in held_out)]
+        found = [(part.name, each) for part, fitted in parts for each in torque_findings(free, part, fitted=fitted)]
+        doubts = judge(found, accept)
     result = identify_samples(training, model, options).test(held_out)
     if gains is not None:
         result = result.with_gains(gains.gains)
@@ -133,10 +134,10 @@ def identify_files(
     notes += choice_notes(result)
     notes += rotor_notes(model, result)
     if gains is not None:
-        found = estimate_payload(result, weighed, at=(model.tip, gains.centre))
+        payload = estimate_payload(result, weighed, at=(model.tip, gains.centre))
         notes += [
             *gains.notes(model),
-            f"{weighed[0].name}: by what was identified, the load weighs {found.mass or 0.0:.3f} kg, "
+            f"{weighed[0].name}: by what was identified, the load weighs {payload.mass or 0.0:.3f} kg, "
             f"stated {gains.load:g}",
         ]
     notes += judge(stamps, accept)
@@ -209,13 +210,6 @@ def rotor_notes(model: RobotModel, result: Identification) -> list[str]:
     if result.rotors:
         return [f"rotors: a reflected inertia of {names}: held-out blocks are predicted better"]
     return [f"rotors: none of {names}: held-out blocks are predicted no better with a reflected inertia"]
-
-
-def _findings(
-    result: Identification, training: Sequence[Samples], tests: Sequence[Samples]
-) -> list[tuple[str, Finding]]:
-    parts = [*((part, True) for part in training), *((part, False) for part in tests)]
-    return [(part.name, each) for part, fitted in parts for each in torque_findings(result, part, fitted=fitted)]
 
 
 def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence[Samples]) -> list[str]:
