@@ -309,6 +309,11 @@ class MotionLog:
     def __len__(self) -> int:
         return len(self.q_nominal)
 
+    @property
+    def named_notes(self) -> list[str]:
+        """Notes, each with the recording's name before it."""
+        return [note if note.startswith(f"{self.name}: ") else f"{self.name}: {note}" for note in self.notes]
+
     def part(self, first: int, last: int) -> "MotionLog":
         """Return the rows from `first` on, and before `last`."""
         if not 0 <= first < last <= len(self):

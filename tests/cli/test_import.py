@@ -172,7 +172,7 @@ def test_a_question_is_answered_on_the_command_line_and_what_was_not_used_is_lis
     for answer, complaint in (
         ("q_encoder=laser", "expected one of vicon_a, camera_a"),
         ("q_encoder=a", "expected one of vicon_a, camera_a"),
-        ("time=t", "is not asked; open is q_encoder"),
+        ("time=t", "the proposal does not ask this: which is q_encoder"),
         ("cam", "expected QUESTION=ANSWER"),
     ):
         refused = catenary("import", table, *units, "--answer", answer, "--out", log)
