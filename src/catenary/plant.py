@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, frozen
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 
@@ -223,7 +222,6 @@ def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[
 JOINT_ARRAYS = ("q_nominal", "q_reported", "q_encoder", "qd", "tau")  # of a log, (N, n)
 
 
-@explained
 @dataclass(frozen=True)
 class MotionLog:
     """Rows of one or more recordings of the same robot, in the order in which they were taken.

@@ -232,7 +232,8 @@ class DrivenArm:
         """Go where the sliders are; value [deg|mm]."""
         j = self._plant.joint_names.index(joint)
         self._goal = self._goal.copy()
-        self._goal[j] = value / DISPLAY[self._plant.joint_units[j]][1]
+        goal = value / DISPLAY[self._plant.joint_units[j]][1]
+        self._goal[j] = np.clip(goal, self._plant.lower[j], self._plant.upper[j])
         self._choose_motion(around.GO_TO)
 
     def _choose_motion(self, motion: str) -> None:
