@@ -99,7 +99,7 @@ class DrivenArm:
         """Return what its page shows."""
         legend = {"reported": "reported", "true": "true"}
         if self._corrector is not None:
-            legend |= {"calibrated": "calibrated", "true": "true (encoders)"}
+            legend["calibrated"] = "calibrated"
         tabs = driving_tabs(
             self._plant, self._goal, motion=self.motion, controller=self.control,
             has_cables=self.surroundings.has_cables, has_model=self._corrector is not None,

@@ -39,7 +39,7 @@ FROM_NOW = "s from now"
 SKY = 2.0  # light from above and below, in addition to viser's own
 LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
 PLOT_ASPECT = 1.9
-CURVES_WIDTH = 220  # pixels, so that the arm gets the room in a window of 900
+CURVES_WIDTH, MAIN_WIDTH = 220, 300  # pixels, so that the arm gets the room in a window of 900
 
 
 class ViserPage:
@@ -217,6 +217,7 @@ class ViserPage:
         gui, shown = self._server.gui, self._shown
         gui.set_panel_label(shown.title)
         gui.main_panel.dock_right()
+        gui.main_panel.set_width(MAIN_WIDTH)
         self._status = gui.add_html("")
         self._joints = gui.add_html("")
         self._gravity = gui.add_html("")
@@ -293,7 +294,7 @@ def open_server(port: int) -> tuple[Any, str]:
     with gated(token):
         server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
     require_gate(HOST, server.get_port(), token)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="small")
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
     server.gui.set_panel_label("catenary: preparing ...")
     return server, f"http://{HOST}:{server.get_port()}/{token}/"
 
