@@ -38,7 +38,7 @@ ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
 FROM_NOW = "s from now"
 SKY = 2.0  # light from above and below, in addition to viser's own
 LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
-PLOT_ASPECT = 1.9
+PLOT_ASPECT = 1.6
 CURVES_WIDTH, MAIN_WIDTH = 220, 300  # pixels, so that the arm gets the room in a window of 900
 
 
