@@ -6,7 +6,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "catenary"
 PAGE = ROOT / "docs" / "rooms.md"
-HEAD = """# Rooms and files
+HEAD = """---
+search:
+  exclude: true
+---
+
+# Rooms and files
 
 What is in which file, as the file's first line says. Made by `python -m tests.rooms`; [architecture](architecture.md)
 shows how the rooms hang together.

@@ -1,6 +1,7 @@
 """Wrong arguments of everything that `import catenary` offers are told by name."""
 
 import inspect
+import pickle
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -129,7 +130,25 @@ def test_an_annotation_is_asked_of_a_value(hint: Any, right: tuple, wrong: tuple
     assert expected(hint) == words
 
 
-@pytest.mark.parametrize("name", [name for name in CALLS if name != "MotionLog"])
+def test_a_wrong_argument_of_a_method_is_told_too() -> None:
+    with pytest.raises(InputError, match="log: expected MotionLog, got NoneType None"):
+        MODEL.matched(None)
+    with pytest.raises(InputError, match="accept: expected Sequence, got int 3"):
+        MODEL.evaluate(**ROWS, accept=3)
+
+
+@pytest.mark.parametrize("name", [name for name in catenary.__all__ if name not in ("__version__", "CatenaryError")])
 def test_help_shows_types_by_their_names(name: str) -> None:
-    told = str(inspect.signature(getattr(catenary, name)))
-    assert not re.search(r"_typing|dtype|numpy\.", told)
+    public = getattr(catenary, name)
+    methods = inspect.getmembers(public, inspect.isfunction) if isinstance(public, type) else []
+    for each in (public, *(method for called, method in methods if called[0] != "_")):
+        assert not re.search(r"_typing|dtype\[|numpy\.|ForwardRef|\bat 0x", str(inspect.signature(each)))
+
+
+def test_a_class_made_of_a_public_one_has_its_own_signature() -> None:
+    class Mine(catenary.JointPD):
+        def __init__(self, stiffness: float) -> None:
+            super().__init__([stiffness], [1.0])
+
+    assert list(inspect.signature(Mine).parameters) == ["stiffness"]
+    assert pickle.loads(pickle.dumps(catenary.gravity_torque)) is catenary.gravity_torque

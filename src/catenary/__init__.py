@@ -22,7 +22,12 @@ __all__ = [*_HOME, "__version__"]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'catenary' has no attribute {name!r}; it has {', '.join(_HOME)}")
-    return getattr(import_module(_HOME[name]), name)
+    from catenary.arguments import explained  # brings NumPy
+
+    home = import_module(_HOME[name])
+    public = globals()[name] = explained(getattr(home, name))
+    setattr(home, name, public)  # as pickle finds it
+    return public
 
 
 def __dir__() -> list[str]:

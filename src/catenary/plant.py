@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, frozen
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 
@@ -223,7 +222,6 @@ def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[
 JOINT_ARRAYS = ("q_nominal", "q_reported", "q_encoder", "qd", "tau")  # of a log, (N, n)
 
 
-@explained
 @dataclass(frozen=True)
 class MotionLog:
     """Rows of one or more recordings of the same robot, in the order in which they were taken.
@@ -308,6 +306,11 @@ class MotionLog:
 
     def __len__(self) -> int:
         return len(self.q_nominal)
+
+    @property
+    def named_notes(self) -> list[str]:
+        """Notes, each with the recording's name before it."""
+        return [note if note.startswith(f"{self.name}: ") else f"{self.name}: {note}" for note in self.notes]
 
     def part(self, first: int, last: int) -> "MotionLog":
         """Return the rows from `first` on, and before `last`."""

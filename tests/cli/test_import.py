@@ -172,11 +172,15 @@ def test_a_question_is_answered_on_the_command_line_and_what_was_not_used_is_lis
     for answer, complaint in (
         ("q_encoder=laser", "expected one of vicon_a, camera_a"),
         ("q_encoder=a", "expected one of vicon_a, camera_a"),
-        ("time=t", "is not asked; open is q_encoder"),
+        ("time=t", "the proposal does not ask this: which is q_encoder"),
         ("cam", "expected QUESTION=ANSWER"),
     ):
         refused = catenary("import", table, *units, "--answer", answer, "--out", log)
         assert refused.code != 0
         assert complaint in " ".join(refused.err.split())
+    (toml := tmp_path / "lab.toml").write_text(proposed.out)
+    assert "still OPEN: which is q_encoder" in catenary("import", table, "--mapping", toml, "--out", log).err
+    toml.write_text(proposed.out.replace("OPEN", "answered"))
+    assert catenary("import", table, "--mapping", toml, "--out", log).code == 0
     mapped = catenary("import", table, "--map", "q_nominal=cmd_*", *units, "--answer", "q_encoder=cam", "--out", log)
     assert "leaves nothing open" in mapped.err

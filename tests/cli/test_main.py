@@ -45,6 +45,8 @@ def test_every_command_has_help_in_80_columns_and_json(command: str, monkeypatch
     assert "Usage: catenary" in outcome.out
     assert max(len(line) for line in outcome.out.split("\n")) <= 80
     assert "-h, --help" in outcome.out
+    assert re.findall(r"<\w+", outcome.out) == []  # one style: FILE, N, NAME
+    assert len(re.findall(r"^  Example: ", outcome.out, re.MULTILINE)) == outcome.out.count("Example:")
     assert catenary(command, "-h") == outcome
 
 

@@ -29,6 +29,8 @@ def shot(looked: LookedAtPage, path: Path) -> None:
     from PIL import Image
 
     looked.page.wait_for_timeout(SETTLE)
+    for close in looked.page.locator("button.mantine-Notification-closeButton").all():  # that software draws
+        close.click()
     looked.page.screenshot(path=str(path), timeout=120_000)
     Image.open(path).convert("RGB").quantize(96).save(path, optimize=True)
 

@@ -14,6 +14,9 @@ QUESTIONS = "troubleshooting.html#"
 SEARCHES = {
     "camera delay": QUESTIONS + "does-my-camera-have-a-delay",
     "my CSV in degrees": QUESTIONS + "how-do-i-read-my-csv-in-degrees",
+    "dVRK CSV": QUESTIONS + "how-do-i-read-my-csv-in-degrees",
+    "homed again model wrong": QUESTIONS + "the-robot-was-homed-again",
+    "C++ header": QUESTIONS + "how-do-i-export-to-c",
     "error bars 1 kHz loop": QUESTIONS + "how-do-i-get-error-bars-in-my-1-khz-loop",
     "joint is not homed": QUESTIONS + "my-joint-is-not-homed",
     "tilt of the base": QUESTIONS + "tilt-of-the-base",

@@ -63,6 +63,14 @@ def test_findings_of_a_recording(changes: dict[str, Any], faults: list[str], rem
         assert all(map(str.startswith, said, expected or []))
 
 
+def test_readings_of_an_inertial_unit_are_no_failed_import(tmp_path: Path) -> None:
+    rows = np.column_stack([0.01 * np.arange(50), np.tile([0.0, 0.0, 9.8, 0.0, 0.0, 0.0], (50, 1))])
+    np.savetxt(tmp_path / "imu.csv", rows, delimiter=",", header="time,ax,ay,az,gx,gy,gz", comments="")
+    found = check_file(str(tmp_path / "imu.csv"))
+    assert (found.faults, found.facts["readings"], found.facts["mean_force"]) == ([], 50, pytest.approx([0, 0, 9.8]))
+    assert found.next == f"catenary sense --replay {tmp_path / 'imu.csv'}"
+
+
 def test_an_inertia_that_no_body_has_is_a_fault(tmp_path: Path) -> None:
     text = simulated_arm.DH_TABLE.replace("[0.01, 0, 0, 0.01, 0, 0.01]", "[0.01, 0, 0, 0.01, 0, 0.05]")
     (tmp_path / "arm.toml").write_text(text)

@@ -241,7 +241,7 @@ def test_scale_is_fitted_where_there_are_orientations_enough(rng: np.random.Gene
 
 def test_orientations_in_another_order_are_a_fault_and_too_few_are_refused() -> None:
     up = up_of_tilts(TILTS)
-    assert "in that order" in calibrate_replay(recorded(up), up[[1, 0, 2, 3, 4, 5]]).faults[0]
+    assert "right, in order" in calibrate_replay(recorded(up), up[[1, 0, 2, 3, 4, 5]]).faults[0]
     with pytest.raises(InputError, match="the recording has 6 rests"):
         calibrate_replay(recorded(up), up[:5])
     with pytest.raises(InputError, match="at least 4"):
@@ -326,6 +326,6 @@ def test_recordings_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> N
         read_imu(imu, topic="/imu")
     assert "give one of" in refusal("sense", "--replay", imu, "--simulated")
     assert "--columns: goes with --replay" in refusal("sense", "--simulated", "--columns", "a,b,c")
-    assert "needs --orientations" in refusal("sense", "--replay", imu, "--tumble")
+    assert "give both --tumble and --orientations" in refusal("sense", "--replay", imu, "--tumble")
     assert "--robot: goes with --orientations" in refusal("sense", "--replay", imu, "--robot", "raven2")
     assert "no column roll_deg" in refusal("sense", "--replay", imu, "--tumble", "--orientations", imu)

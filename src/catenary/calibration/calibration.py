@@ -15,7 +15,6 @@ from typing import TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data, error_limits
@@ -158,7 +157,6 @@ class Calibration(CalibrationModel):
         save_model(self, self.card, Path(path))
 
 
-@explained
 def load_model(path: str | Path) -> Calibration:
     """Read a calibration model that `Calibration.save` or `catenary fit` wrote.
 
@@ -169,7 +167,6 @@ def load_model(path: str | Path) -> Calibration:
     return _with_card(model, card)
 
 
-@explained
 def fit(
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
@@ -249,7 +246,6 @@ def fit(
     return _with_card(result.model, result.card)
 
 
-@explained
 def check_data(
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
@@ -281,7 +277,6 @@ def check_data(
     return tuple(finding for log in logs for finding in findings_of(log, robot=model))
 
 
-@explained
 def evaluate(
     model: Calibration | str | Path,
     q_nominal: Motion,
@@ -296,7 +291,6 @@ def evaluate(
     return loaded.evaluate(q_nominal, q_encoder, window=window, accept=accept, **arrays)
 
 
-@explained
 def refresh(
     model: Calibration | str | Path,
     q_nominal: Motion,

@@ -1,14 +1,11 @@
 """A calibration model inside a control loop: the bits of the fitted model, tick by tick."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.calibration.arithmetic import Flags, blocks, bound, run
 from catenary.calibration.dataset import RATE_TOLERANCE
@@ -19,7 +16,6 @@ from catenary.plant import UNUSED, Joints, JointState, places_of
 SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 
 
-@explained
 class Corrector:
     """Calibrated joint positions, valid-range flags and intervals from the signals of each tick.
 

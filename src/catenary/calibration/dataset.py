@@ -241,7 +241,7 @@ def counted(counts: Mapping[str, int]) -> str:
 
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     """Return what readers of recordings noted, and what rows were left out."""
-    notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
+    notes = [note for log in logs for note in log.named_notes]
     if data.every > 1:
         count = sum(len(log) for log in logs)
         notes.append(f"of {count:,} rows one in {data.every} is learnt from; memory follows them all")

@@ -70,4 +70,6 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         if str(error).startswith(f"{path}: "):
             raise
         why = str(error) if isinstance(error, CatenaryError) else repr(error)
-        raise FileFormatError(damage(path, f"is no calibration model: {cut(why)}", remedy)) from error
+        raise FileFormatError(
+            damage(path, f"is no calibration model, or of another version: {cut(why)}", remedy)
+        ) from error

@@ -37,6 +37,7 @@ Read = Callable[[str], Any]
 Group = TypeVar("Group")
 REQUIRED: Any = ...  # the default of what must be given
 _CHOICES = re.compile(r"[a-z0-9-]+(\|[a-z0-9-]+)+")
+_METAVARS = {int: "N", float: "NUMBER", str: "NAME"}
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
             command(**{p.name: values[p.name] for p in own})
 
     parameters = [one.parameter() for one in (*asked, _Asked("no_notes", bool, _NO_NOTES))]
-    run.__doc__ = command.__doc__
+    run.__doc__ = re.sub(r"\n+(?= *Example:)", "\n\n", command.__doc__ or "")  # each on lines of its own
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     return run
@@ -147,11 +148,12 @@ class _Asked:
             (kind,), default = get_args(kind), REQUIRED if default is REQUIRED else None
         elif isinstance(default, tuple):
             default = ",".join(f"{one:g}" if isinstance(one, float) else one for one in default)
+        metavar = told.metavar or _METAVARS.get(kind)
         read = told.read or (_reader(kind) if told.writes is None else out_path)
         if read is not None:
             kind = str
         settings: dict[str, Any] = {
-            "metavar": told.metavar, "help": told.help, "show_default": told.shows_default, "parser": read,
+            "metavar": metavar, "help": told.help, "show_default": told.shows_default, "parser": read,
             "min": told.least, "max": told.most, "autocompletion": robots_beginning if told.names_robot else None,
         }  # fmt: skip
         made = typer.Argument(**settings) if told.is_argument else typer.Option(self.typed, **settings)

@@ -49,7 +49,9 @@ class ReplayOptions:
         if self.replay is None:
             return None
         if tumble is not (self.orientations is not None):
-            raise InputError("sense: --replay with --tumble needs --orientations, and --orientations --tumble")
+            raise InputError(
+                "--tumble of a --replay: give both --tumble and --orientations CSV (roll_deg,pitch_deg at each rest)"
+            )
         from catenary.recording.import_formats.imu_recording import read_imu
 
         found = read_imu(

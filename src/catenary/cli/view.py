@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, option
@@ -23,9 +23,6 @@ from catenary.cli.robot_choice import (
 )
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
-
-if TYPE_CHECKING:
-    pass
 
 
 def view(

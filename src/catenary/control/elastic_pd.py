@@ -5,15 +5,12 @@ and experiments", Automatica 41 (2005); P. Tomei, "A simple PD controller for ro
 Automatic Control 36 (1991).
 """
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
@@ -30,7 +27,6 @@ _CLIMBS = 4
 _STEP = 1e-5  # [rad|m] of central differences
 
 
-@explained
 class ElasticPD:
     """tau = kp (theta_ref - theta) - kd theta' + gravity, theta_ref = q_ref + K^-1 g(q_ref).
 

@@ -3,14 +3,11 @@
 A. Lewis, B. Hannaford, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", ICRA 2014: figure 6.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
@@ -20,7 +17,6 @@ from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
 
 
-@explained
 class GravityPD:
     """PD plus gravity: tau = kp (q_ref - q) + kd (qd_ref - qd) + g(q).
 
@@ -92,7 +88,6 @@ class GravityLearner(Protocol):
         """Learn from a tick's state, and return the gravity torque (n,) [Nm|N] there."""
 
 
-@explained
 class EstimatedGravityPD:
     """PD and the estimated gravity torque, tau = kp (q_ref - q) + kd (qd_ref - qd) + Z(q, gravity) s_hat.
 

@@ -4,12 +4,9 @@ T. DeWolf, "Robot control part 3: accounting for mass and gravity" (docs/tutoria
 the computed torque of Luh, Walker, Paul 1980.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, one_for_all
 from catenary.control.pd import JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
@@ -19,7 +16,6 @@ from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
 
 
-@explained
 class InertiaPD:
     """u = M(q) (qdd_ref + kp (q_ref - q) + kv (qd_ref - qd)) + g(q), and C(q, qd) qd where asked for.
 

@@ -1,17 +1,13 @@
 """Limits on the torque that is sent: size, rate of change, and the way to a joint limit."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 
 
-@explained
 class TorqueLimits:
     """Bounds every torque that is sent; never raises in the tick.
 

@@ -1,7 +1,5 @@
 """The control loop: the only clock, and the only place that cleans up behind a controller."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence

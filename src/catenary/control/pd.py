@@ -1,13 +1,10 @@
 """The PD law, what the loop asks of any controller, and what controllers share."""
 
-from __future__ import annotations
-
 from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.errors import InputError
 from catenary.plant import AT_REST, JointState
@@ -60,7 +57,6 @@ def gravity_and_rates(state: JointState, nominal: Floats | None) -> tuple[Floats
     return nominal, *np.array(AT_REST)
 
 
-@explained
 class JointPD:
     """A spring and a damper to the reference, tau = kp (q_ref - q) + kd (qd_ref - qd).
 

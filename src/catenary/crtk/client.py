@@ -15,8 +15,6 @@ One program at a time moves an arm. A client that has not moved it yet listens t
 begin while one does, by its name; a served robot refuses the second one too, and what it says ends that one's motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

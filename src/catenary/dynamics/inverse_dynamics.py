@@ -1,13 +1,10 @@
 """Inverse dynamics, Coriolis matrix and mass matrix: the terms of M(q) qdd + C(q, qd) qd + g(q) = tau."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.lines import inverse_dynamics_line, mass_matrix_line
 from catenary.dynamics.recursion import (
@@ -40,7 +37,6 @@ class BaseMotion(NamedTuple):
     linear_acceleration: ArrayLike = _ZERO  # (3,) or (N, 3) [m/s2]
 
 
-@explained
 def inverse_dynamics(
     model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike, base: BaseMotion | None = None
 ) -> Floats:
@@ -75,7 +71,6 @@ def inverse_dynamics(
     return out[0] if single else out
 
 
-@explained
 def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     """Return the Coriolis matrix of Christoffel's symbols: M_dot - 2 C is skew and C(q, a) b = C(q, b) a.
 
@@ -113,7 +108,6 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
-@explained
 def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the mass matrix: the kinetic energy is qd^T M qd / 2.
 

@@ -1,13 +1,10 @@
 """Joint coordinates that bring a frame to a pose."""
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.dynamics.kinematics import Configuration
 from catenary.dynamics.raven_inverse_kinematics import raven_path
@@ -29,7 +26,6 @@ class Approach(NamedTuple):
     orientation_error: float  # [rad], 0 when only the position counts
 
 
-@explained
 def inverse_kinematics(
     model: RobotModel,
     pose: Pose,

@@ -1,11 +1,8 @@
 """Where the links and frames are, how they move with the coordinates, and what a frame can reach."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.recursion import place_links, place_tree, to_robot_columns
 from catenary.dynamics.vectors import add, cross, row, times
@@ -49,7 +46,6 @@ class Configuration:
         return out[0] if self._single else out
 
 
-@explained
 def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None) -> Pose:
     """Return the pose of a frame in the base frame.
 
@@ -85,7 +81,6 @@ def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) ->
     return placed.pose(in_frame).inverse() @ placed.pose(frame)
 
 
-@explained
 def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: ArrayLike | None = None) -> Floats:
     """Return the Jacobian of a point fixed in a frame, in base axes.
 

@@ -3,8 +3,6 @@
 They are made when they are asked for and kept for as long as the model lives; asking again costs nothing.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats
 from catenary.dynamics.lines import (
     forward_kinematics_line,
@@ -30,7 +27,6 @@ FEW = 100  # calls for which no kernel is compiled: whoever calls more often doe
 Trace = Callable[[RobotModel], Line]
 
 
-@explained
 def gravity_kernel(model: RobotModel) -> Kernel:
     """Return `kernel(q, gravity)`, the torques (n,) [Nm|N] that hold the arm still; see `gravity_torque`.
 

@@ -5,12 +5,9 @@ equations of motion are linear (Atkeson, An, Hollerbach, "Estimation of inertial
 links", Int. J. Robotics Research 5(3), 1986).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.inverse_dynamics import BaseMotion, felt_rows, motion_rows
 from catenary.dynamics.recursion import link_motion, place_tree, to_tree
@@ -25,7 +22,6 @@ PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"
 PARAMETER_UNITS = ("kg", "kg m", "kg m", "kg m", *(["kg m2"] * 6))
 
 
-@explained
 def torque_regressor(
     model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike, base: BaseMotion | None = None
 ) -> Floats:

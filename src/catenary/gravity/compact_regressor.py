@@ -5,8 +5,6 @@ at most three first moments per link and one mass per prismatic joint. Which are
 model's symbols (symbols.py), not by its numbers; a parameter without effect on any joint is left out too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -14,7 +12,6 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.lines import empty, placed
@@ -221,7 +218,6 @@ class CompactRegressor:
         return [[column[r] for column in columns] for r in range(self.model.n)]
 
 
-@explained
 def compact_regressor(model: RobotModel) -> CompactRegressor:
     """Return the paper's regressor without structurally zero parameters, structurally equal ones merged.
 

@@ -21,15 +21,12 @@ in the first pose, from all the joints that feel it, and what was learnt of the 
 told with probabilities (load_location.py): one pose seldom tells.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_not_negative, as_positive, one_for_all
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
@@ -86,7 +83,6 @@ class EstimatedGravity:
             raise InputError(f"gravity estimator: is for {self.model.n} joints, the robot has {len(arrays[0])}")
 
 
-@explained
 class GravityEstimator(EstimatedGravity):
     """The paper's law, on the compact regressor or on the paper's full one.
 

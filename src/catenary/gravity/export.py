@@ -5,7 +5,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal, get_args
 
-from catenary.arguments import explained
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.dynamics.law_lines import feedforward_line, forward_dynamics_line
 from catenary.dynamics.lines import (
@@ -30,7 +29,6 @@ ExportTarget = Literal["jax", "casadi", "sympy", "c99"]
 _log = logging.getLogger(__name__)
 
 
-@explained
 def export_function(
     model: RobotModel,
     quantity: ExportedQuantity,

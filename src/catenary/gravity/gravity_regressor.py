@@ -4,15 +4,12 @@ The paper keeps, for every joint, what it carries as seen along every frame's ax
 geometry alone, s on masses and centres of mass. Neither Z needs a model with inertia.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kinematics import link_poses
@@ -39,7 +36,6 @@ class GravityParameters(NamedTuple):
     units: tuple[str, ...]  # (p,) "kg" or "kg m"
 
 
-@explained
 def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the regressor Z(q, gravity) of the paper, with Z s = g for the s that `gravity_parameters` gives.
 

@@ -18,15 +18,12 @@ the probability: such as two links with a joint between that stands upright and 
 joint's axis, which the joint does not feel. Beyond the gravity-regressor paper.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_batch, as_positive, one_for_all
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import InputError
@@ -127,7 +124,6 @@ class LoadHypotheses:
             yield V.T @ A @ V, V.T @ a
 
 
-@explained
 def locate_load(
     model: RobotModel,
     q: ArrayLike,

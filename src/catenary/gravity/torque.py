@@ -3,12 +3,9 @@
 Loops hold `gravity_kernel(model)`, machine code of the robot's own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.lines import gravity_line
@@ -31,7 +28,6 @@ __all__ = [
 ]
 
 
-@explained
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the torques that hold the arm still: g of M(q) qdd + C(q, qd) qd + g(q) = tau.
 
@@ -78,7 +74,6 @@ def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     return gravity_torque(model, q, beyond[0] if single else beyond)
 
 
-@explained
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the potential energy of the links, zero with all mass in the base's origin: U = -sum_k m_k gravity . r_k.
 
@@ -91,7 +86,6 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
     return energies.reshape(()) if single else energies
 
 
-@explained
 def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the centre of mass of all moving links, p_com = sum m_i p_i / M.
 
@@ -104,7 +98,6 @@ def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
     return center[0] if single else center
 
 
-@explained
 def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the Jacobian of the centre of mass, J_com qd = its velocity in base axes.
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
@@ -199,7 +198,6 @@ class Identification:
         )
 
 
-@explained
 def identify(
     logs: Sequence[MotionLog],
     model: RobotModel,

@@ -139,4 +139,5 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except (KeyError, TypeError, ValueError, IndexError, OverflowError, InputError) as error:
-        raise FileFormatError(f"{path}: holds damaged parameters: {cut(repr(error))}") from error
+        why = cut(str(error) if isinstance(error, InputError) else repr(error))
+        raise FileFormatError(f"{path}: holds damaged parameters, or another version's: {why}; {REMEDY}") from error

@@ -4,8 +4,6 @@ Several links may explain the torques as well: then they share the probability, 
 (gravity/load_location.py weighs poses at rest of a known arm), and none is named alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import erf, sqrt
@@ -14,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
@@ -65,7 +62,6 @@ class _Fitted(NamedTuple):
     body: Floats  # (4,) mass and moment [kg, kg m], also where recordings hardly tell them
 
 
-@explained
 def estimate_payload(
     result: Identification,
     loaded: Sequence[Samples],

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arguments import explained
 from catenary.config import Recorded, parse_json
 from catenary.documents import cut, no_file, shortened
 from catenary.errors import FileFormatError, InputError
@@ -54,7 +53,6 @@ class Reading:
     as_trained: bool = True  # mend them also as the training data of a model that they are given to
 
 
-@explained
 def read_log(
     path: str | Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
 ) -> MotionLog:
@@ -155,7 +153,6 @@ def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | Non
     return synchronise(Sources([path]), mapping, model=model).log
 
 
-@explained
 def write_parquet(log: MotionLog, path: str | Path) -> None:
     """Write a log as Parquet: one column per number, its unit in the column's metadata.
 

@@ -39,7 +39,7 @@ def read_table(path: Path, file: pq.ParquetFile) -> pa.Table:
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
             raise FileFormatError(f"{path}: column {cut(name)} holds {cut(str(kind))}, expected numbers")
     try:
-        table = file.read()
+        table = file.read(use_threads=False)
         table.validate(full=True)
     except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
         raise FileFormatError(f"{path}: cannot be read as Parquet: {cut(str(error))}") from error

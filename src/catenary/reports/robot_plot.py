@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.kinematics import forward_kinematics, link_poses, reachable_points
 from catenary.errors import InputError
@@ -46,7 +45,6 @@ MANY_JOINTS = 8
 CLOSE = 0.02  # of half the width: joints whose numbers stand at one place
 
 
-@explained
 def plot(
     model: RobotModel,
     q: ArrayLike | None = None,

@@ -5,7 +5,6 @@ from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from catenary.arguments import explained
 from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.model import Massless, RobotModel
@@ -23,7 +22,6 @@ def catalogue_file(name: str) -> Traversable:
     return _data() / f"{name}.toml"
 
 
-@explained
 def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
     """Load a robot by catalogue name, from a file, or from the text of a URDF.
 

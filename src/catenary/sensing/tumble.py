@@ -226,7 +226,8 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
     residual = float(np.sqrt(np.mean(best.fun**2)))
     if residual > _GOOD:
         faults = [
-            f"residual {residual:.3f} m/s2, expected below {_GOOD:g}: were the orientations as told, in that order?"
+            f"residual {residual:.3f} m/s2, expected below {_GOOD:g}: are the orientations right, in order? roll_deg "
+            "turns about x, then pitch_deg about the y axis as turned"
         ]
     rotation: Floats = Rotation.from_rotvec(best.x[:3]).as_matrix()
     scale = best.x[6:9] if with_scale else np.ones(3)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.spatial import LEVEL, STANDARD_GRAVITY, rotation_about_x
@@ -30,7 +29,6 @@ class MovingBase(Protocol):
         ...
 
 
-@explained
 @dataclass(frozen=True)
 class FixedBase:
     """A base that stands still, turned by `roll` about x, then by `pitch` about its own y [rad]."""

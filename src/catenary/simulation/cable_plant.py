@@ -1,14 +1,11 @@
 """A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant, and its first joints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.errors import InputError
 from catenary.plant import Column, JointState
@@ -46,7 +43,6 @@ STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
 
 
-@explained
 class CablePlant(FirmwarePlant[TickLog]):
     """One arm. Nothing moves before it is homed and enabled; brakes hold it while it is not enabled."""
 

@@ -1,7 +1,5 @@
 """Any robot on any base, simulated: MuJoCo's rigid bodies, catenary's couplings, friction, springs and stops."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
@@ -9,7 +7,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, LimitError
 from catenary.gravity.payload import Payload
@@ -52,7 +49,6 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     return torque
 
 
-@explained
 class MujocoPlant(SimulatedPlant):
     """One robot, given by its model. Brakes hold it while it is not enabled; its encoders are absolute, so it is homed.
 

@@ -1,7 +1,5 @@
 """The interface of a trajectory, and motions made of others: in turn, of some joints alone, standing still."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence

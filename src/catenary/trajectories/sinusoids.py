@@ -6,12 +6,9 @@ paper calls the ranges predefined and prints none; these are its group's: turnin
 and 20 mm of the box's ends, speeds of 1.1 to 3 deg/s, 1.5 to 4 deg/s and 2.5 to 7 mm/s.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arguments import explained
 from catenary.arrays import as_array, as_positive, frozen
 from catenary.errors import InputError
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
@@ -23,7 +20,6 @@ FASTEST = frozen(np.array([np.deg2rad(3.0), np.deg2rad(4.0), 0.007]))
 TURN_TIME = 1.0  # [s], ours: the paper says that joints slow down, not how
 
 
-@explained
 def random_sinusoids(
     rng: np.random.Generator,
     duration: float,

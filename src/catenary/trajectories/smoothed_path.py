@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
@@ -136,7 +135,6 @@ def _evaluate_lines(lines: _Lines, times: Floats, q: Floats, qd: Floats, qdd: Fl
             q[i, j], qd[i, j], qdd[i, j] = position, velocity, acceleration
 
 
-@explained
 def go_to(
     q_start: ArrayLike, q_goal: ArrayLike, *, max_velocity: ArrayLike, max_acceleration: ArrayLike
 ) -> SmoothedPath:

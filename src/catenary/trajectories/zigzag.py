@@ -17,15 +17,12 @@ Where the sources are silent or disagree:
 - The path ends on the way to one more layer, 5 % beyond the cube: it is kept, as published.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_positive, frozen
 from catenary.errors import InputError
 from catenary.spatial import rotation_about_x, rotation_about_y, rotation_about_z
@@ -98,7 +95,6 @@ def zigzag_rows(
     return joints
 
 
-@explained
 def zigzag(
     direction: Direction,
     sparsities: Sequence[float],

@@ -99,7 +99,7 @@ class DrivenArm:
         """Return what its page shows."""
         legend = {"reported": "reported", "true": "true"}
         if self._corrector is not None:
-            legend |= {"calibrated": "calibrated", "true": "true (encoders)"}
+            legend["calibrated"] = "calibrated"
         tabs = driving_tabs(
             self._plant, self._goal, motion=self.motion, controller=self.control,
             has_cables=self.surroundings.has_cables, has_model=self._corrector is not None,
@@ -232,7 +232,8 @@ class DrivenArm:
         """Go where the sliders are; value [deg|mm]."""
         j = self._plant.joint_names.index(joint)
         self._goal = self._goal.copy()
-        self._goal[j] = value / DISPLAY[self._plant.joint_units[j]][1]
+        goal = value / DISPLAY[self._plant.joint_units[j]][1]
+        self._goal[j] = np.clip(goal, self._plant.lower[j], self._plant.upper[j])
         self._choose_motion(around.GO_TO)
 
     def _choose_motion(self, motion: str) -> None:

@@ -198,9 +198,9 @@ def joint_sliders(limits: Bounded, q: Floats) -> list[Control]:
     ranges = finite_ranges(limits)
     for j, (name, unit) in enumerate(zip(limits.joint_names, limits.joint_units, strict=True)):
         shown, scale = DISPLAY[unit]
-        # whole steps inside the limits
-        low = float(np.ceil(10.0 * scale * ranges.lower[j]) / 10.0)
-        high = float(np.floor(10.0 * scale * ranges.upper[j]) / 10.0)
+        # a tenth within the limits, which are whole degrees but for their last digit
+        low = float(np.ceil(10.0 * scale * ranges.lower[j] - 1e-6) / 10.0)
+        high = float(np.floor(10.0 * scale * ranges.upper[j] + 1e-6) / 10.0)
         value = float(np.clip(round(scale * float(q[j]), 1), low, high))
         found.append(SliderControl(f"{GOTO}{name}", f"{name} [{shown}]", low, high, 0.1, value))
     return found

@@ -38,8 +38,8 @@ ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
 FROM_NOW = "s from now"
 SKY = 2.0  # light from above and below, in addition to viser's own
 LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
-PLOT_ASPECT = 1.9
-CURVES_WIDTH = 250  # pixels, so that the arm gets the room in a window of 900
+PLOT_ASPECT = 1.6
+CURVES_WIDTH, MAIN_WIDTH = 220, 300  # pixels, so that the arm gets the room in a window of 900
 
 
 class ViserPage:
@@ -217,6 +217,7 @@ class ViserPage:
         gui, shown = self._server.gui, self._shown
         gui.set_panel_label(shown.title)
         gui.main_panel.dock_right()
+        gui.main_panel.set_width(MAIN_WIDTH)
         self._status = gui.add_html("")
         self._joints = gui.add_html("")
         self._gravity = gui.add_html("")

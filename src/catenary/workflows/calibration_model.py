@@ -101,7 +101,7 @@ class HeldAgainst:
 
         `factor` is of the card's error, for a model without intervals.
         """
-        notes = [*(f"{log.name}: {note}" for log in self.logs for note in log.notes), *self.said]
+        notes = [*(note for log in self.logs for note in log.named_notes), *self.said]
         notes += self._judged("judged")
         return find_drift(self.model, self.logs, known_errors(self.card), factor=factor, max_error=self.limits), notes
 

@@ -6,6 +6,7 @@ Facts are numbers with units for programs (docs/json.md), and lines for people. 
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from catenary.identification.samples import Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in
+from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.recording.import_formats.sources import is_bag, is_other_make
 from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
@@ -123,6 +125,9 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
     layout = known_layout([path], robot=robot)
     if layout is None:
         proposal = propose_mapping(path, units=units, robot=robot)
+        if proposal.questions and "[q_nominal]" not in proposal.toml:
+            with suppress(CatenaryError):
+                return _check_inertial(source)
         if proposal.questions:
             facts = {"proposal": proposal.toml, "decisions": list(proposal.decisions)}
             toml = f"{path.with_suffix('').name}.toml"
@@ -138,6 +143,17 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
     return check_recording(
         log, as_typed, mend=mend, robot=robot, max_error=max_error, layout=layout or "by the mapping that it suggests"
     )
+
+
+def _check_inertial(source: str) -> FileReport:
+    imu = read_imu(Path(source))
+    found = FileReport("recording of an inertial unit", next=shlex.join(["catenary", "sense", "--replay", source]))
+    found.tell("readings", len(imu.time), f"{len(imu.time)} in {imu.duration:.1f} s")
+    found.tell("gyroscope", imu.rate is not None, "none" if imu.rate is None else "yes")
+    mean = imu.force.mean(axis=0)
+    found.tell("mean_force", mean.tolist(), f"{', '.join(f'{f:.2f}' for f in mean)} m/s2", called="mean")
+    found.remarks += imu.notes
+    return found
 
 
 def check_robot(model: RobotModel) -> FileReport:

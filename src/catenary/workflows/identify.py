@@ -120,7 +120,7 @@ def identify_files(
     result = identify_samples(training, model, options).test(held_out)
     if gains is not None:
         result = result.with_gains(gains.gains)
-    notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *gaps]
+    notes = [*(note for log in (*read, *read_tests) for note in log.named_notes), *gaps]
     if held:
         told = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
         notes.append(f"{', '.join(joints)} are identified; held: {told}")
@@ -312,7 +312,7 @@ def _read_for(
         require_held(read, held)
         read = [of_joints(log, result.model) for log in read]
     notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
-    notes += [f"{log.name}: {note}" for log in read for note in log.notes]
+    notes += [note for log in read for note in log.named_notes]
     samples = [prepare(log, result.model, options) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
     tested = result.test(samples)

@@ -7,7 +7,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from catenary.arguments import explained
 from catenary.calibration.fit_options import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -28,7 +27,6 @@ PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
 
-@explained
 def import_recording(
     sources: PathLike | Sequence[PathLike],
     mapping: MappingLike | None = None,
@@ -122,7 +120,6 @@ def import_to_file(
     return ImportedLog(judged, rows, seconds, measured if has_encoder else None, notes, left, found)
 
 
-@explained
 def propose_mapping(
     sources: PathLike | Sequence[PathLike],
     *,

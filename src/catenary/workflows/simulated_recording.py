@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arguments import explained
 from catenary.arrays import Floats
 from catenary.plant import UNUSED, MotionLog
 from catenary.raven2.topics import ARM_OF_SIDE, JOINTS, RAVENSTATE, UNITS, further_columns
@@ -24,7 +23,6 @@ APPROACH_TICKS = 4_000  # to the start of a motion
 CALIBRATED = 3  # positioning joints; the rest are the tool's
 
 
-@explained
 def record_simulated(
     plant: CablePlant,
     trajectory: Trajectory,

@@ -1,6 +1,7 @@
 """What a recording suggests is proposed; what it leaves open is asked, never chosen in silence."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -161,8 +162,10 @@ def test_units_behind_the_names_and_words_of_a_lab_are_enough(tmp_path: Path) ->
 def test_what_was_told_and_what_was_measured_in_one_file_says_what_a_fit_needs(tmp_path: Path) -> None:
     q, seen = moving()
     np.savez(tmp_path / "two.npz", joint_desired=q, joint_measured=seen, time=0.05 * np.arange(len(q)))
-    said = propose_mapping(tmp_path / "two.npz", units="deg,deg,mm").decisions
-    assert any("it is q_encoder, and joint_desired is q_nominal" in decision for decision in said)
+    said = " ".join(propose_mapping(tmp_path / "two.npz", units="deg,deg,mm").decisions)
+    log = import_recording(tmp_path / "two.npz", mapping_of(re.findall(r"--map (\S+)", said), units="deg,deg,mm"))
+    assert_allclose(log.q_nominal, q * [np.pi / 180, np.pi / 180, 1e-3], atol=1e-12)
+    assert log.ok.all()
 
 
 PSM = ("outer_yaw", "outer_pitch", "outer_insertion", "outer_roll", "outer_wrist_pitch", "outer_wrist_yaw")

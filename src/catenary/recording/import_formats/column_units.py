@@ -131,7 +131,7 @@ def encoder_units(
         units.append((fits or loose or [unit])[0])
     if not sure and _is_in_si(one):
         return tuple(SI[unit][0] for unit in nominal_in), "ROS's JointState is in rad and m", True
-    return tuple(units), "by their range beside q_nominal's", sure
+    return tuple(units), "by comparison with the range of q_nominal", sure
 
 
 def _is_in_si(one: Candidate) -> bool:

@@ -54,7 +54,9 @@ class TextTable:
         """
         columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
-        read = pa.csv.ReadOptions(column_names=[str(i) for i in range(self.head.width)], block_size=4 * _BLOCK)
+        names = [str(i) for i in range(self.head.width)]
+        # Arrow's pool of threads aborts one process in a hundred as it ends
+        read = pa.csv.ReadOptions(use_threads=False, column_names=names, block_size=4 * _BLOCK)
         passed = Counter[str]()
         parse = pa.csv.ParseOptions(delimiter=self.head.dialect.separator)
         convert = pa.csv.ConvertOptions(

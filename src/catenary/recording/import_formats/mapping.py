@@ -187,6 +187,8 @@ def mapping_of(
     if not options and file is None and content is None:
         return None
     of_file = load_toml(file, RecordingMapping).model_dump(mode="json", exclude_unset=True) if file else {}
+    if asked := re.findall(r"# OPEN: (.*)", file.read_text()) if file else []:
+        raise ConfigError(f"{file}: still OPEN: {cut(asked[0])}: answer it there, then delete the marks OPEN")
     content = of_file or dict(content or {})
     for option in options:
         _take(option, content)

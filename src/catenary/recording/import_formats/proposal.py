@@ -125,8 +125,12 @@ def propose(
     unheard = [about for about in draft.answers if about not in draft.heard]
     if unheard:
         raise InputError(
-            f"--answer {unheard[0]}: is not asked; open is {', '.join(draft.questions) or 'nothing'}"
-            + (f" ({'; '.join(_in_words(*each) for each in draft.questions.items())})" if draft.questions else "")
+            f"--answer {unheard[0]}: the proposal does not ask this"
+            + (
+                f": {'; '.join(_in_words(*each) for each in draft.questions.items())}"
+                if draft.questions
+                else "; nothing is open: leave --answer out and say --yes, or name columns and units by --map"
+            )
         )
     questions = tuple(_in_words(*each) for each in draft.questions.items())
     return Proposal(_toml(draft), tuple(draft.decisions), questions, left)
@@ -222,8 +226,8 @@ def _positions(
     if truth is None:
         if reported and commanded and nominal.role != "commanded" and commanded[0].is_followed_by(nominal):
             draft.decisions.append(
-                f"if a sensor at the joints measured {nominal.name}, it is q_encoder, and {commanded[0].name} is "
-                "q_nominal"
+                f"if a sensor at the joints measured {nominal.name}: --map q_nominal="
+                f"{','.join(commanded[0].references)} --map q_encoder={','.join(nominal.references)}"
             )
         return nominal, None
     return _same_joints(nominal, truth, draft)
@@ -303,7 +307,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
 def _without_encoder(poses: Sequence[PoseColumns], robot: str | None, draft: _Draft) -> None:
     if not poses:
         draft.decisions.append(
-            "nothing was found that measured the joints beside the robot itself: a fit needs q_encoder, an "
+            "no measurement of the joints apart from the robot's own was found: a fit needs q_encoder, an "
             "identification does not"
         )
         return

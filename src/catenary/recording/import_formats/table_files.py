@@ -178,7 +178,7 @@ def read_parquet_table(path: Path) -> Stream:
             is_list = pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
             is_number = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
             if names.count(name) == 1 and (is_list or is_number or pa.types.is_timestamp(kind)):
-                column = file.read(columns=[name]).column(0)
+                column = file.read(columns=[name], use_threads=False).column(0)
                 widths = pc.unique(pc.list_value_length(column)).to_pylist() if is_list else [1]
             if len(widths) != 1 or not widths[0] or widths[0] > MOST_COLUMNS:
                 left.append(name)

@@ -51,7 +51,8 @@ def read_tracker_file(path: Path) -> Stream:
         elif scale:
             wanted[str(i)] = column
     notes += [f"markers without a name of their own were left out: {', '.join(map(cut, list(left)[:5]))}"] * bool(left)
-    of_file = pa.csv.ReadOptions(column_names=[str(i) for i in range(len(head[axes_at]))], skip_rows=axes_at + 1)
+    names = [str(i) for i in range(len(head[axes_at]))]
+    of_file = pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=axes_at + 1)
     numbers = pa.csv.ConvertOptions(column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted))
     try:
         table = pa.csv.read_csv(path, of_file, convert_options=numbers)
