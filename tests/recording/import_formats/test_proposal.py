@@ -191,6 +191,10 @@ def groups(names: list[str]) -> list[tuple[tuple[str, ...], str]]:
             [("robot1_q1_enc", "robot1_q2_enc"), ("robot2_q1_enc", "robot2_q2_enc")],
         ),
         (["a2", "a10", "a1", "b1", "b2"], [("a1", "a2", "a10"), ("b1", "b2")]),
+        (
+            ["psm_outer_yaw", "psm_outer_insertion", "imu_roll", "imu_pitch", "imu_yaw", "arm_elbow_temp"],
+            [("psm_outer_yaw", "psm_outer_insertion")],
+        ),
     ],
 )
 def test_a_digit_anywhere_in_a_name_does_not_break_a_group(names: list[str], expected: list[tuple[str, ...]]) -> None:
@@ -203,8 +207,8 @@ def test_a_digit_anywhere_in_a_name_does_not_break_a_group(names: list[str], exp
         ("q1 [deg]", "position", "deg", None), ("elbow_deg[2]", "position", "deg", None),
         ("dq_rad_s", "velocity", "rad", None), ("tau1 [mNm]", "effort", None, 1e-3), ("push_kN", "effort", None, 1e3),
         # accelerations are no speeds, nor a letter a force
-        ("a1 [m/s2]", "position", None, None), ("a1 [rad/s^2]", "position", None, None),
-        ("part1_n", "position", None, None),
+        ("a1 [m/s2]", "acceleration", "m", None), ("a1_rad_s2", "acceleration", "rad", None),
+        ("a1 [rad/s^2]", "acceleration", "rad", None), ("part1_n", "position", None, None),
     ],
 )  # fmt: skip
 def test_a_unit_behind_a_name_tells_a_quantity(name: str, kind: str, unit: str | None, scale: float | None) -> None:
