@@ -219,6 +219,17 @@ def test_a_unit_behind_a_name_tells_a_quantity(name: str, kind: str, unit: str |
     assert found.stated_scale() == (None if scale is None else (scale,))
 
 
+@pytest.mark.parametrize(("robot", "frame"), [("dvrk_psm", "outer_insertion"), ("ur5e", "forearm_link")])
+def test_a_marker_beside_the_first_joints_is_proposed_on_the_link_that_they_move(
+    robot: str, frame: str, tmp_path: Path
+) -> None:
+    rows = np.column_stack([T, true_q(T), 1e3 * true_q(T)])
+    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="t,q1,q2,q3,ndi_x,ndi_y,ndi_z", comments="")
+    proposed = propose_mapping(tmp_path / "lab.csv", robot=robot, units="rad,rad,m", answers={"q_encoder": "ndi_x"})
+    pose = proposed.accepted().q_encoder.pose
+    assert (pose.frame, pose.unit, pose.match) == (frame, "mm", "position")
+
+
 @pytest.mark.parametrize("scale", [1.0, 180.0 / np.pi])
 def test_a_mapping_without_units_takes_those_that_are_proposed(scale: float, tmp_path: Path) -> None:
     """JointStates in rad and m, or a robot's in degrees against the standard: told by the robot's limits."""

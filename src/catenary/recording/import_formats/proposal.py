@@ -24,6 +24,7 @@ from catenary.recording.import_formats.pose_columns import PoseColumns, poses_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import UNITS, CoarseTimeError, time_columns, time_of, times_among
 from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
 from catenary.visible import visible
 
 _JOINTS_SHOWN = 8
@@ -115,7 +116,7 @@ def propose(
         _further(found, nominal, draft)
     used = [one.stream for one in (nominal, encoder) if one is not None]
     if encoder is None:
-        tracked = _tracked(poses_of(sources.streams), robot, nominal, draft)
+        tracked = _tracked(poses_of(sources.streams), model, nominal, draft)
         used += [stream for stream in sources.streams if tracked is not None and stream.name == tracked.stream]
     _times({stream.name: stream for stream in used}, draft)
     for stream in sources.streams:
@@ -303,7 +304,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
 
 
 def _tracked(
-    poses: Sequence[PoseColumns], robot: str | None, nominal: Candidate | None, draft: _Draft
+    poses: Sequence[PoseColumns], model: RobotModel | None, nominal: Candidate | None, draft: _Draft
 ) -> PoseColumns | None:
     """Ask whether a tracked pose tells where the joints were; return the one that does."""
     if not poses:
@@ -312,20 +313,24 @@ def _tracked(
             "identification does not"
         )
         return None
-    named = {} if robot is None else {one.references[0]: one for one in poses}
+    named = {} if model is None else {one.references[0]: one for one in poses}
     answer = draft.ask(
         "q_encoder",
         f"whether {' or '.join(pose.name for pose in poses[:5])} tells where the joints were; then it needs "
-        f"{'the robot (--robot), and ' if robot is None else ''}which of its frames the marker is on",
-        {key: f"{one.name} does, on the robot's tip or another frame" for key, one in named.items()}
-        | {"none": "it does not, or is not wanted"},
+        f"{'the robot (--robot), and ' if model is None else ''}which of its frames the marker is on",
+        {key: f"{one.name} does" for key, one in named.items()} | {"none": "it does not, or is not wanted"},
     )
     if answer == "none":
         return None
     one = poses[0] if answer is None else named[answer]
     told = len(one.taken)
     turns = one.orientation if told > 3 else "xyzw"
-    match = "pose" if told > 3 and nominal is not None and len(nominal.columns) > 3 else "position"
+    joints = 0 if nominal is None else len(nominal.columns)
+    match = "pose" if told > 3 and joints > 3 else "position"
+    frame = '# frame = "..."  # of the robot, that the marker is on; its tip where none is given'
+    links = {} if model is None else {of.link: name for name, of in reversed([*model.frames.items()])}
+    if model is not None and 0 < joints < model.n == 1 + max(links):  # a link for each joint
+        frame = f'frame = "{links[joints - 1]}"  # which the last joint that was recorded moves'
     lines = [
         "[q_encoder.pose]",
         f"columns = [{', '.join(map(_text, one.references))}]",
@@ -333,7 +338,7 @@ def _tracked(
         *[f'orientation = "{turns}"  # {one.doubt or "of the quaternion"}'] * (turns != "xyzw"),
         *[f'angle_unit = "{one.units[1]}"  # by its size or name'] * (one.units[1] != "rad"),
         f'match = "{match}"  # "position" tells three joints at most, "pose" six',
-        '# frame = "..."  # of the robot, that the marker is on; its tip where none is given',
+        frame,
         "# T_base_tracker and T_marker_frame are found from the recording where they are not given",
     ]
     if answer is None:

@@ -23,6 +23,7 @@ OPEN = 1e-4  # of what other motions move a frame by: less than a measured pose 
 FARTHEST = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
 TURNED = 0.02  # [rad] left of orientations, from which on they may be written in another way
 UNRELATED = 30.0  # [deg] from the robot's
+OTHERWISE = "and in no other way as it does: clocks seconds apart, another frame, or the tracker in the marker's axes?"
 _AXES = ("xyz", "xyzw")
 _MARKER = "the tracked marker"  # a frame of the robot
 
@@ -160,7 +161,7 @@ def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Flo
         other = f'as orientation = "{best[0]}", angle_unit = "{best[1]}" by {left[best]:.1f} deg: say that'
         raise InputError(
             f'registration: the marker\'s orientation, read as "{own[0]}" in {own[1]}, turns otherwise than the robot, '
-            f"by {left[own]:.0f} deg in the median, {other if is_other else 'and in no other way as it does'}"
+            f"by {left[own]:.0f} deg in the median, {other if is_other else OTHERWISE}"
         )
 
 
