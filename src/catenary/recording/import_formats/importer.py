@@ -433,7 +433,7 @@ def _tracked(
 
     def poses_at(late: float) -> TrackedPoses:
         near, before, after = (
-            interpolate(nominal, poses.stamp + round(late * SECOND) + by, clock.gap("q_nominal"))[0]
+            interpolate(nominal, poses.stamp + round(late * SECOND) + by, clock.gap("q_nominal"))
             for by in (0, -_BESIDE, _BESIDE)
         )
         start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
@@ -452,7 +452,7 @@ def _tracked(
             + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
             + " from all that the robot reaches"
         )
-    return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))[0]
+    return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
 
 
 def _signals(
