@@ -42,7 +42,7 @@ class Sample:
     refused: str = ""  # in the error, of what is not read
     truth: Mapping[str, np.ndarray] = field(default_factory=lambda: {"q_nominal": Q, "time": T})  # of the log, in SI
     within: float = 1e-6
-    pose: Mapping[str, object] = field(default_factory=dict)  # of a tracker, as a mapping says it, in place of joints
+    pose: str = ""  # of a tracker, by its first column, in place of joints
 
 
 def samples() -> list[Sample]:

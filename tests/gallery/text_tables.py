@@ -61,14 +61,14 @@ JOINT_STATE = [f"field.{a}{j}" for a in ("position", "velocity", "effort") for j
 
 SAMPLES = [
     Sample("`np.savetxt`", "savetxt.txt", BY_NUMBER, savetxt([ALL]), says=TOLD, truth=MOVED),
-    Sample("MATLAB `csvwrite`", "csvwrite.csv", BY_NUMBER, savetxt([ALL], delimiter=","), says=TOLD, truth=MOVED),
-    Sample("MATLAB `save -ascii`", "ascii.dat", BY_NUMBER, ascii_matlab, says=TOLD, truth=MOVED),
+    Sample("MATLAB `csvwrite`", "csvwrite.csv", "likewise", savetxt([ALL], delimiter=","), says=TOLD, truth=MOVED),
+    Sample("MATLAB `save -ascii`", "ascii.dat", "likewise", ascii_matlab, says=TOLD, truth=MOVED),
     Sample(
-        "a C logger (tabs, stamps in ns)", "log.tsv", BY_NUMBER,
+        "a C logger (tabs, stamps in ns)", "log.tsv", "likewise",
         lines("", lambda i: f"{BEGIN * 10**9 + i * 10**7}\t{cells(ALL[i, 1:], chr(9))}\t"), says=TOLD, truth=MOVED,
     ),
     Sample(
-        "a C logger (semicolons, decimal commas)", "log.txt", BY_NUMBER,
+        "a C logger (semicolons, decimal commas)", "log.txt", "likewise",
         lines("", lambda i: cells(ALL[i], ";", ",")), says=TOLD, truth=MOVED,
     ),
     Sample(

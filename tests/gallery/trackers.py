@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
-from tests.lab_bags import JOINT_STATE, KINDS, POSE, Kind, Message, joint_state, pose, write_bag
+from tests.lab_bags import JOINT_STATE, KINDS, POSE, Kind, Message, header, joint_state, pose, write_bag
 
 from . import Sample
 
@@ -18,6 +18,8 @@ P = np.column_stack([0.1 * np.sin(TIME), 0.2 * np.cos(2.0 * TIME), 1.0 + 0.1 * T
 R = Rotation.from_euler("ZYX", np.column_stack([0.5 * np.sin(TIME), 0.3 * np.cos(TIME), 1.0 + 0.2 * TIME]))
 TURNS = R.as_quat()  # x, y, z, w
 LOST = np.arange(10, 14)  # rows on which the tracker saw nothing
+PREFIXED = ("x_mm", "y_mm", "z_mm", "q0", "qx", "qy", "qz")
+WORDED = [f"probe_pos_{axis}" for axis in "xyz"] + [f"probe_quat_{axis}" for axis in "xyzw"]
 UNIT = {"Meters": 1.0, "Furlongs": 1.0, "Centimeters": 100.0, "Millimeters": 1000.0}
 
 
@@ -30,22 +32,24 @@ def write(path: Path, lines: list[str]) -> Path:
 def motive(path: Path, version: str, unit: str, *, turns: str = "Quaternion") -> Path:
     """Motive's export of a body, one of its markers and one that has no name, as its versions write it."""
     labelled = version == "1.25"
+    turned = TURNS if turns == "Quaternion" else R.as_euler(turns, degrees=True)  # capitals: about its own axes
+    k = turned.shape[1]
     words = ("Type", "Name", "ID", "Parent") if labelled else ("", "", "", "")
-    body, marker, stray = ["Rigid Body"] * 8, ["Rigid Body Marker"] * 3, ["Marker"] * 3
-    names = ["tool"] * 8 + ["tool:Marker1"] * 3 + ["Unlabeled 12"] * 3
+    body, marker, stray = ["Rigid Body"] * (k + 4), ["Rigid Body Marker"] * 3, ["Marker"] * 3
+    names = ["tool"] * (k + 4) + ["tool:Marker1"] * 3 + ["Unlabeled 12"] * 3
     rows = [
         ["", words[0], *body, *marker, *stray],
         ["", words[1], *names],
-        ["", words[2], *['"1:2"'] * 14],
-        *[["", words[3], *[""] * 14]] * labelled,
-        ["", "", *["Rotation"] * 4, *["Position"] * 3, "Mean Marker Error", *["Position"] * 6],
-        ["Frame", "Time (Seconds)", *"XYZW", *"XYZ", "", *"XYZ", *"XYZ"],
+        ["", words[2], *['"1:2"'] * (k + 10)],
+        *[["", words[3], *[""] * (k + 10)]] * labelled,
+        ["", "", *["Rotation"] * k, *["Position"] * 3, "Mean Marker Error", *["Position"] * 6],
+        ["Frame", "Time (Seconds)", *"XYZW"[:k], *"XYZ", "", *"XYZ", *"XYZ"],
     ]
     settings = f"Format Version,{version},Take Name,a,Capture Frame Rate,20.0,Rotation Type,{turns},Length Units,{unit}"
     lines = [settings, "", *(",".join(map(str, row)) for row in rows)]
     for i in range(ROWS):
-        numbers = [*TURNS[i], *UNIT[unit] * P[i], 0.0002, *UNIT[unit] * (P[i] + 0.01)]
-        cells = [""] * 14 if i in LOST else [*(f"{number:.9f}" for number in numbers), "", "", ""]
+        numbers = [*turned[i], *UNIT[unit] * P[i], 0.0002, *UNIT[unit] * (P[i] + 0.01)]
+        cells = [""] * (k + 10) if i in LOST else [*(f"{number:.9f}" for number in numbers), "", "", ""]
         lines.append(",".join([str(i), f"{TIME[i]:.6f}", *cells]))
     return write(path, lines)
 
@@ -99,8 +103,7 @@ def transforms(path: Path, kind: Kind) -> Path:
             types, made = store.types, []
             for child, late in (("base", 0.0), ("probe/1", 0.2))[:: -1 if i % 3 else 1][: 1 + (i % 5 > 0 or i % 3 > 0)]:
                 stamp = head.stamp.sec * 10**9 + head.stamp.nanosec - round(late * 1e9)
-                time = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
-                own = types["std_msgs/msg/Header"](stamp=time, frame_id="tracker")
+                own = header(store, stamp, ros1=kind == "ros1")
                 at = P[i] if child != "base" else np.ones(3)
                 vector = types["geometry_msgs/msg/Vector3"](*map(float, at))
                 turn = types["geometry_msgs/msg/Quaternion"](*map(float, TURNS[i] if child != "base" else (0, 0, 0, 1)))
@@ -115,74 +118,91 @@ def transforms(path: Path, kind: Kind) -> Path:
     return written
 
 
-def said(*names: str, **more: Any) -> dict[str, Any]:
-    """Return what a mapping says of a pose."""
-    return {"columns": list(names), **more}
-
-
 def _motive(version: str, unit: str) -> Sample:
     return Sample(
-        f"OptiTrack Motive {version}, {unit}", f"take{version}.csv", "bodies and named markers by their names, in m",
-        lambda path: motive(path, version, unit), pose=said("tool"), says=('["tool"]',),
+        f"OptiTrack Motive {version}, {unit}", f"take{version}.csv",
+        "bodies and named markers by their names, in m" if version == "1.21" else "likewise",
+        lambda path: motive(path, version, unit), pose="tool", says=('["tool"]',),
     )  # fmt: skip
 
 
 def _crtk(kind: Kind) -> Sample:
     reference = "/atracsys/probe/measured_cp.pose"
     return Sample(
-        f"NDI, Atracsys over CRTK ({kind})", "crtk_ros1.bag" if kind == "ros1" else f"crtk_{kind}", "a tracker's `measured_cp`; the arm's own is left out",
-        lambda path: bag(path.with_suffix(""), kind), pose=said(reference), says=(f'["{reference}"]',),
+        f"NDI, Atracsys over CRTK ({kind})", "crtk_ros1.bag" if kind == "ros1" else f"crtk_{kind}",
+        "a tracker's `measured_cp`; the arm's own is left out" if kind == "ros1" else "likewise",
+        lambda path: bag(path.with_suffix(""), kind), pose=reference, says=(f'["{reference}"]',),
     )  # fmt: skip
 
 
 def _transforms(kind: Kind) -> Sample:
     reference = "/tf.transforms[probe/1].transform"
     return Sample(
-        f"`/tf` ({kind})", f"tf_{kind}", "transforms by child frame, each with its own stamp",
-        lambda path: transforms(path, kind), pose=said(reference), says=(f'["{reference}"]',),
+        f"`/tf` ({kind})", "tf_ros1.bag" if kind == "ros1" else f"tf_{kind}",
+        "transforms by child frame, each with its own stamp" if kind == "ros1" else "likewise",
+        lambda path: transforms(path.with_suffix(""), kind), pose=reference, says=(f'["{reference}"]',),
     )  # fmt: skip
 
 
 SAMPLES = [
     *(_motive(*each) for each in (("1.21", "Meters"), ("1.23", "Millimeters"), ("1.24", "Centimeters"), ("1.25", "Meters"))),
     *map(_crtk, KINDS),
-    *map(_transforms, KINDS[1:]),  # rosbags has no TFMessage of ROS 1
+    *map(_transforms, KINDS),
     Sample(
-        "NDI ToolTracker (Polaris)", "polaris.csv", "position and quaternion of the first tool; unit and rate are to be said",
-        ndi, pose=said("Tx", "Ty", "Tz", "Q0", "Qx", "Qy", "Qz", unit="mm", orientation="wxyz"),
+        "NDI ToolTracker (Polaris)", "polaris.csv", "position and quaternion of the first tool; the rate is to be said",
+        ndi, pose="Tx",
         says=('orientation = "wxyz"',),
     ),
     Sample(
         "TUM's trajectories", "tum.txt", "a pose by number, told by its quaternion",
-        lambda path: table(path, "", TURNS, separator=" "), pose=said(*(f"data[{i}]" for i in range(1, 8))),
+        lambda path: table(path, "", TURNS, separator=" "), pose="data[1]",
         says=('"data[1]", "data[2]", "data[3]", "data[4]"',),
     ),
     Sample(
         "TUM's trajectories with a head", "tum_head.txt", "position and quaternion by their names",
         lambda path: table(path, "# timestamp tx ty tz qx qy qz qw", TURNS, separator=" "),
-        pose=said("tx", "ty", "tz", "qx", "qy", "qz", "qw"), says=('["tx", "ty", "tz", "qx", "qy", "qz", "qw"]',),
+        pose="tx", says=('["tx", "ty", "tz", "qx", "qy", "qz", "qw"]',),
     ),
     Sample(
         "Polaris, a lab's logger", "polaris_lab.csv", "q0 first; mm by the names",
         lambda path: table(path, "time,x [mm],y [mm],z [mm],q0,qx,qy,qz", np.roll(TURNS, 1, axis=1), 1e3),
-        pose=said("x [mm]", "y [mm]", "z [mm]", "q0", "qx", "qy", "qz", unit="mm", orientation="wxyz"),
+        pose="x [mm]",
         says=('orientation = "wxyz"',),
     ),
     Sample(
         "Universal Robots' RTDE", "ur.csv", "rotation vectors; that they may be angles is said",
         lambda path: table(path, "timestamp,tcp_x,tcp_y,tcp_z,tcp_rx,tcp_ry,tcp_rz", R.as_rotvec()),
-        pose=said("tcp_x", "tcp_y", "tcp_z", "tcp_rx", "tcp_ry", "tcp_rz", orientation="vector"),
+        pose="tcp_x",
         says=('orientation = "vector"  # axis times angle, as a UR says its tool, or angles about axes',),
     ),
     Sample(
-        "a logger of roll, pitch, yaw", "rpy.csv", "angles about fixed axes; degrees are to be said",
+        "a logger of roll, pitch, yaw", "rpy.csv", "angles about fixed axes",
         lambda path: table(path, "t,x,y,z,roll,pitch,yaw", np.rad2deg(R.as_euler("xyz")), clock=0.0),
-        pose=said("x", "y", "z", "roll", "pitch", "yaw", orientation="xyz", angle_unit="deg"),
-        says=('orientation = "xyz"  # turns about fixed axes, roll first',),
+        pose="x",
+        says=('angle_unit = "deg"', 'orientation = "xyz"  # turns about fixed axes, roll first',),
     ),
     Sample(
         "a logger of yaw, pitch, roll", "ypr.csv", "angles; that the order may be another is said",
         lambda path: table(path, "t,x,y,z,yaw,pitch,roll", R.as_euler("ZYX"), clock=0.0),
-        pose=said("x", "y", "z", "yaw", "pitch", "roll", orientation="ZYX"), says=("of another order",),
+        pose="x", says=("of another order",),
+    ),
+    Sample(
+        "OptiTrack Motive, XYZ", "take_xyz.csv", "angles, as turns about the body's own axes",
+        lambda path: motive(path, "1.23", "Millimeters", turns="XYZ"), pose="tool", says=("X then Y then Z",),
+    ),
+    Sample(
+        "a tracker's columns behind a prefix", "prefix.csv", "mm and the scalar of the quaternion by the names",
+        lambda path: table(path, "time," + ",".join(f"tracker_{c}" for c in PREFIXED), np.roll(TURNS, 1, axis=1), 1e3),
+        pose="tracker_x_mm", says=('unit = "mm"',),
+    ),
+    Sample(
+        "a logger of pos_x, quat_x", "words.csv", "position and quaternion by their names",
+        lambda path: table(path, "t," + ",".join(WORDED), TURNS), pose=WORDED[0], says=('"probe_quat_w"',),
+    ),
+    Sample(
+        "KUKA's A, B, C", "kuka.csv", "turns about z, y, x in degrees; that the order may be another is said",
+        lambda path: table(path, "t,tool_x,tool_y,tool_z,tool_a,tool_b,tool_c", R.as_euler("ZYX", degrees=True), 1e3),
+        pose="tool_x",
+        says=('unit = "mm"', 'angle_unit = "deg"', "as KUKA has them"),
     ),
 ]  # fmt: skip

@@ -25,12 +25,11 @@ def test_linear_signals_are_interpolated_exactly(stamps, wanted, slope, offset, 
     shuffle.shuffle(stamps)  # type: ignore[attr-defined]
     stamp = EPOCH + np.array(stamps)
     series = clean_series("x", stamp, (slope * np.array(stamps) / 1e9 + offset)[:, None], max_gap=100.0)
-    values, near = interpolate(series, EPOCH + np.array(wanted), 100.0)
+    values = interpolate(series, EPOCH + np.array(wanted), 100.0)
     inside = (np.array(wanted) >= min(stamps)) & (np.array(wanted) <= max(stamps))
-    assert_array_equal(near, inside)
+    assert_array_equal(np.isfinite(values[:, 0]), inside)
     # atol: a few roundings of numbers up to 110
-    assert_allclose(values[near, 0], slope * np.array(wanted)[near] / 1e9 + offset, atol=1e-12)
-    assert np.isnan(values[~near]).all()
+    assert_allclose(values[inside, 0], slope * np.array(wanted)[inside] / 1e9 + offset, atol=1e-12)
 
 
 def test_sinusoids_are_interpolated_within_the_bound_of_the_chord() -> None:
@@ -39,8 +38,7 @@ def test_sinusoids_are_interpolated_within_the_bound_of_the_chord() -> None:
     omega = np.array([0.2, 3.0, 10.0])
     series = clean_series("x", _ns(time), np.sin(time[:, None] * omega), max_gap=0.05)
     wanted = np.sort(rng.uniform(time[0], time[-1], 3000))
-    values, near = interpolate(series, _ns(wanted), 0.05)
-    assert near.all()
+    values = interpolate(series, _ns(wanted), 0.05)
     bound = omega**2 * 0.012**2 / 8.0  # of a chord: h² max|f''| / 8
     assert (np.abs(values - np.sin(wanted[:, None] * omega)) <= bound + 1e-8).all()  # stamps in whole ns
 
@@ -52,16 +50,16 @@ def test_gaps_are_reported_and_nothing_is_interpolated_across_them() -> None:
     assert_allclose((start, length), (0.99, 0.61), atol=1e-9)
     assert series.report.longest_gap == length
     wanted = np.array([0.5, 0.99, 0.9901, 1.3, 1.5999, 1.6, 1.605])
-    _, near = interpolate(series, _ns(wanted), 0.05)
-    assert_array_equal(near, [True, True, False, False, False, True, True])
+    near = interpolate(series, _ns(wanted), 0.05)[:, 0]
+    assert_array_equal(np.isfinite(near), [True, True, False, False, False, True, True])
 
 
 def test_what_is_missing_at_the_ends_of_the_state_is_a_gap() -> None:
     time = np.arange(1.0, 2.0, 0.01)
     series = clean_series("x", _ns(time), time[:, None], max_gap=0.05, span=(int(_ns(0.0)), int(_ns(5.0))))
     assert_allclose(series.report.gaps, [(0.0, 1.0), (1.99, 3.01)], atol=1e-9)
-    _, near = interpolate(series, _ns([0.5, 1.5, 2.5]), 0.05)
-    assert_array_equal(near, [False, True, False])
+    near = interpolate(series, _ns([0.5, 1.5, 2.5]), 0.05)[:, 0]
+    assert_array_equal(np.isfinite(near), [False, True, False])
 
 
 def test_a_slow_topic_has_no_gaps_for_being_slow_and_an_empty_one_is_refused() -> None:
@@ -80,13 +78,12 @@ def test_repeated_stamps_are_dropped_and_shuffled_ones_sorted_and_both_counted()
     assert any("1 messages were out of order" in note for note in series.report.notes())
 
 
-def test_rate_and_jitter_are_measured_outside_gaps() -> None:
+def test_the_rate_is_measured_outside_gaps() -> None:
     rng = np.random.default_rng(1)
     steps = 0.01 + 0.001 * rng.standard_normal(5000)
     steps[1000] = 3.0
     report = clean_series("x", _ns(np.cumsum(steps)), np.zeros((5000, 1)), max_gap=0.05).report
     assert_allclose(report.rate, 100.0, rtol=0.005)  # 10 % of jitter over 5000 intervals
-    assert_allclose(report.jitter, 0.001, rtol=0.05)
 
 
 def test_clock_offset_is_the_median_delay_of_arrival() -> None:

@@ -1,4 +1,4 @@
-"""Samples with stamps: put in order, measured for gaps and jitter, interpolated, and steps of their clock taken out.
+"""Samples with stamps: put in order, measured for gaps, interpolated, and steps of their clock taken out.
 
 The time between two messages is the lesser of what stamps and arrivals say of it, where that is not negative. Stamps
 that go back or forth by more than that, and stay so, are those of a clock that was set. Messages that were late, lost
@@ -42,12 +42,11 @@ class ClockStep(NamedTuple):
 
 @dataclass(frozen=True)
 class TopicReport:
-    """Rate, jitter, gaps and disorder of a topic's messages."""
+    """Rate, gaps and disorder of a topic's messages."""
 
     topic: str
     messages: int  # as recorded
     rate: float  # [Hz] of what is left, gaps left out; nan for fewer than two
-    jitter: float  # [s] standard deviation of the intervals, gaps left out
     # [s] where each begins, from the first state message or sample, and its length
     gaps: tuple[tuple[float, float], ...]
     repeated: int  # stamps that were there before; dropped
@@ -138,7 +137,6 @@ def clean_series(
         topic=topic,
         messages=len(stamp),
         rate=float(1.0 / regular.mean()) if len(regular) else float("nan"),
-        jitter=float(regular.std()) if len(regular) else float("nan"),
         gaps=gaps,
         repeated=repeated,
         shuffled=shuffled,
@@ -150,12 +148,11 @@ def clean_series(
     return Series(ordered, np.asarray(values, dtype=np.float64), report)
 
 
-def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return values at other stamps, on the straight line between the two samples around each.
+def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> Floats:
+    """Return values (N, k) at other stamps, on the straight line between the two samples around each.
 
-    Returns:
-        Values (N, k), NaN where the neighbours lie further apart than `max_gap` [s] or one is missing, and (N,)
-        where they do not. A sample at the very stamp needs no neighbours.
+    NaN where the neighbours lie further apart than `max_gap` [s] or one is missing. A sample at the very stamp needs no
+    neighbours.
     """
     right = np.searchsorted(series.stamp, stamp, side="left")
     exact = series.stamp[np.minimum(right, len(series.stamp) - 1)] == stamp
@@ -163,12 +160,10 @@ def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> tup
     inside = exact | ((right > 0) & (right < len(series.stamp)))
     left, right = np.where(inside, left, 0), np.where(inside, right, 0)
     width = series.stamp[right] - series.stamp[left]  # whole nanoseconds: no rounding of large stamps
-    near = inside & (width <= max_gap * SECOND)
     share = (stamp - series.stamp[left]) / np.maximum(width, 1)
-    a, b = series.values[left], series.values[right]
-    values = a + share[:, None] * (b - a)
-    values[~near] = np.nan
-    return values, near
+    values = series.values[left] + share[:, None] * (series.values[right] - series.values[left])
+    values[~inside | (width > max_gap * SECOND)] = np.nan
+    return np.asarray(values)
 
 
 def without_steps(

@@ -1,6 +1,7 @@
 """Files in the shape of those that labs have are read right at the first try; the page's table says what is read."""
 
 import os
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ import gallery
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.column_motion import by_motion
 from catenary.recording.import_formats.mapping import TrackedPose
-from catenary.recording.import_formats.proposal import Proposal
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.tracked_pose import pose_places, positions_and_rotations
 from catenary.workflows.import_recording import import_recording, propose_mapping
@@ -28,10 +28,10 @@ def test_a_file_of_the_field_is_read_at_the_first_try(sample: gallery.Sample, tm
         with pytest.raises((FileFormatError, InputError), match=sample.refused):
             import_recording(path, accept_proposal=True, units=sample.units, robot=sample.robot)
         return
-    proposal = propose_mapping(path, units=sample.units, robot=sample.robot)
     if sample.pose:
-        _is_pose(path, sample, proposal)
+        _is_pose(path, sample)
         return
+    proposal = propose_mapping(path, units=sample.units, robot=sample.robot)
     asked = [question.rpartition("--answer ")[2].partition("=")[0] for question in proposal.questions]
     assert asked == list(sample.asks), proposal.toml
     log = import_recording(
@@ -46,9 +46,12 @@ def test_a_file_of_the_field_is_read_at_the_first_try(sample: gallery.Sample, tm
         assert_allclose(found, expected, atol=sample.within, err_msg=quantity)
 
 
-def _is_pose(path: Path, sample: gallery.Sample, proposal: Proposal) -> None:
-    """A pose is read in metres, and a row on which the tracker saw nothing is no zero."""
-    sources, tracked = Sources([path]), TrackedPose(**sample.pose)
+def _is_pose(path: Path, sample: gallery.Sample) -> None:
+    """A pose is asked for; as proposed it is read in metres, and a row on which the tracker saw nothing is no zero."""
+    proposal = propose_mapping(path, robot="two_link")
+    assert any("tells where the joints were" in question for question in proposal.questions)
+    proposal = propose_mapping(path, robot="two_link", answers={"q_encoder": sample.pose})
+    sources, tracked = Sources([path]), TrackedPose(**tomllib.loads(proposal.toml)["q_encoder"]["pose"])
     places = pose_places(tracked, sources.streams)
     stream = sources.read({places[0].stream: [place.column for place in places]})[places[0].stream]
     values = np.column_stack([stream.columns[place.column] for place in places])
@@ -61,7 +64,6 @@ def _is_pose(path: Path, sample: gallery.Sample, proposal: Proposal) -> None:
     assert np.isnan(position[~seen]).all()
     assert_allclose(position[seen], trackers.P[rows[seen]], atol=1e-8)  # nine digits in the file
     assert_allclose(rotation[seen], trackers.R.as_matrix()[rows[seen]], atol=1e-7)
-    assert any("tells where the joints were" in question for question in proposal.questions)
     for words in sample.says:
         assert words in proposal.toml
     taken = [line for line in proposal.toml.splitlines() if "columns" in line]

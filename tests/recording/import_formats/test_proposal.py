@@ -194,6 +194,10 @@ def groups(names: list[str]) -> list[tuple[tuple[str, ...], str]]:
             [("robot1_q1_enc", "robot1_q2_enc"), ("robot2_q1_enc", "robot2_q2_enc")],
         ),
         (["a2", "a10", "a1", "b1", "b2"], [("a1", "a2", "a10"), ("b1", "b2")]),
+        (
+            ["psm_outer_yaw", "psm_outer_insertion", "imu_roll", "imu_pitch", "imu_yaw", "arm_elbow_temp"],
+            [("psm_outer_yaw", "psm_outer_insertion")],
+        ),
     ],
 )
 def test_a_digit_anywhere_in_a_name_does_not_break_a_group(names: list[str], expected: list[tuple[str, ...]]) -> None:
@@ -206,8 +210,8 @@ def test_a_digit_anywhere_in_a_name_does_not_break_a_group(names: list[str], exp
         ("q1 [deg]", "position", "deg", None), ("elbow_deg[2]", "position", "deg", None),
         ("dq_rad_s", "velocity", "rad", None), ("tau1 [mNm]", "effort", None, 1e-3), ("push_kN", "effort", None, 1e3),
         # accelerations are no speeds, nor a letter a force
-        ("a1 [m/s2]", "position", None, None), ("a1 [rad/s^2]", "position", None, None),
-        ("part1_n", "position", None, None),
+        ("a1 [m/s2]", "acceleration", "m", None), ("a1_rad_s2", "acceleration", "rad", None),
+        ("a1 [rad/s^2]", "acceleration", "rad", None), ("part1_n", "position", None, None),
     ],
 )  # fmt: skip
 def test_a_unit_behind_a_name_tells_a_quantity(name: str, kind: str, unit: str | None, scale: float | None) -> None:
@@ -216,6 +220,17 @@ def test_a_unit_behind_a_name_tells_a_quantity(name: str, kind: str, unit: str |
     assert found.kind == kind
     assert found.stated_units() == (None if unit is None else (unit,))
     assert found.stated_scale() == (None if scale is None else (scale,))
+
+
+@pytest.mark.parametrize(("robot", "frame"), [("dvrk_psm", "outer_insertion"), ("ur5e", "forearm_link")])
+def test_a_marker_beside_the_first_joints_is_proposed_on_the_link_that_they_move(
+    robot: str, frame: str, tmp_path: Path
+) -> None:
+    rows = np.column_stack([T, true_q(T), 1e3 * true_q(T)])
+    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="t,q1,q2,q3,ndi_x,ndi_y,ndi_z", comments="")
+    proposed = propose_mapping(tmp_path / "lab.csv", robot=robot, units="rad,rad,m", answers={"q_encoder": "ndi_x"})
+    pose = proposed.accepted().q_encoder.pose
+    assert (pose.frame, pose.unit, pose.match) == (frame, "mm", "position")
 
 
 @pytest.mark.parametrize("scale", [1.0, 180.0 / np.pi])

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -59,6 +60,15 @@ def test_a_last_line_without_an_end_is_torn_where_it_lacks_cells_or_one_is_no_nu
     head = read_head("lab", ["t,q1", "0,1", "1,2"], unended=line)
     assert head.torn == (line if torn else "")
     assert [column.kind for column in head.columns] == ["number", "number"]
+
+
+@pytest.mark.parametrize(
+    ("last", "torn"), [("0.1234", False), ("0.12", True), ("0.", True), ("0", True), ("-0.5555", False), ("nan", False)]
+)
+def test_a_number_cut_within_its_digits_is_torn_where_all_others_have_more(last: str, torn: bool) -> None:
+    rows = [f"{0.01 * i:.2f},{np.sin(i):.4f}" for i in range(40)]
+    line = f"0.40,{last}"
+    assert read_head("lab", ["t,q1", *rows], unended=line).torn == (line if torn else "")
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,13 @@ from catenary.recording.import_formats.mapping import TrackedPose
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.tracked_pose import pose_places
 from catenary.workflows.import_recording import import_recording
-from gallery.trackers import ROWS, P, R, motive, said, table, transforms, write
+from gallery.trackers import ROWS, P, R, motive, table, transforms, write
 from lab_bags import KINDS, Kind
 
+RPY = ["x", "y", "z", "roll", "pitch", "yaw"]
 
-@pytest.mark.parametrize("kind", KINDS[1:])  # rosbags has no TFMessage of ROS 1
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_transforms_are_followed_by_child_each_with_its_own_stamp(kind: Kind, tmp_path: Path) -> None:
     source = transforms(tmp_path / "lab", kind)
     sources = Sources([source])
@@ -47,19 +49,13 @@ def test_an_export_that_is_not_as_its_program_writes_it_is_refused(
         Sources([make(tmp_path)])
 
 
-def test_eulers_angles_of_motive_are_left_out_and_said(tmp_path: Path) -> None:
-    (stream,) = Sources([motive(tmp_path / "take.csv", "1.23", "Meters", turns="XYZ")]).streams
-    assert "tool.orientation.x" not in stream.columns
-    assert any("export them with Rotation Type: Quaternion" in note for note in stream.notes)
-
-
 @pytest.mark.parametrize(
     ("pose", "error", "message"),
     [
-        (said("x", "y", "z", "roll", "pitch", "yaw"), InputError, "6 columns with orientation"),
-        (said("x", "y"), InputError, "expected a message's pose, or three, six or seven"),
-        (said("x", "y", "z", "roll", "pitch", "yaw", orientation="XXZ"), ConfigError, "turns twice about one axis"),
-        (said("x", "y", "z", "roll", "pitch", "yaw", orientation="rpy"), ConfigError, "orientation"),
+        ({"columns": RPY}, InputError, "6 columns with orientation"),
+        ({"columns": ["x", "y"]}, InputError, "expected a message's pose, or three, six or seven"),
+        ({"columns": RPY, "orientation": "XXZ"}, ConfigError, "turns twice about one axis"),
+        ({"columns": RPY, "orientation": "rpy"}, ConfigError, "orientation"),
     ],
 )
 def test_a_pose_that_cannot_be_one_is_refused(

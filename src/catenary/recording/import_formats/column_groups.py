@@ -15,7 +15,7 @@ from catenary.recording.import_formats.pose_columns import poses_of
 from catenary.recording.import_formats.table_time import is_nameless, time_columns, time_of
 from catenary.topics import SECOND
 
-Kind = Literal["position", "velocity", "effort", "current"]
+Kind = Literal["position", "velocity", "acceleration", "effort", "current"]
 Role = Literal["measured outside", "commanded", "actual", "own", "estimated", "measured", "reported", "unknown"]
 
 
@@ -25,7 +25,8 @@ def _set(words: str) -> frozenset[str]:
 
 _KINDS: dict[Kind, frozenset[str]] = {
     "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel qvel"),
-    "effort": _set("effort efforts tau torque torques jf"),
+    "acceleration": _set("acceleration accelerations acc accel qdd ddq qddot jacc"),
+    "effort": _set("effort efforts eff tau torque torques jf"),
     "current": _set("current currents cur amps amp dac"),
 }
 _ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
@@ -51,11 +52,16 @@ _OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values(), _REP
 _OK = _set("ok valid tracked visible good")
 _NO_JOINTS = _set(
     "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
-    "points intensities ranges color colors quat eef cos sin"
+    "points intensities ranges color colors quat eef cos sin next"
 )
+_OF_JOINTS = _set(
+    "yaw pitch roll insertion shoulder elbow wrist forearm waist pan tilt lift slide rail torso jaw joint"
+)
+_TURNS = _set("yaw pitch roll")  # of anything, where no other joint is beside them
 _UNITS = _set("deg degree degrees rad mm cm m s nm n k c nmm ncm")
 _UNIT = re.compile(  # behind a name: q1 [deg], dq_rad_s, "tau3 (N m)", elbow_deg[2]
-    r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)(?P<speed>(?:/|_per_|_|\*)s(?:ec)?(?:\^-1)?(?!\d))?"
+    r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)"
+    r"(?P<speed>(?:/|_per_|_|\*)s(?:ec)?(?:\^-1|(?P<again>\^?-?[23]|[²³])|(?!\d)))?"
     r"|(?P<effort>(?P<part>[mck]?)N[ *.·]?(?P<lever>[mc]?)m|(?-i:(?P<alone>[mk]?)N)))\s*(?=[\])]?(?:\[?\d+\]?)?\Z)",
     re.IGNORECASE,
 )
@@ -201,9 +207,15 @@ def _of_table(stream: Stream) -> list[Candidate]:
         stated = ("words", *own) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
         stem = [letters] if _joint_number(name) else []
         key = ("words", *own, *stem) if own[1:] else ("#", letters, *own) if "#" in letters else stated
+        first = next((i for i, word in enumerate(words) if word in _OF_JOINTS), len(words))
+        if key[0] == "alone" and words[first:] and {*words[first:]} <= _OF_JOINTS | _UNITS:
+            key = ("words", *words[:first], "of joints")  # psm_outer_yaw, psm_outer_wrist_pitch
         groups.setdefault(key, []).append(name)
-    for (how, *_), columns in groups.items():
-        for part in _by_shared_number(columns) if how != "alone" else ():
+    for (how, *_, what), columns in groups.items():
+        of_joints = {word for name in columns for word in _words(name)} & _OF_JOINTS
+        if how == "alone" or (what == "of joints" and (len(columns) < 2 or of_joints <= _TURNS)):
+            continue
+        for part in _by_shared_number(columns):
             is_numbered = _joint_number(part[0]) != ""
             ordered = sorted(part, key=natural) if is_numbered else part
             if not 1 <= len(ordered) <= MOST_JOINTS:
@@ -271,7 +283,7 @@ def _words(name: str) -> list[str]:
 def _kind(name: str) -> Kind:
     unit, words = _UNIT.search(name), set(_words(name))
     if unit and (unit["effort"] or unit["speed"]):
-        return "effort" if unit["effort"] else "velocity"
+        return "effort" if unit["effort"] else "acceleration" if unit["again"] else "velocity"
     return next((kind for kind, names in _KINDS.items() if words & names), "position")
 
 

@@ -428,25 +428,31 @@ def _tracked(
     if poses is None or q is None:
         raise InputError("a pose, and q_nominal beside it, must each be of one topic or table")
     nominal = Series(q.stamp, q.values * scale, q.report)
-    near, before, after = (
-        interpolate(nominal, poses.stamp + by, clock.gap("q_nominal"))[0] for by in (0, -_BESIDE, _BESIDE)
-    )
     chosen = [model.joint_names.index(name) for name in names]
-    start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
-    speed = np.zeros_like(start)
-    start[:, chosen], speed[:, chosen] = near, np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
-    seen = TrackedPoses(*positions_and_rotations(tracked, poses.values), start, speed)
-    base, marker, said = registered(model, tracked, seen, chosen)
+    measured = positions_and_rotations(tracked, poses.values)
+
+    def poses_at(late: float) -> TrackedPoses:
+        near, before, after = (
+            interpolate(nominal, poses.stamp + round(late * SECOND) + by, clock.gap("q_nominal"))
+            for by in (0, -_BESIDE, _BESIDE)
+        )
+        start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
+        speed = np.zeros_like(start)
+        start[:, chosen], speed[:, chosen] = near, np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
+        return TrackedPoses(*measured, start, speed)
+
+    seen = poses_at(0.0)
+    base, marker, said = registered(model, tracked, poses.values, poses_at, chosen)
     notes += said
     found = joints_from_poses(model, tracked, seen, base, marker, chosen)
-    lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(start).any(axis=1).sum())
+    lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(seen.q).any(axis=1).sum())
     if lost > 0:
         notes.append(
             f"{lost} of {len(found)} poses were left out: not finite, singular, or beyond {tracked.within_mm:g} mm"
             + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
             + " from all that the robot reaches"
         )
-    return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))[0]
+    return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
 
 
 def _signals(

@@ -151,7 +151,7 @@ class OneClock:
         if part not in self._at:
             series = self._series[part]
             same = part == (self.base, "")
-            self._at[part] = series.values if same else interpolate(series, self.stamp, self._gap(series))[0]
+            self._at[part] = series.values if same else interpolate(series, self.stamp, self._gap(series))
         column: Floats = self._at[part][:, self._index(key, place)]
         return column
 

@@ -1,7 +1,7 @@
 """Poses of markers among the columns of a recording: of messages, of trackers' exports, of tables by their names."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -16,16 +16,21 @@ PARTS = (("position", "orientation"), ("translation", "rotation"))
 _POINTS = ("position", "translation", "point")
 _TRACKERS = re.compile(r"marker|track|ndi|polaris|aurora|atracsys|optitrack|motive|vicon|mocap|rigid", re.IGNORECASE)
 _ARM = re.compile(r"/(PSM|MTM|ECM|SUJ)\w*|/arm\d", re.IGNORECASE)  # of the dVRK and the RAVEN-II
-_UNIT = re.compile(r"[ _]?[\[(]?\b(mm|cm|m|deg|rad)[\])]?\Z")  # behind the name of a table's column
-_POSITIONS = ("x y z", "tx ty tz", "px py pz", "pos_x pos_y pos_z")
+_UNIT = re.compile(r"(?:[ _]|(?=[\[(]))[\[(]?(mm|cm|m|deg|rad)[\])]?\Z")  # behind the name of a table's column
+_POSITIONS = ("x y z", "tx ty tz", "px py pz", "pos_x pos_y pos_z", "position_x position_y position_z")
 _TURNS = (  # names of a table's columns, how a mapping calls them, and what may be wrong about that
     ("qx qy qz qw", "xyzw", ""),
-    ("qw qx qy qz", "wxyz", ""),
+    ("quat_x quat_y quat_z quat_w", "xyzw", ""),
+    ("orientation_x orientation_y orientation_z orientation_w", "xyzw", ""),
     ("q0 qx qy qz", "wxyz", ""),
     ("rx ry rz", "vector", "axis times angle, as a UR says its tool, or angles about axes"),
     ("roll pitch yaw", "xyz", "turns about fixed axes, roll first, as ROS has them, or of another order"),
+    ("a b c", "ZYX", "turns as KUKA has them, about z, y and x that turn with it, or of another order"),
     ("", "xyzw", ""),
 )
+_FAR = 20.0  # beyond which a position is in mm, no tracker seeing so far in m
+_SENT_AWAY = 1e6  # numbers by which a tracker says that it saw nothing
+_LARGEST_TURN = 7.0  # beyond which an angle is in deg
 
 
 class PoseColumns(NamedTuple):
@@ -35,6 +40,8 @@ class PoseColumns(NamedTuple):
     taken: tuple[str, ...]  # columns of the stream
     orientation: str = "xyzw"
     doubt: str = ""  # about the orientation
+    units: tuple[str, str] = ("m", "rad")  # of position and angles
+    stream: str = ""
 
     @property
     def name(self) -> str:
@@ -51,14 +58,27 @@ def poses_of(streams: Sequence[Stream]) -> list[PoseColumns]:
         own = any(other.name.startswith(f"{place}/") and re.search(r"_j[spvf]\Z", other.name) for other in streams)
         if verb.endswith("_cp") and (verb != "measured_cp" or own or _ARM.match(place)):
             continue
-        poses = [*poses_by_parts(stream), *(_by_names(stream) if stream.type == "table" else ())]
-        found += [one for one in poses if any(_moves(stream.columns[column]) for column in one.taken)]
+        poses = poses_by_parts(stream)
+        poses += _by_names(stream, {name for pose in poses for name in pose.taken}) if stream.type == "table" else []
+        moving = [one for one in poses if any(_moves(stream.columns[column]) for column in one.taken)]
+        found += [one._replace(units=_units(stream, one), stream=stream.name) for one in moving]
     return found
 
 
 def _moves(values: NDArray[Any]) -> bool:
     finite = values[np.isfinite(values)]
     return len(finite) > 0 and finite.max() > finite.min()
+
+
+def _units(stream: Stream, pose: PoseColumns) -> tuple[str, str]:
+    """Return the units of a pose's position and angles, by the names of its columns or by their size."""
+
+    def unit(columns: Sequence[str], most: float, small: str, large: str) -> str:
+        named = _UNIT.search(columns[0]) if columns and stream.type == "table" else None
+        sizes = np.abs([np.asarray(stream.columns[column], dtype=np.float64) for column in columns])
+        return named[1] if named else large if (sizes[sizes < _SENT_AWAY] > most).any() else small
+
+    return unit(pose.taken[:3], _FAR, "m", "mm"), unit(pose.taken[3:], _LARGEST_TURN, "rad", "deg")
 
 
 def poses_by_parts(stream: Stream) -> list[PoseColumns]:
@@ -78,19 +98,23 @@ def poses_by_parts(stream: Stream) -> list[PoseColumns]:
     return found
 
 
-def _by_names(stream: Stream) -> list[PoseColumns]:
+def _by_names(stream: Stream, taken: Collection[str]) -> list[PoseColumns]:
     """Return poses of a table such as tx ty tz qx qy qz qw; positions alone where the name is a tracker's."""
-    names = tuple(stream.columns)
-    if len(names) == 8 and is_nameless(stream):  # TUM's trajectories: time, position, quaternion
-        lengths = np.linalg.norm([stream.columns[name] for name in names[4:]], axis=0)
-        if np.nanmax(np.abs(lengths - 1.0)) < 1e-2:
-            return [PoseColumns(names[1:], names[1:])]
-    bare, found = {_UNIT.sub("", name.lower()): name for name in names}, list[PoseColumns]()
-    for position, (turns, orientation, doubt) in product(_POSITIONS, _TURNS):
+    names, found = tuple(name for name in stream.columns if name not in taken), list[PoseColumns]()
+
+    def is_turn(columns: Sequence[str]) -> bool:
+        lengths = np.linalg.norm([np.asarray(stream.columns[name], dtype=np.float64) for name in columns], axis=0)
+        return len(columns) < 4 or bool(np.all(np.abs(lengths[(lengths > 0.0) & np.isfinite(lengths)] - 1.0) < 1e-2))
+
+    if len(names) == 8 and is_nameless(stream) and is_turn(names[4:]):  # TUM's trajectories: time, position, quaternion
+        return [PoseColumns(names[1:], names[1:])]
+    bare = {_UNIT.sub("", name.lower()): name for name in names}
+    for (turns, orientation, doubt), position in product(_TURNS, _POSITIONS):
         words = f"{position} {turns}".split()
         for stem in [name.removesuffix(words[0]) for name in bare if re.search(rf"(\A|[ ._/:]){words[0]}\Z", name)]:
             columns = tuple(bare[stem + word] for word in words if stem + word in bare)
             new = not any(set(columns) & set(one.taken) for one in found)
-            if len(columns) == len(words) and new and (turns or _TRACKERS.search(f"{stream.name} {stem}")):
+            is_pose = turns or _TRACKERS.search(f"{stream.name} {stem}")
+            if len(columns) == len(words) and new and is_pose and is_turn(columns[3:]):
                 found.append(PoseColumns(columns, columns, orientation, doubt))
     return found

@@ -24,6 +24,7 @@ from catenary.recording.import_formats.pose_columns import PoseColumns, poses_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import UNITS, CoarseTimeError, time_columns, time_of, times_among
 from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
 from catenary.visible import visible
 
 _JOINTS_SHOWN = 8
@@ -113,9 +114,11 @@ def propose(
             its, why = (its, why) if is_sure else _asked_units("q_encoder", its, why, draft)
             _write(draft, "q_encoder", encoder, its, why)
         _further(found, nominal, draft)
+    used = [one.stream for one in (nominal, encoder) if one is not None]
     if encoder is None:
-        _without_encoder(poses_of(sources.streams), robot, draft)
-    _times(sources.streams, nominal, encoder, draft)
+        tracked = _tracked(poses_of(sources.streams), model, nominal, draft)
+        used += [stream for stream in sources.streams if tracked is not None and stream.name == tracked.stream]
+    _times({stream.name: stream for stream in used}, draft)
     for stream in sources.streams:
         draft.decisions += [f"{stream.name}: {note}" for note in stream.notes]
         moved = moving_columns(stream) if stream.type == "table" else None
@@ -304,33 +307,53 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
         draft.decisions.append(f"{currents[0]} seems to hold currents: tau needs a scale, Nm per unit")
 
 
-def _without_encoder(poses: Sequence[PoseColumns], robot: str | None, draft: _Draft) -> None:
+def _tracked(
+    poses: Sequence[PoseColumns], model: RobotModel | None, nominal: Candidate | None, draft: _Draft
+) -> PoseColumns | None:
+    """Ask whether a tracked pose tells where the joints were; return the one that does."""
     if not poses:
         draft.decisions.append(
             "no measurement of the joints apart from the robot's own was found: a fit needs q_encoder, an "
             "identification does not"
         )
-        return
-    draft.ask(
+        return None
+    named = {} if model is None else {one.references[0]: one for one in poses}
+    answer = draft.ask(
         "q_encoder",
-        f"whether {' or '.join(pose.name for pose in poses[:5])} tells where the joints were; then it needs the robot, "
-        "and which of its frames the marker is on",
-        {"none": "it does not, or is not wanted; else edit what stands below"},
+        f"whether {' or '.join(pose.name for pose in poses[:5])} tells where the joints were; then it needs "
+        f"{'the robot (--robot), and ' if model is None else ''}which of its frames the marker is on",
+        {key: f"{one.name} does" for key, one in named.items()} | {"none": "it does not, or is not wanted"},
     )
-    one = poses[0]
+    if answer == "none":
+        return None
+    one = poses[0] if answer is None else named[answer]
+    told = len(one.taken)
+    turns = one.orientation if told > 3 else "xyzw"
+    joints = 0 if nominal is None else len(nominal.columns)
+    match = "pose" if told > 3 and joints > 3 else "position"
+    frame = '# frame = "..."  # of the robot, that the marker is on; its tip where none is given'
+    links = {} if model is None else {of.link: name for name, of in reversed([*model.frames.items()])}
+    if model is not None and 0 < joints < model.n == 1 + max(links):  # a link for each joint
+        frame = f'frame = "{links[joints - 1]}"  # which the last joint that was recorded moves'
     lines = [
-        "# joints from a tracked marker: take the # away, and fill in the robot (above) and the frame",
-        "# [q_encoder.pose]",
-        f"# columns = [{', '.join(map(_text, one.references))}]",
-        *[f'# orientation = "{one.orientation}"  # {one.doubt or "of the quaternion"}'] * (one.orientation != "xyzw"),
-        '# match = "position"     # or "pose", for more joints than a position tells',
+        "[q_encoder.pose]",
+        f"columns = [{', '.join(map(_text, one.references))}]",
+        *[f'unit = "{one.units[0]}"  # by its size or name'] * (one.units[0] != "m"),
+        *[f'orientation = "{turns}"  # {one.doubt or "of the quaternion"}'] * (turns != "xyzw"),
+        *[f'angle_unit = "{one.units[1]}"  # by its size or name'] * (one.units[1] != "rad"),
+        f'match = "{match}"  # "position" tells three joints at most, "pose" six',
+        frame,
         "# T_base_tracker and T_marker_frame are found from the recording where they are not given",
     ]
+    if answer is None:
+        lines = ["# joints from a tracked marker: take the # away", *(f"# {line}" for line in lines)]
+    else:
+        draft.used.setdefault(one.stream, set()).update(one.taken)
     draft.tables += ["", *lines]
+    return None if answer is None else one
 
 
-def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candidate | None, draft: _Draft) -> None:
-    used = {one.stream.name: one.stream for one in (nominal, encoder) if one is not None}
+def _times(used: Mapping[str, Stream], draft: _Draft) -> None:
     columns, units, said = list[str](), list[str](), list[str]()
     for stream in used.values():
         if stream.type != "table":

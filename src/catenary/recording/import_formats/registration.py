@@ -9,10 +9,10 @@ how the marker sits: such an offset is held at 0, and said to be. [M. Shah, J. M
 told: L. Everett & T.-W. Hsu, J. Mech. Design 110 (1988)]
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ FAR = 5.0  # standard deviations of an axis at which an outlier begins: one of 7
 FEWEST, BLOCKS = 6, 30  # stretches of time whose errors are taken as independent
 OPEN = 0.05  # [rad] half-width at which a direction is not told: a usual tracker sees 1.4 mm of a motion then
 SETTLES = {"rad": 0.5, "m": 0.05}  # to either side: a motion that may settle it
+DOUBTFUL = 0.05  # of the motion, left by a fit: more than joints' own errors
+STRAIGHT, _RETIMED = 1e-3, 5  # [s] for which a speed goes on; how often poses are read at another time
 STRUCTURAL = 1e-9  # of the largest eigenvalue: what no motion of the robot shows
 _LOOKS, _TRIED, _COARSE = 4_000, 6, 300  # directions of a tracker, those followed up, and with how many poses
 _MEDIAN = 1.538  # of the length of three normal numbers of standard deviation 1
@@ -52,7 +54,7 @@ class TrackedPoses(NamedTuple):
 
     def evenly(self, most: int) -> "TrackedPoses":
         """Return as many at most, evenly over all."""
-        return self.part(np.arange(len(self.q))[:: -(-len(self.q) // most)])
+        return self.part(np.arange(0, len(self.q), max(1, -(-len(self.q) // most))))
 
 
 class Estimate(NamedTuple):
@@ -77,6 +79,7 @@ class TrackerRegistration:
     is_told: NDArray[np.bool_]  # (k,) whether motion tells the joint's offset from the transforms
     middle: Floats  # (3,) of the marker's motion, in the base [m]
     left: Floats  # (1 or 2,) root mean square of an axis' distance from the fit [m], [rad]
+    reach: float  # of the motion [m]
     poses: int
     outliers: int
 
@@ -91,6 +94,10 @@ class TrackerRegistration:
         said = [
             f"registered by {self.poses} poses, {sizes(self.left)} rms per axis from the fit, {self.outliers} outliers"
         ]
+        said += [
+            f"doubt: what is left is {self.left[0] / self.reach:.0%} of the motion, {1e3 * self.reach:.0f} mm: clocks "
+            "far apart, joints in another order or unit, a marker on another frame? The errors stated here may not hold"
+        ] * bool(self.left[0] > DOUBTFUL * self.reach)
         middle = f" at {np.round(self.middle, 3).tolist()} m"
         for name, pose, error, where in (
             ("T_base_tracker", found.base, self.base_error, middle),
@@ -141,7 +148,10 @@ def register(
     numbers = np.hstack([a.reshape(len(tracked.q), -1) for a in tracked if a is not None])
     seen = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1))).evenly(MOST_POSES)
     if len(seen.q) < FEWEST_POSES:
-        raise InputError(f"registration: {len(seen.q)} poses with joints, expected {FEWEST_POSES} at least")
+        raise InputError(
+            f"registration: {len(seen.q)} of {len(tracked.q)} poses are finite, near enough (is their unit right?) and "
+            f"beside joints, expected {FEWEST_POSES} at least"
+        )
     middle = np.median(seen.position, axis=0)
     reach = max(float(np.median(np.linalg.norm(seen.position - middle, axis=1))), 0.02)
     speed = float(np.abs(Configuration(model, seen.q).jacobian(frame)[:, :3] @ seen.qd[:, :, None]).max())
@@ -165,6 +175,22 @@ def register(
         found = kept.solved(found, robust=False)
     kept.refuse_what_is_open(found)
     return kept.with_errors(found, is_told, outliers=int((~near).sum()))
+
+
+def register_in_time(
+    model: RobotModel, poses_at: Callable[[float], TrackedPoses], chosen: Sequence[int], **given: Any
+) -> TrackerRegistration:
+    """Register with the joints at the time that fits the poses best: one speed goes on for some milliseconds only.
+
+    `poses_at` gives the poses with what the robot reported so many seconds after their stamps; others as `register`.
+    """
+    late = 0.0
+    for _ in range(_RETIMED):
+        made = register(model, poses_at(late), chosen, **given)
+        late += made.found.late
+        if abs(made.found.late) < max(STRAIGHT, 2.0 * made.late_error):
+            break
+    return replace(made, found=made.found._replace(late=late))
 
 
 @dataclass(frozen=True)
@@ -393,6 +419,7 @@ class _Problem:
             joint_error=t.ppf(0.975, dof) * np.sqrt(np.median(variance, axis=0)),
             is_told=is_told,
             middle=found.base.rotation @ self.middle + found.base.position,
+            reach=self.reach,
             left=self.noise[: r.shape[1] // 3] * np.sqrt(np.mean(r.reshape(len(r), -1, 3) ** 2, axis=(0, 2))),
             poses=len(r),
             outliers=outliers,

@@ -84,6 +84,8 @@ def stream_of_text(text: TextTable, block: Block) -> Stream:
 
 def _unpacked(path: Path) -> list[Stream]:
     """Read a table that gzip packed, as .csv.gz, within the bounds of any packed file."""
+    if table_ending(Path(path.stem)) not in ENDINGS:
+        raise FileFormatError(f"{path}: is packed, and no table; `gzip -d {path.name}` unpacks it")
     most = max(MOST, RATIO * path.stat().st_size)
     with TemporaryDirectory() as folder:
         plain = Path(folder) / path.stem

@@ -24,6 +24,7 @@ _UNIT = re.compile(
     r"|(rad|deg|m|mm|n\*?m|°)(/|\*)s(\^?[23]|²)?|[mck]?n([*.·]?[mc]?m)?)\s*[\])]?",
     re.IGNORECASE,
 )
+_FEWEST = 20  # numbers that tell with how many digits a column is written
 _SECONDS = (946_684_800, 4_200_000_000)  # [s] since 1970 that a stamp of ROS has: the years 2000 to 2100
 
 Kind = Literal["number", "whole", "truth", "date", "text"]
@@ -135,7 +136,8 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
     if dialect != (",", "."):
         separator = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f'"{dialect.separator}"')
         notes.append(f'columns are separated by {separator}, decimals by "{dialect.decimal}"')
-    torn = unended if _is_torn(dialect.split(unended), columns, width, dialect) else ""
+    above = [row for _, row in rows if len(row) == width]
+    torn = unended if _is_torn(dialect.split(unended), columns, above, width, dialect) else ""
     return TextHead(dialect, width, begins, tuple(columns), bool(names), joints, names_above, torn, tuple(notes))
 
 
@@ -165,10 +167,24 @@ def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDi
     return any(below) and all(is_value(cell) or not cell for cell, number in zip(cells, below, strict=True) if number)
 
 
-def _is_torn(cells: Sequence[str], columns: Sequence[TextColumn], width: int, dialect: TextDialect) -> bool:
-    """Return whether a line lacks cells, or has one that is none of its column."""
+def _is_torn(
+    cells: Sequence[str],
+    columns: Sequence[TextColumn],
+    above: Sequence[Sequence[str]],
+    width: int,
+    dialect: TextDialect,
+) -> bool:
+    """Return whether a line lacks cells, has one that is none of its column, or ends in fewer digits than all above."""
     numbers = [place for column in columns if column.kind in ("number", "whole") for place in column.places]
-    return len(cells) != width or not all(dialect.is_value(cells[place]) for place in numbers)
+    if len(cells) != width or not all(dialect.is_value(cells[place]) for place in numbers):
+        return True
+
+    def digits(cell: str) -> int:
+        return sum(map(str.isdigit, cell.partition(dialect.decimal)[2] or cell))
+
+    written = [digits(row[-1]) for row in above if row[-1] not in NOTHING]
+    is_number = width - 1 in numbers and cells[-1] not in NOTHING
+    return is_number and len(written) >= _FEWEST and digits(cells[-1]) < min(written)
 
 
 def _names(

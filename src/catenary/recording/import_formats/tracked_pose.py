@@ -1,7 +1,8 @@
 """Joint positions from a tracked marker: its pose in the base, and inverse kinematics from where the robot was."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,17 +10,20 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
-from catenary.dynamics.kinematics import jacobian
+from catenary.dynamics.kinematics import Configuration, jacobian
 from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
 from catenary.recording.import_formats.pose_columns import PARTS, poses_of
-from catenary.recording.import_formats.registration import TrackedPoses, register
+from catenary.recording.import_formats.registration import TrackedPoses, register_in_time
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
 
 OPEN = 1e-4  # of what other motions move a frame by: less than a measured pose tells
 FARTHEST = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
+TURNED = 0.02  # [rad] left of orientations, from which on they may be written in another way
+UNRELATED = 30.0  # [deg] from the robot's
+OTHERWISE = "and in no other way as it does: clocks seconds apart, another frame, or the tracker in the marker's axes?"
 _AXES = ("xyz", "xyzw")
 _MARKER = "the tracked marker"  # a frame of the robot
 
@@ -99,7 +103,8 @@ def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequ
         return np.asarray(~short.any(axis=1))
     lost = ", ".join(model.joint_names[j] for j, share in zip(chosen, short.mean(axis=0), strict=True) if share > 0.5)
     by_pose = [not open_joints(model, row, tracked.frame, "pose", chosen).any() for row in q[:50]]
-    choices = 'match = "pose" or ' if tracked.match != "pose" and np.mean(by_pose) > 0.5 else ""
+    has_pose = tracked.match != "pose" and tracked.frame != _MARKER and np.mean(by_pose) > 0.5
+    choices = 'match = "pose" or ' if has_pose else ""
     raise InputError(
         f'q_encoder: the {tracked.match} of "{tracked.frame or model.tip}" leaves {lost} open, of {len(chosen)} '
         f"joints: they would stay where the robot reported them; expected {choices}a frame that they move "
@@ -108,16 +113,56 @@ def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequ
 
 
 def registered(
-    model: RobotModel, tracked: TrackedPose, poses: TrackedPoses, chosen: Sequence[int]
+    model: RobotModel,
+    tracked: TrackedPose,
+    values: Floats,
+    poses_at: Callable[[float], TrackedPoses],
+    chosen: Sequence[int],
 ) -> tuple[Pose, Pose, list[str]]:
-    """Return T_base_tracker and T_frame_marker, given or found from the recording, and what is to be said of that."""
+    """Return T_base_tracker and T_frame_marker, given or found from the recording, and what is to be said of that.
+
+    `values` are the numbers of the poses as recorded, `poses_at` as of `register_in_time`.
+    """
     base = None if tracked.T_base_tracker is None else tracked.T_base_tracker.pose()
     marker = None if tracked.T_marker_frame is None else tracked.T_marker_frame.pose().inverse()
     if base is not None and marker is not None:
         return base, marker, []
-    made = register(model, poses, chosen, frame=tracked.frame, base=base, marker=marker, zeros=tracked.zeros)
+    given = {"frame": tracked.frame, "base": base, "marker": marker, "zeros": tracked.zeros}
+    made = register_in_time(model, poses_at, chosen, **given)
+    if len(made.left) > 1 and made.left[1] > TURNED:
+        q = poses_at(made.found.late).q.copy()
+        q[:, chosen] += made.found.offsets
+        whole = np.isfinite(np.hstack([q, values])).all(axis=1)
+        frame = Configuration(model, q[whole]).pose(tracked.frame).rotation
+        _refuse_other_turns(tracked, values[whole], np.swapaxes(frame, 1, 2) @ made.found.base.rotation)
     names, units = ([of[j] for j in chosen] for of in (model.joint_names, model.joint_units))
     return made.found.base, made.found.marker, made.notes(names, units)
+
+
+def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Floats) -> None:
+    """Refuse orientations that do not turn with the robot's frame, and say as which others they would.
+
+    `frame_tracker` is R_frame_tracker (M, 3, 3), by which the marker's turn in the frame is the same at all poses.
+    """
+    from scipy.spatial.transform import Rotation
+
+    orders = ["vector", *map("".join, [*permutations("xyz"), *permutations("XYZ")])]
+    ways = product(orders, ("rad", "deg")) if values.shape[1] == 6 else product(("xyzw", "wxyz"), (tracked.angle_unit,))
+    left = {}
+    for way in ways:
+        said = tracked.model_copy(update={"orientation": way[0], "angle_unit": way[1]})
+        turns = positions_and_rotations(said, values)[1]
+        assert turns is not None  # for the type checker
+        marker = Rotation.from_matrix((frame_tracker @ turns)[np.isfinite(turns).all(axis=(1, 2))])
+        left[way] = float(np.rad2deg(np.median((marker * marker.mean().inv()).magnitude())))
+    own, best = (tracked.orientation, tracked.angle_unit), min(left, key=left.__getitem__)
+    is_other = 3.0 * left[best] < left[own]
+    if is_other or left[own] > UNRELATED:
+        other = f'as orientation = "{best[0]}", angle_unit = "{best[1]}" by {left[best]:.1f} deg: say that'
+        raise InputError(
+            f'registration: the marker\'s orientation, read as "{own[0]}" in {own[1]}, turns otherwise than the robot, '
+            f"by {left[own]:.0f} deg in the median, {other if is_other else OTHERWISE}"
+        )
 
 
 def joints_from_poses(

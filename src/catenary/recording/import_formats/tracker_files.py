@@ -4,9 +4,11 @@ A body's columns are `NAME.position.x` [m] and `NAME.orientation.w`, as a messag
 """
 
 import csv
+import re
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
@@ -27,6 +29,8 @@ def is_tracker_file(path: Path) -> bool:
 
 def read_tracker_file(path: Path) -> Stream:
     """Read Motive's CSV: a line of settings, then lines of types, names, IDs and axes above the columns of poses."""
+    from scipy.spatial.transform import Rotation
+
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         head = [next(csv.reader([line]), []) for line in islice(file, _HEAD)]
     stated = dict(zip(head[0][::2], head[0][1::2], strict=False))
@@ -39,11 +43,14 @@ def read_tracker_file(path: Path) -> Stream:
         )
     kinds, names, *_, parts = [[cell.strip() for cell in row] for row in head[1:axes_at] if len(row) > 2]
     notes = [f"is Motive's export, format {stated.get('Format Version')}, in {length}"]
-    if turns != "Quaternion":
-        notes.append(f"its orientations are left out, as {cut(turns)}; export them with Rotation Type: Quaternion")
+    is_euler = re.fullmatch("[XYZ]{3}", turns) is not None
+    if is_euler:
+        notes.append(f"its orientations are angles, read as turns about axes that turn with it, {' then '.join(turns)}")
+    if began := stated.get("Capture Start Time"):
+        notes.append(f"its time counts from its own begin, {cut(began)} of that computer")
     wanted, left = {"1": ("time", 1.0)}, dict[str, None]()
     for i, (kind, name, part, axis) in enumerate(zip(kinds, names, parts, head[axes_at], strict=False)):
-        scale = {"Position": _METRES[length], "Rotation": 1.0 if turns == "Quaternion" else 0.0}.get(part, 0.0)
+        scale = {"Position": _METRES[length], "Rotation": 1.0}.get(part, 0.0)
         what = "orientation" if part == "Rotation" else "position"
         column = (f"{name}{' (solved)' * (kind == 'Rigid Body Marker')}.{what}.{axis.lower()}", scale)
         if scale and (name.startswith("Unlabeled") or column in wanted.values()):
@@ -61,4 +68,10 @@ def read_tracker_file(path: Path) -> Stream:
     if not table.num_rows:
         raise FileFormatError(f"{path}: has no row with a pose")
     columns = {name: scale * table.column(i).to_numpy() for i, (name, scale) in wanted.items()}
+    for base in [name.removesuffix(".x") for name in columns if is_euler and name.endswith("orientation.x")]:
+        angles = np.column_stack([columns[f"{base}.{axis.lower()}"] for axis in turns])
+        seen = np.isfinite(angles).all(axis=1)
+        q = np.full((len(angles), 4), np.nan)
+        q[seen] = Rotation.from_euler(turns, angles[seen], degrees=True).as_quat()
+        columns |= {f"{base}.{axis}": q[:, i] for i, axis in enumerate("xyzw")}
     return Stream(path.stem, "table", columns, table.num_rows, notes=tuple(notes))
