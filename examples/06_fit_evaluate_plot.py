@@ -13,7 +13,7 @@ t = np.linspace(0.0, 60.0, 3000)
 q = np.column_stack([np.sin(t) + 0.3 * np.sin(2.3 * t), 0.1 * np.cos(1.7 * t)])
 truth = q + np.column_stack([0.02 + 0.01 * q[:, 0] * q[:, 1], 0.002 * np.sign(np.cos(t))])
 
-model = catenary.fit(q[:2000], truth[:2000], units=["rad", "m"], model="polynomial", history=1)
+model = catenary.fit(q[:2000], truth[:2000], units=["rad", "m"], model="polynomial")
 errors = model.evaluate(q[2000:], truth[2000:])
 print(errors)
 figure, rows = plt.subplots(2, sharex=True)

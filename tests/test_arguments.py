@@ -88,7 +88,7 @@ def test_a_wrong_argument_is_no_error_of_python_or_numpy(name: str) -> None:
 def test_the_message_says_which_argument_what_it_was_and_what_was_expected() -> None:
     for call, words in [
         (lambda: catenary.gravity_torque("raven2", Q, DOWN), r'model: expected RobotModel, got str \'raven2\'; .*load_robot'),
-        (lambda: catenary.fit(**CALLS["fit"], history="1"), "history: expected a whole number, got str '1'"),
+        (lambda: catenary.fit(**(CALLS["fit"] | {"folds": "1"})), "folds: expected a whole number, got str '1'"),
         (lambda: catenary.load_robot(3), "source: expected str or Path, got int 3"),
     ]:  # fmt: skip
         with pytest.raises(InputError, match=words):

@@ -84,14 +84,14 @@ def test_a_log_a_path_and_arrays_give_one_model(tmp_path: Path) -> None:
     catenary.write_parquet(LOG, path)
     assert len(catenary.read_log(path)) == 200
     models = [
-        catenary.fit(LOG, history=2, model="linear"),
-        catenary.fit([path], history=2, model="linear"),
-        catenary.fit(LOG.q_nominal, LOG.q_encoder, units=UNITS, time=LOG.time, history=2, model="linear"),
+        catenary.fit(LOG, play=[0.1], model="linear"),
+        catenary.fit([path], play=[0.1], model="linear"),
+        catenary.fit(LOG.q_nominal, LOG.q_encoder, units=UNITS, time=LOG.time, play=[0.1], model="linear"),
     ]
     expected = models[0].predict(LOG)
     for model in models:
         assert_array_equal(model.predict(path), expected)
-        assert model.rate_hz == pytest.approx(10.0)
+        assert model.features.period == pytest.approx(0.1)
 
 
 def test_a_saved_model_is_loaded_by_a_string(tmp_path: Path) -> None:

@@ -4,7 +4,8 @@ Joints 5 and 6 of a dVRK PSM hang on cables that both share (Hwang et al., RA-L 
 camera). Ridge regressions on smooth units take play states of each joint, or friction states of the coupled pair, whose
 law is found in the training rows; see transmission/coupled_friction.py. Errors are on contiguous blocks, or recordings,
 that a model did not see, and on whole other recordings. The jaws of da Vinci tools (Stephens et al., RA-L 2018) carry
-loads: models of a folder are told positions alone, the motor's current, or a torque, and predict runs left out.
+loads: models of a folder are told positions alone, the motor's current, or a torque, and predict runs left out, or
+every other folder, whose zero is that of ten seconds of one run, tested on all others; within the valid range or not.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.calibration.dataset import calibration_data, error_limits
-from catenary.calibration.evaluate import evaluate
+from catenary.calibration.evaluate import evaluate, rms
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.recording.logs import read_log
@@ -32,8 +33,10 @@ METHODS = {
     AUTO: FitOptions(kind="auto"),
 }
 COLORS = {PLAY: "#4b6b94", FRICTION: "#d9622b"}
+BEGUN = 10.0  # [s]
 MINUTES = (2.0, 4.0, 8.0, 16.0, 40.0)
 RANDOM = "random_train"
+WITHIN = 0.95  # share of rows
 OTHERS = [[other for other in RECORDINGS if other != name] for name in RECORDINGS]  # than each
 ALONE = "error_exp5"  # where J6 alone moves
 TOOLS, LOADED = "davinci_tools", {"positions": ("q",), "current": ("q", "current"), "torque": ("q", "tau")}
@@ -92,10 +95,37 @@ def slack(rows: int, data: Path) -> Result:
 @run(revision=1)
 def loaded(folder: str, signal: str, data: Path) -> Result:
     """Return the RMSE of a jaw [deg] on runs of mixed load that models of a folder's other runs predict, in fours."""
-    logs = [read_log(path) for path in sorted((data / TOOLS).glob(f"{folder}_*.npz"))]
     options = FitOptions(kind="hysteretic", inputs=LOADED[signal])
-    found = fit_logs(logs, options, FitRun(folds=4))
+    found = fit_logs(_runs(folder, data), options, FitRun(folds=4))
     return {"rmse": found.spread[0].rmse_mean}
+
+
+@run(revision=1)
+def carried(folder: str, signal: str, data: Path) -> Result:
+    """Return by other folder the RMSE of a jaw [deg] by a folder's model, and the share of rows in its valid range.
+
+    The zero is that of ten seconds of one run, tested on all others; the median over these runs.
+    """
+    options = FitOptions(kind="hysteretic", inputs=LOADED[signal])
+    model = fit_logs(_runs(folder, data), options, FitRun(folds=0)).model
+    found = {}
+    for other in FOLDERS:
+        logs = _runs(other, data) if other != folder else []
+        left, zeros, inside = [], [], []
+        for log in logs:
+            rows = calibration_data([log], model.features)
+            correction, known, _ = model.correct(rows.X, rows.q_nominal, rows.leaping)
+            left.append(np.rad2deg(rows.error - correction)[:, 0])
+            zeros.append(left[-1][rows.time < rows.time[0] + BEGUN].mean())
+            inside.append(known.mean())
+        rest = [np.concatenate([*left[:i], *left[i + 1 :]]) - zero for i, zero in enumerate(zeros)]
+        if rest:
+            found[other] = [float(np.median([rms(errors) for errors in rest])), float(np.mean(inside))]
+    return found
+
+
+def _runs(folder: str, data: Path) -> list[MotionLog]:
+    return [read_log(path) for path in sorted((data / TOOLS).glob(f"{folder}_*.npz"))]
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -117,6 +147,7 @@ def all_cases(scope: Scope) -> list[Case]:
     return [
         *grid(errors, {"train": [*alone, *OTHERS], "method": METHODS}, minutes=0.0),
         *grid(loaded, {"folder": FOLDERS, "signal": LOADED}),
+        *grid(carried, {"folder": FOLDERS, "signal": ("current", "torque")}),
     ]
 
 
@@ -138,6 +169,15 @@ def report(o: Outcomes) -> Report:
         if any(folder in of for of in by_signal.values())
     ]
     jaws += [["median", *(f"{np.median(list(of.values())):.2f}" for of in by_signal.values())]] if jaws else []
+    pairs: dict[str, list[list[float]]] = {}
+    for told, result in o.items(carried):
+        pairs.setdefault(told["signal"], []).extend(result.values())
+    others = []
+    for signal, of_pairs in pairs.items():
+        rmse, inside = np.array(of_pairs).T
+        within = inside > WITHIN
+        counts = [f"{np.median(rmse[part]):.2f} ({part.sum()})" for part in (within, ~within)]
+        others.append([signal, *counts])
     pictures = (
         []
         if not list(o.of(slack))
@@ -153,6 +193,11 @@ def report(o: Outcomes) -> Report:
             table("RMSE on what models of parts did not see", header, unseen),
             table("RMSE on other recordings", header, elsewhere),
             table("Jaw under load, runs left out [deg]", ["folder", *by_signal], jaws),
+            table(
+                "Jaw of another folder, zero of 10 s: median (pairs) [deg]",
+                ["signal", "within the valid range", "beyond"],
+                others,
+            ),
         ]),
         pictures,
     )  # fmt: skip

@@ -42,7 +42,6 @@ RECORDINGS: Mapping[str, tuple[float, ...] | None] = {
 JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
 UNITS = ("deg", "deg", "mm", "deg", "deg", "deg")
 HELD_OUT = 0.2
-HISTORY = 6
 KINDS = {
     "linear": FitOptions(kind="linear"),
     "polynomial": FitOptions(kind="polynomial"),
@@ -68,10 +67,9 @@ def limit_of(recording: str) -> tuple[float, ...] | None:
 
 
 def variants(kind: str) -> dict[str, FitOptions]:
-    """Return a kind of model without memory, with previous commands, and with play states; `best` has play states."""
-    options = KINDS[kind]
-    found = {kind: options, f"{kind}, history {HISTORY}": replace(options, history=HISTORY)}
-    return found if kind == "neural, best" else found | {f"{kind}, play": replace(options, play=PLAY_SHARES)}
+    """Return a kind of model without memory, and with play states, which `best` has."""
+    found = {kind: KINDS[kind]}
+    return found if kind == "neural, best" else found | {f"{kind}, play": replace(KINDS[kind], play=PLAY_SHARES)}
 
 
 @run(revision=1)

@@ -38,7 +38,7 @@ def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options
 
 KINDS = [
     {"kind": "offset"},
-    {"kind": "linear", "history": 2},
+    {"kind": "linear", "play": (0.1,)},
     {"kind": "polynomial", "target": "position"},
     {"kind": "neural"},
     {"kind": "neural", "preset": "best"},
@@ -66,24 +66,23 @@ def test_card_says_what_was_not_estimated_and_describes_the_network() -> None:
 
 def test_card_names_robot_joints_inputs_and_data() -> None:
     log = recording(np.random.default_rng(0), rows=60, sha256="ab" * 32)
-    card = card_of(log, history=1, seed=7)
-    assert (card["robot"], card["rows"], card["notes"]) == ("raven2", 48 - 1, ["one thing was assumed"])
+    card = card_of(log, seed=7)
+    assert (card["robot"], card["rows"], card["notes"]) == ("raven2", 48, ["one thing was assumed"])
     units = {"J1": "rad", "J2": "rad", "J3": "m"}
     assert {joint["name"]: joint["unit"] for joint in card["joints"]} == units
-    expected = (log.q_encoder - log.q_nominal)[1:48].mean(axis=0)
+    expected = (log.q_encoder - log.q_nominal)[:48].mean(axis=0)
     assert [joint["fixed_offset"] for joint in card["joints"]] == pytest.approx(list(expected))
-    names = [f"q:{joint}{lag}" for lag in ("", "[-1]") for joint in units]
-    assert [(one["name"], one["unit"]) for one in card["inputs"]] == [(n, units[n[2:4]]) for n in names]
+    assert [(one["name"], one["unit"]) for one in card["inputs"]] == [(f"q:{j}", unit) for j, unit in units.items()]
     source = card["data"][0]
-    told = (source["name"], source["sha256"], source["rows"], source["without_history"])
-    assert told == ("run", "ab" * 32, 60, 1)
+    told = (source["name"], source["sha256"], source["rows"], source["incomplete"])
+    assert told == ("run", "ab" * 32, 60, 0)
     for flag in (True, False):
         assert card_of(replace(log, simulated=flag), folds=0)["simulated"] is flag
     asked = {"held_out": 0.2, "folds": 3, "max_error": None, "accept": [], "coverage": 0.9}
     assert card["run"] == {"seed": 7} | asked
     assert card["version"]["catenary"] == catenary.__version__
     assert card["version"]["numpy"] == np.__version__
-    assert card_of(kind="polynomial", history=1)["settings"]["ridge"] == 10.0
+    assert card_of(kind="polynomial", play=(0.1,))["settings"]["ridge"] == 10.0
     errors = card["errors"]
     assert errors["unit"] == {"J1": "deg", "J2": "deg", "J3": "mm"}
     spread = errors["cross_validation"]["joints"][2]
@@ -93,7 +92,7 @@ def test_card_names_robot_joints_inputs_and_data() -> None:
 
 def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> None:
     log = recording(np.random.default_rng(0), rows=200)
-    options = {"offset": FitOptions("offset"), "polynomial": FitOptions("polynomial", history=1, ridge=1.0)}
+    options = {"offset": FitOptions("offset"), "polynomial": FitOptions("polynomial", play=(0.1,), ridge=1.0)}
     models = {
         name: fit(calibration_data([log], inputs.features), inputs, asked)
         for name, asked in options.items()
@@ -103,10 +102,10 @@ def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> N
     choices = [JointChoice(j, "deg", kind, {kind: 1.0}) for j, kind in zip(log.joint_names, kinds, strict=True)]
     model = composed(models, choices)
     data = calibration_data([log], model.features)
-    asked = FitOptions(history=1)
+    asked = FitOptions()
     card = model_card(model, data, asked, run=FitRun(), spread=(), held_out=None, choices=tuple(choices))
     assert [joint["widened_by"] for joint in card["joints"]] == [0.1, 0.5, 0.5]
-    for entry in card["inputs"]:
+    for entry in card["inputs"][:3]:  # play states cannot leave theirs
         column = model.features.names.index(entry["name"])
         X = data.X[:1].repeat(4, axis=0)
         low, high = entry["valid"]["lower"], entry["valid"]["upper"]

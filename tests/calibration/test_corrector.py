@@ -15,7 +15,7 @@ from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog
-from oracles.calibration_models import random_model
+from oracles.calibration_models import random_model, ticked
 
 RNG = np.random.default_rng(0)
 SIGNALS = np.cumsum(0.2 * RNG.normal(size=(200, 5)), axis=0)  # three positions, two torques
@@ -31,66 +31,47 @@ def state(q: Floats, tau: Floats) -> JointState:
 
 
 @pytest.mark.parametrize(
-    ("options", "slow", "ticks"),
-    [({"history": 3, "rate_hz": 50.0}, 50.0, 20), ({"plays": 2}, 1000.0, 7), ({"coupled": 2}, 1000.0, 7)],
-    ids=["history counts in time", "play states need no rate", "friction states need none"],
+    "options", [{"plays": 2}, {"coupled": 2}], ids=["play states need no rate", "friction states need none"]
 )
-def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(options, slow, ticks) -> None:
-    calibrated, flags = Corrector(model(**options), rate_hz=slow).run(SIGNALS[:, :3], SIGNALS)
-    held = np.repeat(SIGNALS, ticks, axis=0)
-    out, inside = Corrector(model(**options), rate_hz=slow * ticks).run(held[:, :3], held)
-    assert_array_equal(out[::ticks], calibrated)
-    assert_array_equal(inside[::ticks], flags)
+def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(options) -> None:
+    calibrated, flags = ticked(Corrector(model(**options), rate_hz=1000.0), SIGNALS[:, :3], SIGNALS)
+    held = np.repeat(SIGNALS, 7, axis=0)
+    out, inside = ticked(Corrector(model(**options), rate_hz=7000.0), held[:, :3], held)
+    assert_array_equal(out[::7], calibrated)
+    assert_array_equal(inside[::7], flags)
 
 
-@pytest.mark.parametrize(
-    ("trained", "options", "message"),
-    [
-        (40.0, {"rate_hz": 66.0}, r"0\.025 s apart \(40 Hz\); 2 tick\(s\) at 66 Hz are 0\.0303 s"),
-        (50.0, {"decimation": 10}, r"previous positions lie 0\.02 s apart"),
-        (2000.0, {}, "more than 3% off"),
-        (None, {}, r"takes 2 previous positions, .* give `decimation`"),
-        (50.0, {"rate_hz": 0.0}, "rate_hz: expected a positive"),
-        (50.0, {"decimation": 0}, "decimation: expected one or more"),
-    ],
-)
-def test_rates_at_which_history_would_be_another_are_refused(trained, options, message) -> None:
-    with pytest.raises(InputError, match=message):
-        Corrector(model(history=2, rate_hz=trained), **options)  # type: ignore[arg-type]
+def test_a_rate_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match="rate_hz: expected a positive"):
+        Corrector(model(), rate_hz=0.0)
 
 
-def test_a_few_per_cent_of_rate_are_taken_and_a_decimation_that_is_said() -> None:
-    assert Corrector(model(history=3, rate_hz=50.0), rate_hz=1000.0).decimation == 20
-    assert Corrector(model(history=2, rate_hz=30.0), rate_hz=1000.0).decimation == 33
-    assert Corrector(model(history=2, rate_hz=None), decimation=33).decimation == 33
-
-
-def test_nan_among_previous_positions_clears_the_flag_for_as_long_as_it_is_one() -> None:
-    corrector = Corrector(model(history=3, rate_hz=1000.0))
+def test_nan_clears_the_flag_for_as_long_as_it_is_one() -> None:
+    corrector = Corrector(model(plays=1))
     still = np.tile(np.median(SIGNALS, axis=0), (20, 1))
     broken = still.copy()
     broken[10, 0] = np.nan
-    _, sound = corrector.run(still[:, :3], still)
-    _, inside = corrector.run(still[:, :3], broken)
-    assert sound[3:].all()
-    assert not inside[10:14].any()
-    assert inside[14:].all()
+    _, sound = ticked(corrector, still[:, :3], still)
+    _, inside = ticked(corrector, still[:, :3], broken)
+    assert sound.all()
+    assert not inside[10].any()
+    assert np.delete(inside, 10, axis=0).all()
 
 
 def test_nan_before_the_first_number_does_not_stick_in_the_play_states() -> None:
     corrector = Corrector(model(plays=2))
     late = SIGNALS.copy()
     late[:5] = np.nan
-    out, _ = corrector.run(late[:, :3], late)
-    expected, _ = corrector.run(SIGNALS[5:, :3], SIGNALS[5:])
+    out, _ = ticked(corrector, late[:, :3], late)
+    expected, _ = ticked(corrector, SIGNALS[5:, :3], SIGNALS[5:])
     assert np.isnan(out[:5]).all()
     assert_array_equal(out[5:], expected)
 
 
 def test_joint_state_of_a_robot_with_more_joints_in_another_order() -> None:
-    corrector = Corrector(model(history=1, plays=1, rate_hz=1000.0))
+    corrector = Corrector(model(plays=1))
     corrector.prepare(["wrist", "j2", "j0", "j1"], ["rad", "m", "rad", "rad"], 1000.0)
-    expected, flags = corrector.run(SIGNALS[:, :3], SIGNALS)
+    expected, flags = ticked(corrector, SIGNALS[:, :3], SIGNALS)
     corrector.reset()
     out, inside = np.empty(4), np.empty(4, dtype=bool)
     for k, row in enumerate(SIGNALS):
@@ -103,7 +84,7 @@ def test_joint_state_of_a_robot_with_more_joints_in_another_order() -> None:
 
 def test_calibrated_positions_may_overwrite_the_reported_ones() -> None:
     corrector = Corrector(model())
-    expected, _ = corrector.run(SIGNALS[:1, :3], SIGNALS[:1])
+    expected, _ = ticked(corrector, SIGNALS[:1, :3], SIGNALS[:1])
     q = SIGNALS[0, :3].copy()
     corrector.correct(q, SIGNALS[0], q, np.empty(3, dtype=bool))
     assert_array_equal(q, expected[0])
@@ -140,7 +121,6 @@ HOT = replace(FEATURES, signals=(*FEATURES.signals[:4], "motor_temperature"))
         (model(), (NAMES[:2], UNITS[:2], 1000.0), r'the robot has no joint "j2"; it has j0 \[rad\], j1'),
         (model(), (NAMES, ("rad",) * 3, 1000.0), 'the robot has joint "j2" in rad, not m'),
         (replace(model(), features=HOT), (NAMES, UNITS, 1e3), '"motor_temperature" is in no joint state'),
-        (model(history=1, rate_hz=50.0), (NAMES, UNITS, 500.0), "made for 1000 Hz, the loop runs at 500 Hz"),
     ],
 )
 def test_robots_that_a_model_is_not_of_are_refused(made: CalibrationModel, robot: Any, message: str) -> None:
@@ -156,7 +136,6 @@ FIXED.setflags(write=False)
 @pytest.mark.parametrize(
     ("method", "arrays", "message"),
     [
-        ("run", (SIGNALS[:, :3], SIGNALS[:, :4]), r"signals: expected shape \(200, 5\), got \(200, 4\)"),
         ("correct", (Q, VALUES, FIXED, INSIDE), "read-only"),
         ("correct", (Q[:2], VALUES, OUT, INSIDE), r"expected q_nominal \(3,\), signals \(5,\)"),
         ("correct", (Q, VALUES[:4], OUT, INSIDE), r"got \(3,\), \(4,\)"),
@@ -174,9 +153,9 @@ def test_arrays_that_cannot_be_taken_are_refused(method: str, arrays: Any, messa
 
 
 def test_arrays_of_another_type_or_layout_are_copied() -> None:
-    plain, corrector = model(history=1, rate_hz=1000.0), Corrector(model(history=1, rate_hz=1000.0))
+    plain, corrector = model(plays=1), Corrector(model(plays=1))
     q, signals = np.ascontiguousarray(SIGNALS[:, :3]), SIGNALS
-    expected, flags = Corrector(plain).run(q, signals)
+    expected, flags = ticked(Corrector(plain), q, signals)
     apart, single = np.repeat(signals, 2, axis=1)[:, ::2], np.empty((3, 2))[:, 0]
     for k in range(50):
         inside = np.empty(3, dtype=bool) if k % 2 else np.empty(3)
@@ -189,9 +168,9 @@ def test_arrays_of_another_type_or_layout_are_copied() -> None:
 
 @pytest.mark.parametrize("copied", [deepcopy, lambda corrector: pickle.loads(pickle.dumps(corrector))])
 def test_a_copy_goes_on_from_the_same_memory_and_then_has_its_own(copied) -> None:
-    first = Corrector(model(history=2, plays=1, rate_hz=1000.0))
-    expected, _ = first.run(SIGNALS[:, :3], SIGNALS)
-    first.run(SIGNALS[:50, :3], SIGNALS[:50])
+    first = Corrector(model(plays=1))
+    expected, _ = ticked(first, SIGNALS[:, :3], SIGNALS)
+    ticked(first, SIGNALS[:50, :3], SIGNALS[:50])
     second, out, inside = copied(first), np.empty(3), np.empty(3, dtype=bool)
     for k in range(50, 70):
         for corrector in (first, second):
@@ -203,10 +182,9 @@ def test_a_copy_goes_on_from_the_same_memory_and_then_has_its_own(copied) -> Non
 
 
 def test_a_bound_tick_runs_on_the_arrays_that_it_was_given() -> None:
-    options = {"history": 2, "plays": 1, "rate_hz": 1000.0}
-    expected, flags = Corrector(model(**options)).run(SIGNALS[:, :3], SIGNALS)
+    expected, flags = ticked(Corrector(model(plays=1)), SIGNALS[:, :3], SIGNALS)
     q, signals, out, inside = np.empty(3), np.empty(5), np.empty(3), np.empty(3, dtype=bool)
-    tick = Corrector(model(**options)).bind(q, signals, out, inside)
+    tick = Corrector(model(plays=1)).bind(q, signals, out, inside)
     for k in range(20):
         q[:], signals[:] = SIGNALS[k, :3], SIGNALS[k]
         tick()

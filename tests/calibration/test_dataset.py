@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes
+from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, sampling_rate
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs
@@ -32,29 +32,21 @@ def test_error_is_truth_minus_what_was_reported() -> None:
     assert_array_equal(calibration_data([log], PLAIN).error, log.q_encoder - log.q_nominal)
 
 
-def test_rows_without_measurement_or_predecessors_are_left_out_and_counted() -> None:
+def test_rows_without_measurement_or_known_inputs_are_left_out_and_counted() -> None:
     log = run(bad=(1, 20, 21))
     data = calibration_data([log], PLAIN)
     assert_array_equal(kept_rows(data, log), np.delete(np.arange(50), [1, 20, 21]))
     assert data.sources[0].without_truth == 3
-    data = calibration_data([log], FeatureSet(NAMES, UNITS, history=4))
-    assert kept_rows(data, log)[0] == 4
-    assert data.sources[0].without_history == 3  # rows 0, 2, 3; row 1 has no measurement anyway
-    row = int(np.flatnonzero(kept_rows(data, log) == 22)[0])
-    assert_array_equal(data.X[row, 3:6], log.q_nominal[21])  # not measured, yet commanded
-    data = calibration_data([log], data.features, max_error=np.array([0.01, 0.01, 0.001]))
+    log = replace(log, tau=np.ones((50, 3)))
+    features = FeatureSet((*NAMES, "tau:J1"), (*UNITS, "Nm"), midlines=(("tau:J1", "q:J1", 0.01, 1.0),))
+    data = calibration_data([log], features)
+    unknown = np.isnan(features.matrix(log)).any(axis=1)  # until J1 went both ways
+    assert 3 < unknown.sum() < 40
+    assert data.sources[0].incomplete == (unknown & log.ok).sum()
+    data = calibration_data([log], features, max_error=np.array([0.01, 0.01, 0.001]))
     source = data.sources[0]
     assert source.dropped > 0
-    assert source.rows == len(data) + source.without_truth + source.without_history + source.dropped
-
-
-def test_history_does_not_reach_into_another_recording() -> None:
-    features = FeatureSet(NAMES, UNITS, history=5)
-    data = calibration_data([run(1), run(2)], features)
-    assert [s.without_history for s in data.sources] == [5, 5]
-    assert np.bincount(data.recording).tolist() == [45, 45]
-    log = run(time=np.concatenate([np.arange(30.0), np.arange(20.0)]))  # the clock goes back
-    assert calibration_data([log], features).sources[0].without_history == 10
+    assert source.rows == len(data) + source.without_truth + source.incomplete + source.dropped
 
 
 def test_rows_beyond_the_error_limit_are_dropped_and_counted() -> None:
@@ -124,44 +116,31 @@ def test_robot_is_the_one_that_any_recording_names_and_sources_say_what_is_simul
 
 
 OTHERS = r'"run2" has .*recording "run1" has'
-SHORT = r"6 rows, 2 without measurement, 4 without 6 previous commands, 0 beyond"
+SHORT = r"6 rows, 6 without measurement, 0 before midlines are known, 0 beyond"
 
 
 @pytest.mark.parametrize(
-    ("logs", "history", "message"),
+    ("logs", "message"),
     [
-        ([run(1, robot="raven2"), run(2, robot="dvrk")], 0, "are of two robots: raven2 and dvrk"),
-        ([run(1), run(2, joint_names=("a", "b", "c"))], 0, OTHERS),
-        ([run(1), run(2, joint_units=("rad", "m", "m"))], 0, OTHERS),
-        ([], 0, "at least one recording"),
-        ([replace(run(), q_encoder=None)], 0, '"run0": has no q_encoder'),
-        ([run(rows=6, bad=(0, 1))], 6, SHORT),
+        ([run(1, robot="raven2"), run(2, robot="dvrk")], "are of two robots: raven2 and dvrk"),
+        ([run(1), run(2, joint_names=("a", "b", "c"))], OTHERS),
+        ([run(1), run(2, joint_units=("rad", "m", "m"))], OTHERS),
+        ([], "at least one recording"),
+        ([replace(run(), q_encoder=None)], '"run0": has no q_encoder'),
+        ([run(rows=6, bad=range(6))], SHORT),
     ],
 )
-def test_recordings_that_give_no_data_are_refused(logs: list[MotionLog], history: int, message: str) -> None:
+def test_recordings_that_give_no_data_are_refused(logs: list[MotionLog], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        calibration_data(logs, FeatureSet(NAMES, UNITS, history=history))
-
-
-def at_rate(rate: float | None) -> MotionLog:
-    return run(time=None if rate is None else np.arange(50) / rate)
+        calibration_data(logs, PLAIN)
 
 
 def test_rate_is_that_of_most_steps() -> None:
-    log = at_rate(30.0)
-    time = log.time.copy()
+    log = run()
+    time = np.arange(50) / 30.0
     time[20:] += 7.0  # a pause
     time[40:] -= 9.0  # another recording begins
-    assert calibration_data([replace(log, time=time)], PLAIN).rate_hz == pytest.approx(30.0)
-
-
-@pytest.mark.parametrize(
-    ("rates", "common"),
-    [((None,), None), ((30.0, None), None), ((30.0, 30.3), 30.15), ((30.0, 50.0), None), ((30.0,), 30.0)],
-)
-def test_rate_of_the_data_is_that_of_all_recordings(rates, common) -> None:
-    rate = calibration_data([at_rate(rate) for rate in rates], PLAIN).rate_hz
-    assert rate == (None if common is None else pytest.approx(common))
+    assert sampling_rate(replace(log, time=time)) == pytest.approx(30.0)
 
 
 def test_every_third_row_is_what_all_rows_say_there(rng) -> None:

@@ -45,9 +45,9 @@ def test_errors_are_in_deg_and_mm_and_those_of_paper_and_pencil() -> None:
 
 def test_raw_offset_and_model_are_judged_on_the_same_rows() -> None:
     log = recording(np.random.default_rng(2), rows=60, ok=np.arange(60) % 7 != 0)
-    model = fitted(log, kind="linear", history=4)
-    evaluation = evaluate(model, data_of(log, history=4))
-    usable = np.flatnonzero((np.arange(60) >= 4) & log.ok)
+    model = fitted(log, kind="linear")
+    evaluation = evaluate(model, data_of(log))
+    usable = np.flatnonzero(log.ok)
     raw = (log.q_encoder - log.q_nominal)[usable]
     assert_array_equal(evaluation.raw, raw)
     assert_allclose(evaluation.after_offset, raw - raw.mean(axis=0), atol=1e-15)
@@ -122,7 +122,7 @@ ONE_INPUT = {"inputs": ("q:J1",)}
     ("data", "window", "message"),
     [
         *[(lambda: data_of(RUN), length, "window: expected a pos") for length in (0.0, -1.0, float("nan"))],
-        (lambda: data_of(RUN, history=1), None, r"data: holds q:J1, .*q:J1\[-1\].*; the model takes q:J1$"),
+        (lambda: data_of(RUN, play=(0.1,)), None, r"data: holds q:J1, .*play\(q:J1.*; the model takes q:J1$"),
         (lambda: data_of(SLIDING, **ONE_INPUT), None, r"has joints J1 \[rad\], J2 \[m\]; the model is for J1 \[rad\]"),
         (lambda: data_of(RUN).rows(np.zeros(300, dtype=bool)), None, "data: no row"),
     ],

@@ -69,31 +69,22 @@ def test_play_starts_centred_and_of_zero_width_follows_exactly() -> None:
     assert_array_equal(play(LOG.q_nominal[:, 0].copy(), 0.0), LOG.q_nominal[:, 0])
 
 
-def test_signals_come_first_and_then_the_rows_before_newest_first() -> None:
-    X = FeatureSet(NAMES, UNITS, history=3).matrix(LOG)
-    assert_array_equal(X[:, :3], LOG.q_nominal)
-    assert_array_equal(np.isnan(X[:4]).sum(axis=1), [9, 6, 3, 0])  # where predecessors lack
-    for i in range(3, len(LOG)):
-        assert_array_equal(X[i, 3:], LOG.q_nominal[i - 1 : i - 4 if i > 3 else None : -1].ravel())
-
-
-def test_history_and_play_begin_anew_where_the_clock_goes_back() -> None:
+def test_play_begins_anew_where_the_clock_goes_back() -> None:
     time = np.array([*range(7), *range(5)], dtype=float)
-    features = FeatureSet(NAMES, UNITS, history=3, play=(("q:J1", 0.2),))
-    X = features.matrix(replace(LOG, time=time))
-    assert_array_equal(np.flatnonzero(np.isnan(X).any(axis=1)), [0, 1, 2, 7, 8, 9])
-    assert_array_equal(X[10, 3:6], LOG.q_nominal[9])
+    X = FeatureSet(NAMES, UNITS, play=(("q:J1", 0.2),)).matrix(replace(LOG, time=time))
     expected = np.concatenate([dragged(LOG.q_nominal[:7, 0], 0.2), dragged(LOG.q_nominal[7:, 0], 0.2)])
     assert_array_equal(X[:, -1], expected - LOG.q_nominal[:, 0])
 
 
-def test_history_and_play_are_of_positions_only_and_play_alone_cannot_leave_its_range() -> None:
+def test_signals_come_first_and_play_alone_cannot_leave_its_range() -> None:
     log = replace(LOG, tau=np.ones((12, 3)))
-    features = FeatureSet(("q:J1", "tau:J1", "q:J2"), ("rad", "Nm", "rad"), 1, (("q:J1", 0.1),))
-    names = ("q:J1", "tau:J1", "q:J2", "q:J1[-1]", "q:J2[-1]", "play(q:J1, 0.1)")
+    features = FeatureSet(("q:J1", "tau:J1", "q:J2"), ("rad", "Nm", "rad"), play=(("q:J1", 0.1),))
+    names = ("q:J1", "tau:J1", "q:J2", "play(q:J1, 0.1)")
     assert features.names == names
-    assert features.feature_units == ("rad", "Nm", "rad", "rad", "rad", "rad")
-    assert features.matrix(log).shape == (12, 6)
+    assert features.feature_units == ("rad", "Nm", "rad", "rad")
+    assert_array_equal(
+        features.matrix(log)[:, :3], np.column_stack([log.q_nominal[:, 0], np.ones(12), log.q_nominal[:, 1]])
+    )
     assert_array_equal(features.bounded, [name.startswith("play") for name in names])
     assert_array_equal(features.columns_of(["q:J1"]), [i for i, name in enumerate(names) if "q:J1" in name])
 
@@ -137,28 +128,9 @@ def test_log_that_lacks_an_input_is_refused(signal: str, changes: dict[str, Any]
         FeatureSet((signal,), ("A",)).matrix(log)
 
 
-@pytest.mark.parametrize(
-    ("signals", "history", "message"),
-    [
-        (("tau:J1",), 2, "history: 2 previous commands of no joint"),
-        ((), 0, "inputs: expected at least one"),
-        (("q:J1",), -1, "history: expected zero or more"),
-    ],
-)
-def test_feature_set_that_means_nothing_is_refused(signals: Any, history: int, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        FeatureSet(signals, ("rad",) * len(signals), history)
-
-
-def test_previous_commands_do_not_reach_across_a_gap_in_time_and_play_does() -> None:
-    log = recording(np.random.default_rng(4), rows=60, units=("rad",))
-    time = np.array(log.time)
-    time[40:] += 5.0
-    features = FeatureSet(("q:J1",), ("rad",), history=2, play=(("q:J1", 0.1),))
-    late, whole = features.matrix(replace(log, time=time)), features.matrix(log)
-    assert np.isnan(late[[40, 41], 1:3]).any(axis=1).all()
-    assert_array_equal(np.delete(late, [40, 41], axis=0), np.delete(whole, [40, 41], axis=0))
-    assert_array_equal(late[:, 3], whole[:, 3])
+def test_feature_set_of_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match="inputs: expected at least one"):
+        FeatureSet((), ())
 
 
 @pytest.mark.parametrize("every", [1, 3])
@@ -168,7 +140,7 @@ def test_pieces_of_a_recording_give_the_bits_of_the_whole(rng, monkeypatch, ever
     q[260, 0] += 3.0  # a spike, and a gap in time, between and across pieces
     time = np.arange(500) * STEP + np.where(np.arange(500) >= 330, 60.0, 0.0)
     log = replace(log, q_nominal=q, time=time)
-    features = choose_inputs([log], FitOptions(kind="hysteretic", history=2, coupled=())).features
+    features = choose_inputs([log], FitOptions(kind="hysteretic", coupled=())).features
     whole = features.rows(log)
     monkeypatch.setattr(features_of_rows, "PIECE", 70)
     parts = features.rows(log, every)

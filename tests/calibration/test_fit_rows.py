@@ -34,8 +34,7 @@ STANDARDISED_MONOMIALS = [StandardScaler(), MONOMIALS, StandardScaler(), Ridge(a
 @pytest.mark.parametrize(
     ("options", "theirs", "atol"),
     [
-        # sinusoids and their shifted copies resemble each other: a few digits are lost
-        ({"kind": "linear", "history": 2}, [LinearRegression()], 1e-9),
+        ({"kind": "linear"}, [LinearRegression()], 1e-10),
         ({"kind": "linear", "play": (0.1, 0.2)}, [StandardScaler(), Ridge(alpha=10.0)], 1e-10),
         ({"kind": "polynomial"}, [PolynomialFeatures(2), LinearRegression()], 1e-10),
         ({"kind": "polynomial", "inputs": ("q:J1",)}, [PolynomialFeatures(2), LinearRegression()], 1e-10),
@@ -63,11 +62,10 @@ def test_correction_is_the_same_whichever_the_target(kind: str, atol: float) -> 
     ("options", "ridge"),
     [
         ({"kind": "linear"}, 0.0),
-        ({"kind": "linear", "history": 6}, 0.0),
         ({"kind": "linear", "play": (0.1,)}, 10.0),
         ({"kind": "polynomial"}, 0.0),
-        ({"kind": "polynomial", "history": 6}, 10.0),
-        ({"kind": "polynomial", "history": 6, "ridge": 0.0}, 0.0),
+        ({"kind": "polynomial", "play": (0.1,)}, 10.0),
+        ({"kind": "polynomial", "play": (0.1,), "ridge": 0.0}, 0.0),
         ({"kind": "linear", "ridge": 3.0}, 3.0),
         ({"kind": "neural"}, None),
         ({"kind": "offset"}, None),
@@ -138,7 +136,6 @@ def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: py
         ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": only neural has presets'),
         ({"kind": "neural", "preset": "worst"}, "paper and best"),
         ({"target": "torque"}, 'target "torque": expected one of error, position'),
-        ({"history": -1}, "history: expected zero or more"),
         ({"play": (1.5,)}, "play: expected shares"),
         ({"play": (0.0,)}, "play: expected shares"),
         ({"ridge": -1.0}, "ridge: expected a number of zero or more"),
@@ -159,7 +156,6 @@ def test_options_that_contradict_each_other_are_refused(options: dict[str, Any],
         ({"inputs": ()}, "expected at least one"),
         ({"inputs": {"J9": ("q",)}}, 'inputs of joint "J9": no such joint; joints: J1, J2, J3'),
         ({"inputs": {"J1": ()}}, "expected at least one"),
-        ({"inputs": ("tau",), "history": 2}, "history: 2 previous commands of no joint"),
         ({"inputs": ("tau",), "play": (0.1,)}, "play: none of the inputs tau:J1, tau:J2, tau:J3 is the position"),
     ],
 )
@@ -172,9 +168,9 @@ def test_fit_without_rows_or_to_rows_of_other_features_is_refused() -> None:
     with pytest.raises(InputError, match="at least one recording"):
         choose_inputs([], FitOptions())
     with pytest.raises(InputError, match="data: 9 usable rows, expected at least 10"):
-        fitted(log(rows=12), history=3)
+        fitted(log(rows=9))
     with pytest.raises(InputError, match="data: holds q:J1"):
-        fit(data_of(log(), history=1), choose_inputs([log()], FitOptions("linear")), FitOptions("linear"))
+        fit(data_of(log(), play=(0.1,)), choose_inputs([log()], FitOptions("linear")), FitOptions("linear"))
 
 
 def test_largest_correction_is_what_training_shows_without_failed_measurements() -> None:

@@ -21,7 +21,7 @@ from recordings import recording
 RNG = np.random.default_rng(0)
 SIGNALS = np.cumsum(0.2 * RNG.normal(size=(300, 5)), axis=0)  # three positions, two torques
 WIDTHS = Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.2, 0.7]))
-WITH_MEMORY = {"history": 2, "plays": 1, "rate_hz": 1000.0}
+WITH_MEMORY = {"plays": 1}
 
 
 def model(**options: Any) -> CalibrationModel:

@@ -17,7 +17,7 @@ from catenary.files import card_path
 from recordings import fitted, recording
 
 LOG = recording(np.random.default_rng(0), rows=40)
-MODEL = fitted(LOG, kind="linear", history=1)
+MODEL = fitted(LOG, kind="linear", play=(0.1,))
 CARD = {"robot": "räven", "rows": 40}
 
 
@@ -60,7 +60,7 @@ TEXTS = [(key, text) for key in ("structure", "card") for text in ("", "[1, 2]",
 GROUP = "groups.0."
 RANGE = ("valid_range.lower", "valid_range.axes", "valid_range.axis_upper")
 SHAPED = ("offset", *(f"{GROUP}{each}" for each in ("columns", "predictor.weights", *RANGE)))
-FEATURES = ("signals", "units", "history", "play", "steps", "period")
+FEATURES = ("signals", "units", "play", "steps", "period")
 PARTS = ("format", "signals", "groups", "target", "features", "joint_names")
 
 
@@ -73,15 +73,14 @@ MISFITS: list[dict[str, Any]] = [
     {"target": "torque"},
     {"joint_names": ["J1", "J2"]},
     {"joint_names": ["J1", "J1", "J2"]},
-    {"history": 10**30},
     {"groups": []},
     {"groups": [group(joints=[0, 1, 1])]},
     {"groups": [group(predictor={"kind": "cubic"})]},
     {"groups": [group(watched="nowhere")]},
     {"colour": "red"},
     {"signals": ["q:J1"]},
-    {"history": 0},
-    {"rate_hz": -1.0},
+    {"play": []},
+    {"period": -1.0},
     {"play": [["q:J1", 1e999]]},
 ]
 
@@ -195,7 +194,7 @@ def test_any_array_that_is_missing_changed_or_not_finite_is_noticed(path: Path) 
                 load_model(altered(path, change))
 
 
-@pytest.mark.parametrize("change", [restructured(rate_hz=9.0), replaced("card", lambda _: json.dumps(CARD))])
+@pytest.mark.parametrize("change", [restructured(period=9.0), replaced("card", lambda _: json.dumps(CARD))])
 def test_a_card_of_another_model_is_noticed(path: Path, change: Callable[..., Any]) -> None:
     with pytest.raises(FileFormatError, match=f"arm.npz: {SEALED}"):
         load_model(altered(path, change))

@@ -18,8 +18,8 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.onnx import OPSET, save_onnx, to_onnx
-from catenary.errors import FileFormatError, InputError, MissingPackageError
-from oracles.calibration_models import MIXED, PREDICTORS, random_model
+from catenary.errors import FileFormatError, MissingPackageError
+from oracles.calibration_models import MIXED, PREDICTORS, random_model, ticked
 
 CARD = {"robot": "räven"}
 CLOSE = {"rtol": 1e-9, "atol": 1e-9}  # sums of some hundred terms of order one to ten, in another order
@@ -41,7 +41,7 @@ def step_through(session: onnxruntime.InferenceSession, signals: Floats, q: Floa
     memory = {
         name: np.full((1, *tensor.shape[1:]), np.nan)
         for tensor in session.get_inputs()
-        if (name := tensor.name) in ("previous", "midline", "play", "friction")
+        if (name := tensor.name) in ("midline", "play", "friction")
     }
     wants_q = any(tensor.name == "q_nominal" for tensor in session.get_inputs())
     corrections, flags = [], []
@@ -77,46 +77,35 @@ def test_graph_gives_the_correction_of_every_kind_of_model(kind: str, per_joint:
 @settings(max_examples=12, deadline=None)
 @given(
     kind=st.sampled_from([*PREDICTORS, MIXED]),
-    history=st.integers(0, 3),
     plays=st.integers(0, 2),
     coupled=st.sampled_from([0, 2]),
     midlines=st.booleans(),
-    decimation=st.integers(1, 3),
     target=st.sampled_from(["error", "position"]),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_a_graph_stepped_through_a_motion_is_the_corrector(
-    kind: str, history: int, plays: int, coupled: int, midlines: bool, decimation: int, target: Any, seed: int
+    kind: str, plays: int, coupled: int, midlines: bool, target: Any, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
     motion = np.cumsum(0.2 * rng.normal(size=(60, 3)), axis=0)
     model = random_model(
-        kind, motion, rng, joints=2, torques=1, history=history, plays=plays, coupled=coupled,
-        midlines=midlines, target=target,
-        rate_hz=100.0,
+        kind, motion, rng, joints=2, torques=1, plays=plays, coupled=coupled, midlines=midlines, target=target,
     )  # fmt: skip
-    # history at another spacing than in training: a box alone, so that rows inside remain
-    model = replace(model, groups=tuple(replace(g, valid_range=_box(g.valid_range)) for g in model.groups))
     motion[rng.random(motion.shape) < 0.02] = np.nan  # a signal that is missing for a moment
     q = motion[:, :2].copy()
-    expected, flags = Corrector(model, rate_hz=100.0 * decimation).run(q, motion)
-    correction, inside = step_through(session_of(model, decimation=decimation), motion, q)
+    expected, flags = ticked(Corrector(model), q, motion)
+    correction, inside = step_through(session_of(model), motion, q)
     known = np.isfinite(q)  # where the position itself is missing there is nothing to correct
     assert (inside & known == flags).all()
     assert_allclose((q + correction)[known], expected[known], **CLOSE)
 
 
-def _box(valid: Any) -> Any:
-    wide = np.full(len(valid.axis_lower), 1e6)
-    return replace(valid, axis_lower=-wide, axis_upper=wide)
-
-
 def test_rows_of_a_batch_keep_their_own_memory() -> None:
     rng = np.random.default_rng(3)
     motions = np.cumsum(0.2 * rng.normal(size=(2, 40, 3)), axis=1)
-    model = random_model("tanh", motions[0], rng, joints=3, history=1, plays=2, coupled=3, rate_hz=100.0)
+    model = random_model("tanh", motions[0], rng, joints=3, plays=2, coupled=3)
     session = session_of(model)
-    together = {"previous": np.full((2, 1, 3), np.nan), "play": np.full((2, 6), np.nan)}
+    together = {"play": np.full((2, 6), np.nan)}
     together["friction"] = np.full((2, 3 + 3 * 3), np.nan)
     corrections = []
     for k in range(40):
@@ -144,15 +133,14 @@ def test_a_graph_carries_friction_states_bit_for_bit() -> None:
 
 def test_metadata_say_what_goes_in_and_hold_the_card() -> None:
     rng = np.random.default_rng(5)
-    model = random_model("linear", rng.normal(size=(50, 4)), rng, joints=3, torques=1, history=2, rate_hz=30.0)
-    made = to_onnx(model, CARD, decimation=33)
+    model = random_model("linear", rng.normal(size=(50, 4)), rng, joints=3, torques=1, plays=1)
+    made = to_onnx(model, CARD)
     props = {prop.key: prop.value for prop in made.metadata_props}
     assert json.loads(props["card"]) == CARD
     about = json.loads(props["catenary"])
     assert about["signals"] == ["q:j0", "q:j1", "q:j2", "tau:j0"]
     assert about["joint_units"] == ["rad", "rad", "m"]
-    assert about["previous"] == {"positions": ["q:j0", "q:j1", "q:j2"], "steps": 66}
-    assert about["rate_hz"] == pytest.approx(990.0)
+    assert about["play"] == [{"position": f"q:j{k}", "half_width": 0.1} for k in range(3)]
     assert [(entry.domain, entry.version) for entry in made.opset_import] == [("", OPSET)]
 
 
@@ -167,8 +155,6 @@ def test_file_has_the_same_bytes_each_time(tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(7)
     model = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3)
-    with pytest.raises(InputError, match="decimation: expected one or more steps, got 0"):
-        to_onnx(model, CARD, decimation=0)
     with pytest.raises(FileFormatError, match="cannot be written: No such file or directory"):
         save_onnx(model, CARD, tmp_path / "nowhere" / "a.onnx")
     monkeypatch.setitem(sys.modules, "onnx", None)  # what Python itself puts there to forbid an import

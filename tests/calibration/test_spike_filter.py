@@ -17,6 +17,7 @@ from catenary.calibration.intervals import Intervals
 from catenary.calibration.spike_filter import MARGIN, largest_step, room_of
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from oracles.calibration_models import ticked
 
 T = np.arange(800) / 50.0
 SLOW = 0.5 * np.sin(0.5 * T)
@@ -173,7 +174,7 @@ def test_model_corrector_and_evaluation_reject_the_same_leap(rate_hz: float) -> 
     q = np.repeat(bad.q_nominal, held, axis=0)
     q[300 * held + 1 : 301 * held] = SLOW[299]  # one sample at any rate
     corrector = Corrector(model, rate_hz=rate_hz)
-    out, inside = corrector.run(q, q)
+    out, inside = ticked(corrector, q, q)
     assert corrector.leaps == {"q:J1": 1}
     assert not inside[300 * held].any()
     assert_array_equal(np.delete(out[::held], 300, axis=0), np.delete(model.calibrate(log), 300, axis=0))

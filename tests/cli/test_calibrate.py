@@ -99,12 +99,13 @@ def test_calibrate_takes_the_options_of_fit(tmp_path: Path, monkeypatch: pytest.
     every = calibrate.models_for
     monkeypatch.setattr(calibrate, "models_for", lambda *asked: {RECOMMENDED: every(*asked)[RECOMMENDED]})
     train, test = (simulated_arm.write(tmp_path / f"{k}.npz", seed=k) for k in (1, 2))
-    options = ("--model", "linear", "--history", 2, "--inputs", "q:J1,q:J2", "--ridge", 1, "--held-out", 0.25)
+    options = ("--model", "linear", "--play", "0.1", "--inputs", "q:J1,q:J2", "--ridge", 1, "--held-out", 0.25)
     tested = ("--folds", 3, "--coverage", 0.8, "--max-error", "9,9,9", "--target", "position", "--seed", 4)
     line = ("calibrate", tmp_path / "p", train, "--test", test, *options, *tested)
     assert catenary(*line).code == 0
     card = json.loads((tmp_path / "p" / "models" / f"{RECOMMENDED}.card.json").read_text())
-    assert (card["kind"], card["history"], card["target"]) == ("linear", 2, "position")
+    assert (card["kind"], card["target"]) == ("linear", "position")
+    assert card["settings"]["play_shares"] == [0.1]
     assert card["settings"]["inputs"] == ["q:J1", "q:J2"]
     assert card["settings"]["ridge"] == 1.0
     run = card["run"]

@@ -13,6 +13,7 @@ from catenary.files import sha256_of
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log, write_parquet
 from command_line import catenary
+from oracles.calibration_models import ticked
 
 MAY_14, DAY = 1778716800.0, 86400.0  # [s since 1970] midnight of 14 May 2026, UTC
 
@@ -143,7 +144,7 @@ def test_a_refreshed_model_runs_in_a_loop_and_is_exported(days: tuple[Path, Path
     shown = json.loads(catenary("refresh", str(model), str(tuesday), "--out", str(out), "--json").out)
     assert shown["moved"] == "J2 +0.98 mm since 14 May 2026"
     new, log = load_model(out)[0], replace(read_log(tuesday), q_encoder=None)
-    assert (Corrector(new).run(log.q_nominal, log.q_nominal)[0] == new.calibrate(log)).all()
+    assert (ticked(Corrector(new), log.q_nominal, log.q_nominal)[0] == new.calibrate(log)).all()
     assert catenary("export", str(out), "--onnx", str(model.with_name("new.onnx"))).code == 0
 
 

@@ -18,18 +18,17 @@ from recordings import fitted, recording, short_training
 KINDS: dict[str, dict[str, Any]] = {
     "offset": {"kind": "offset"},
     "linear": {"kind": "linear"},
-    "linear with history": {"kind": "linear", "history": 3},
     "linear with play": {"kind": "linear", "play": (0.1, 0.3)},
-    "linear per joint": {"kind": "linear", "inputs": {"J1": ("q:J1",), "J2": ("q:J1", "q:J2")}, "history": 2},
+    "linear per joint": {"kind": "linear", "inputs": {"J1": ("q:J1",), "J2": ("q:J1", "q:J2")}, "play": (0.2,)},
     "polynomial": {"kind": "polynomial"},
-    "polynomial with history": {"kind": "polynomial", "history": 2},
+    "polynomial with play": {"kind": "polynomial", "play": (0.1,)},
     "neural paper": {"kind": "neural", "preset": "paper"},
     "neural best": {"kind": "neural", "preset": "best"},
     "neural per joint": {"kind": "neural", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q:J3",)}},
 }
 MIXED = "each joint its own"
 CASES = [(kind, "error") for kind in (*KINDS, MIXED)]
-CASES += [(kind, "position") for kind in ("linear with history", "polynomial", "neural best", "neural per joint")]
+CASES += [(kind, "position") for kind in ("linear with play", "polynomial", "neural best", "neural per joint")]
 
 
 def truth(q: np.ndarray) -> np.ndarray:
@@ -148,7 +147,7 @@ def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(
     back, _ = load_model(tmp_path / "model.npz")
     assert back.calibrate(NEW).tobytes() == case.model.calibrate(NEW).tobytes()
     assert back.inside(case.data.X + 0.3).tobytes() == case.model.inside(case.data.X + 0.3).tobytes()
-    for key in ("kind", "preset", "joint_names", "joint_units", "features", "target", "rate_hz"):
+    for key in ("kind", "preset", "joint_names", "joint_units", "features", "target"):
         assert getattr(back, key) == getattr(case.model, key)
     assert [group.joints for group in back.groups] == [group.joints for group in case.model.groups]
 
@@ -188,5 +187,5 @@ def test_single_joint_is_calibrated_without_a_warning(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_ten_rows_are_enough_for_any_kind(kind: str) -> None:
-    log = recording(np.random.default_rng(4), rows=10 + KINDS[kind].get("history", 0), error=truth)
+    log = recording(np.random.default_rng(4), rows=10, error=truth)
     assert np.isfinite(fitted(log, **KINDS[kind]).calibrate(log)).all()

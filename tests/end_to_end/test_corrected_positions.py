@@ -17,6 +17,7 @@ from catenary.recording.logs import read_log
 from catenary.robots.catalog import load_robot
 from catenary.workflows.c_header import c_header
 from command_line import catenary, refusal
+from oracles.calibration_models import ticked
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "corrected_positions"
 PAGE = Path(__file__).parents[2] / "docs" / "deployment.md"
@@ -25,7 +26,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "deployment.md"
 @pytest.mark.skipif(shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler or make")
 def test_the_program_gives_pythons_corrections_motion_by_motion(tmp_path: Path) -> None:
     run, model = simulated_arm.write(tmp_path / "run.npz"), tmp_path / "arm.npz"
-    fitted = catenary("fit", run, "--model", "linear", "--history", 2, "--play", "0.05,0.2", "--out", model)
+    fitted = catenary("fit", run, "--model", "linear", "--play", "0.05,0.2", "--out", model)
     assert fitted.code == 0, fitted
     written = catenary("export", "--model", model, "--rate-hz", 30, "--c", tmp_path / "model.h")
     assert written.code == 0, written
@@ -38,7 +39,7 @@ def test_the_program_gives_pythons_corrections_motion_by_motion(tmp_path: Path) 
     text = "\n".join([*lines, "", *lines[:50], ""])  # an empty line: the first motion again
     ran = subprocess.run(program, input=text, capture_output=True, text=True, check=True)
     given = np.array([line.split() for line in ran.stdout.splitlines()], dtype=float)
-    expected, inside = Corrector(load_model(model)[0], rate_hz=30.0).run(q, q)
+    expected, inside = ticked(Corrector(load_model(model)[0], rate_hz=30.0), q, q)
     rows = np.r_[0 : len(q), 0:50]
     assert_allclose(given[:, :3], expected[rows], rtol=0.0, atol=1e-12)
     assert_array_equal(given[:, 3:], inside[rows])

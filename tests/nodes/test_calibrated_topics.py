@@ -172,8 +172,8 @@ def test_one_that_does_not_keep_up_publishes_less_not_later(model: CalibrationMo
     assert deployed.topics.report().late == 39  # it keeps up again
 
 
-def test_a_model_with_previous_positions_sees_those_that_came_too_late() -> None:
-    model = linear_model(lambda q: 0.1 * np.diff(q, axis=0, prepend=q[:1]), history=1)
+def test_play_states_follow_positions_that_came_too_late() -> None:
+    model = linear_model(lambda q: 0.1 * np.diff(q, axis=0, prepend=q[:1]), play=(0.05,))
     last = []
     for looks in (True, False):
         deployed = Deployed(model)

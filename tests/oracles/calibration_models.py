@@ -3,8 +3,10 @@
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
@@ -76,13 +78,11 @@ def random_model(
     *,
     joints: int,
     torques: int = 0,
-    history: int = 0,
     plays: int = 0,
     coupled: int = 0,
     midlines: bool = False,
     target: Target = "error",
     per_joint: bool = False,
-    rate_hz: float | None = None,
 ) -> CalibrationModel:
     """Draw a model of joints j0, j1, ... whose valid range is that of a recording.
 
@@ -92,13 +92,11 @@ def random_model(
         rng: Source of randomness.
         joints: Number of joints; all their positions are inputs.
         torques: Number of torques among the inputs.
-        history: Previous positions.
         plays: Play states of every position.
         coupled: How many joints, the first, have friction states.
         midlines: Whether torques have midlines.
         target: What the predictors give.
         per_joint: Every joint takes its own signals only.
-        rate_hz: Rate of the training data.
     """
     names = tuple(f"j{k}" for k in range(joints))
     units = tuple("m" if k % 3 == 2 else "rad" for k in range(joints))
@@ -106,7 +104,6 @@ def random_model(
     features = FeatureSet(
         (*(f"q:{name}" for name in names), *(f"tau:{name}" for name in names[:torques])),
         (*units, *(force[unit] for unit in units[:torques])),
-        history,
         tuple((f"q:{name}", 0.1 * (k + 1)) for name in names for k in range(plays)),
         tuple((f"tau:{name}", f"q:{name}", 0.1, 1.0) for name in names[:torques]) if midlines else (),
         random_friction(names[:coupled], rng) if coupled else None,
@@ -133,7 +130,6 @@ def random_model(
         offset=rng.normal(size=joints),
         largest=np.full(joints, 1e3),  # beyond what any of them gives
         groups=tuple(groups),
-        rate_hz=rate_hz,
     )
 
 
@@ -163,3 +159,12 @@ def log_of(names: tuple[str, ...], units: tuple[str, ...], signals: Floats, torq
         ok=np.ones(len(signals), dtype=bool),
         tau=tau,
     )
+
+
+def ticked(corrector: Corrector, q: Floats, signals: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return calibrated positions of a motion and flags, (N, n) each, tick by tick from its first row on."""
+    out, inside = np.empty(q.shape), np.empty(q.shape, dtype=bool)
+    corrector.reset()
+    for k in range(len(q)):
+        corrector.correct(q[k], signals[k], out[k], inside[k])
+    return out, inside

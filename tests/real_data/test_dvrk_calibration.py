@@ -50,9 +50,9 @@ def prepared(name: str, options: FitOptions, held_out: float = 0.0) -> tuple[Cal
 
 
 @cache
-def errors_on_the_last_fifth(kind: str, history: int = 0) -> tuple[JointErrors, ...]:
+def errors_on_the_last_fifth(kind: str) -> tuple[JointErrors, ...]:
     """Trained on the first 80 % of the random motion, tested on the rest."""
-    options = FitOptions(**KINDS[kind], history=history)
+    options = FitOptions(**KINDS[kind])
     data, inputs = prepared("random_train", options, held_out=0.2)
     early, late = data.split_by_time(0.2)
     return evaluate(fit(early, inputs, options), late).joints
@@ -60,11 +60,6 @@ def errors_on_the_last_fifth(kind: str, history: int = 0) -> tuple[JointErrors, 
 
 def rmse(errors: tuple[JointErrors, ...]) -> np.ndarray:
     return np.array([joint.rmse for joint in errors])
-
-
-def test_linear_model_with_history_knows_the_insertion_to_a_fifth_of_a_millimetre() -> None:
-    # 0.16 mm with plain tools, 0.23 mm without history: recordings' README
-    assert rmse(errors_on_the_last_fifth("linear", history=6))[2] < 0.18
 
 
 @pytest.mark.slow
@@ -82,24 +77,24 @@ def test_every_model_beats_the_offset_on_the_insertion_or_is_one(kind: str) -> N
 
 
 @cache
-def errors_on_sparse_motion(kind: str) -> tuple[JointErrors, ...]:
-    """Trained on dense steps, tested on sparse ones: where extrapolation must be noticed."""
-    options = FitOptions(**KINDS[kind], history=4)
+def errors_on_other_motion(kind: str) -> tuple[JointErrors, ...]:
+    """Trained on a peg transfer, tested on points all over the range: where extrapolation must be noticed."""
+    options = FitOptions(**KINDS[kind])
     data, inputs = prepared("peg_transfer_train", options)
     model = fit(data, inputs, options)
-    return evaluate(model, calibration_data([recording("insertion_train")], model.features)).joints
+    return evaluate(model, calibration_data([recording("sampled_train")], model.features)).joints
 
 
 @pytest.mark.parametrize("kind", KINDS_BY_TIME)
-def test_dense_training_is_known_to_say_little_of_sparse_motion(kind: str) -> None:
-    assert min(joint.outside_valid_range for joint in errors_on_sparse_motion(kind)) > 0.5
+def test_dense_training_is_known_to_say_little_of_points_all_over_the_range(kind: str) -> None:
+    assert min(joint.outside_valid_range for joint in errors_on_other_motion(kind)) > 0.5
 
 
 @pytest.mark.parametrize("kind", KINDS_BY_TIME)
 def test_no_model_is_much_worse_than_the_offset_on_motion_it_was_not_made_for(kind: str) -> None:
-    for joint in errors_on_sparse_motion(kind):
-        # 1.15: rows that count as inside may still be off
-        assert joint.rmse <= 1.15 * joint.offset_rmse, joint.name
+    for joint in errors_on_other_motion(kind):
+        # 1.2: rows that count as inside may still be off
+        assert joint.rmse <= 1.2 * joint.offset_rmse, joint.name
 
 
 @pytest.mark.parametrize("kind", KINDS_BY_TIME)

@@ -16,12 +16,8 @@ from catenary.recording.logs import read_log
 
 TRAININGS = ("random_train", "insertion_train", "peg_transfer_train", "sampled_train")
 MAX_ERROR = (2.0, 2.0, 5.0, 60.0, 60.0, 70.0)  # deg, mm; the recordings' README, caveat 3
-KINDS = {
-    "play": FitOptions(kind="linear", play=PLAY_SHARES),
-    "history": FitOptions(kind="linear", history=6),
-    "best": FitOptions(kind="neural", preset="best"),
-}
-KINDS_BY_TIME = ["play", "history", pytest.param("best", marks=pytest.mark.slow)]
+KINDS = {"play": FitOptions(kind="linear", play=PLAY_SHARES), "best": FitOptions(kind="neural", preset="best")}
+KINDS_BY_TIME = ["play", pytest.param("best", marks=pytest.mark.slow)]
 
 
 @cache

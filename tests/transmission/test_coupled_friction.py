@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from catenary.errors import InputError
-from catenary.transmission.coupled_friction import CoupledFriction, coupled_friction
+from catenary.transmission.coupled_friction import CoupledFriction, coupled_friction, drag_along
 
 FAR = 1e9  # a step that is never split
 repeatable = settings(derandomize=True, deadline=None)  # the first call compiles
@@ -126,14 +126,12 @@ def test_moving_one_joint_drags_another_through_a_shared_spring():
 
 
 def test_a_state_carried_row_by_row_gives_the_bits_of_the_whole_path():
-    from catenary.transmission.coupled_friction import drag_along
-
     rng = np.random.default_rng(0)
     friction, x = drawn(rng, 2, 3, longest=0.3, systems=4), path(rng)
-    whole, before, forces = friction.lag(x), np.full(2, np.nan), np.zeros((4, 3))
+    whole, state = friction.lag(x), np.full(2 + 4 * 3, np.nan)
     for row, expected in zip(x, whole, strict=True):
         lag = np.empty((1, 8))
-        drag_along(row[None], *friction, before, forces, lag)
+        drag_along(row[None], *friction, state, lag)
         assert np.array_equal(lag.reshape(4, 2), expected)
 
 

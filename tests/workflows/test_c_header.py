@@ -44,7 +44,7 @@ from catenary.workflows.c_header import c_header
 from command_line import catenary, refusal
 from compiled_c import COMPILERS, LANGUAGES, output_of, prefix_of, puts
 from moving_arm import recorded
-from oracles.calibration_models import MIXED, random_model, random_network
+from oracles.calibration_models import MIXED, random_model, random_network, ticked
 from oracles.catalogue import robots_with_inertia
 from oracles.floating_base import Free, by_mujoco, by_pinocchio
 from oracles.random_trees import random_robot, random_rotation
@@ -344,11 +344,11 @@ CASES: dict[str, dict] = {
     "constant": {},
     "linear": {"torques": 2},
     "quadratic": {"plays": 2, "coupled": 2},
-    "tanh": {"history": 3},
-    "logistic": {"history": 2, "plays": 1, "torques": 1, "target": "position"},
-    "tanh, skip": {"per_joint": True, "history": 1, "plays": 1},
+    "tanh": {"plays": 3},
+    "logistic": {"plays": 1, "torques": 1, "target": "position"},
+    "tanh, skip": {"per_joint": True, "plays": 1},
     "logistic, skip": {"torques": 3},
-    MIXED: {"history": 1, "plays": 2, "torques": 1, "coupled": 3, "midlines": True},
+    MIXED: {"plays": 2, "torques": 1, "coupled": 3, "midlines": True},
 }
 
 
@@ -356,7 +356,7 @@ def calibration_of(kind: str, rng: np.random.Generator) -> tuple[CalibrationMode
     """Draw a model of three joints, and a motion inside and outside of its valid range, with NaN here and there."""
     width = 3 + CASES[kind].get("torques", 0)
     signals = np.cumsum(0.1 * rng.normal(size=(STATES, width)), axis=0)
-    model = random_model(kind, signals[: STATES // 2], rng, joints=3, rate_hz=500.0, **CASES[kind])
+    model = random_model(kind, signals[: STATES // 2], rng, joints=3, **CASES[kind])
     if kind != "constant":  # which has none: NaN
         model = replace(model, intervals=Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.2, 0.7])))
     signals[rng.integers(0, STATES, 50), rng.integers(0, width, 50)] = np.nan
@@ -389,7 +389,7 @@ def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_pat
     q = signals[:, :3] + 0.01 * rng.normal(size=(STATES, 3))
     header = c_header(load_robot("raven2"), model, rate_hz=1000.0).text
     given = corrected(header, np.column_stack([q, signals]), 3, tmp_path, language)
-    expected, inside = Corrector(model, rate_hz=1000.0).run(q, signals)
+    expected, inside = ticked(Corrector(model, rate_hz=1000.0), q, signals)
     assert inside.any()
     assert not inside.all()
     assert (given[:, 3:6] == inside).all()
@@ -405,7 +405,7 @@ def test_c_carries_friction_states_bit_for_bit(tmp_path: Path) -> None:
     rows = np.cumsum(rng.choice([0.01, 0.3, 2.0], (200, 1)) * rng.normal(size=(200, 3)), axis=0)
     rows[[50, 120], [0, 2]] += 9.0  # leaps that return
     rows[80, 1] = np.nan
-    header, memory, expected = c_correction("arm", made, 1), made.features.memory(), []
+    header, memory, expected = c_correction("arm", made), made.features.memory(), []
     for row in rows:
         arrays = (memory, np.empty((1, len(made.features.names))), np.ones(1), np.zeros(1, dtype=bool))
         run(made.features.row_steps(row[None], *arrays))
@@ -428,7 +428,7 @@ def test_the_papers_network_is_exported(language: str, tmp_path: Path) -> None:
     header = c_header(load_robot("raven2"), model)
     assert "none of the robot's" in header.notes[0]  # joints of another robot are told of
     given = corrected(header.text, np.column_stack([signals[:, :8], signals]), 8, tmp_path, language)
-    expected, _ = Corrector(model).run(signals[:, :8], signals)
+    expected, _ = ticked(Corrector(model), signals[:, :8], signals)
     assert_allclose(given[:, :8], expected, rtol=1e-12, atol=1e-12)
 
 
@@ -456,8 +456,8 @@ def test_what_cannot_be_exported_is_refused_with_a_reason(tmp_path: Path) -> Non
         c_header(replace(robot, missing_inertia=("link",)))
     rng = np.random.default_rng(5)
     model, _ = calibration_of("tanh", rng)
-    with pytest.raises(InputError, match="more than 3% off"):
-        c_header(robot, model, rate_hz=730.0)
+    with pytest.raises(InputError, match="rate_hz: expected a positive rate"):
+        c_header(robot, model, rate_hz=0.0)
 
     group = model.groups[0]
 

@@ -496,7 +496,7 @@ def test_progress_ends_at_one(recording_path: Path) -> None:
 @pytest.mark.parametrize(
     ("key", "place", "value", "note"),
     [
-        ("ok", slice(10, 30), False, "run: left out 20 without measurement, 3 without 3 previous commands, of 400 rows"),
+        ("ok", slice(10, 30), False, "run: left out 20 without measurement, of 400 rows"),
         ("q_act", (5, 1), 3.0, "run: J2: 1 of 400 errors lie beyond 10 robust standard deviations"),
         (("q_des", "q_act"), (slice(None), 2), 0.1, "run: J3: never moved; a model holds only where it stood"),
     ],
@@ -506,7 +506,7 @@ def test_what_looks_wrong_is_noted(tmp_path: Path, key: Any, place: Any, value: 
     for each in (key,) if isinstance(key, str) else key:
         arrays[each][place] = value
     np.savez(tmp_path / "run.npz", **arrays)
-    notes = fit_calibration([tmp_path / "run.npz"], FitOptions(kind="linear", history=3)).notes
+    notes = fit_calibration([tmp_path / "run.npz"], FitOptions(kind="linear")).notes
     assert any(said.startswith(note) for said in notes)
 
 

@@ -126,17 +126,8 @@ if (strange[0] >= SEVERAL) {
     .replace("FADE", str(FADE))
     .replace("SEVERAL", str(SEVERAL)),
     "gather": """\
-const int rows = positions_size > 0 ? ring_size / positions_size : 0;
-int i, k, at = signals_size;
+int k, at = signals_size;
 for (k = 0; k < signals_size; ++k) X[k] = signals[k];
-for (i = 0; i < lags_size; ++i) {
-  const int row = now[0] - lags[i] < 0 ? now[0] - lags[i] + rows : now[0] - lags[i];
-  for (k = 0; k < positions_size; ++k) X[at++] = ring[row * positions_size + k];
-}
-if (rows > 0) {
-  for (k = 0; k < positions_size; ++k) ring[now[0] * positions_size + k] = signals[positions[k]];
-  now[0] = now[0] + 1 < rows ? now[0] + 1 : 0;
-}
 for (k = 0; k < owners_size; ++k) {
   const double position = signals[played[owners[k]]];
   const int what = course[owners[k]];
@@ -270,8 +261,6 @@ static inline double PREFIX_expm1(double v) {
 STATE = """\
 /* What the correction remembers of earlier ticks. */
 typedef struct {{
-  int now[1]; /* row of the ring that is to be written next */
-  double ring[{ring}];
   double play[{play}];
   double kept[{kept}]; /* play states before a leap */
   double followed[{followed}]; /* play states that followed every position */
@@ -286,8 +275,6 @@ typedef struct {{
 /* Forget earlier ticks: another motion begins. To be called once before the first tick. */
 static inline void PREFIX_reset(PREFIX_state *state) {{
   int i;
-  state->now[0] = 0;
-  for (i = 0; i < {ring}; ++i) state->ring[i] = NAN;
   for (i = 0; i < {play}; ++i) state->play[i] = state->kept[i] = state->followed[i] = NAN;
   for (i = 0; i < {midline}; ++i) state->midline[i] = NAN;
   for (i = 0; i < {friction}; ++i) state->friction[i] = NAN;
@@ -307,12 +294,12 @@ static inline void PREFIX_correct(PREFIX_state *state, const double *q, const do
                                     double *q_calibrated, int *inside) {"""
 
 
-def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz: float | None = None) -> str:
+def c_correction(prefix: str, model: CalibrationModel, rate_hz: float | None = None) -> str:
     """Return C that defines `PREFIX_correct(state, q, signals, q_calibrated, inside)` and `PREFIX_reset(state)`.
 
     `PREFIX_interval(state)` gives the half-widths of the last tick's intervals.
     """
-    n, memory = len(model.joint_names), model.features.memory(decimation)
+    n, memory = len(model.joint_names), model.features.memory()
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))
     out, inside = np.empty((1, n)), np.empty((1, n), dtype=bool)
     interval = np.empty((1, n))

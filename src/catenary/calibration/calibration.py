@@ -133,9 +133,9 @@ class Calibration(CalibrationModel):
         day = refresh_with(self, self.card, logs, accept=accept, max_error=trained_limits(self.card)[0])
         return _with_card(day.model, day.card)
 
-    def corrector(self, *, rate_hz: float = 1000.0, decimation: int | None = None) -> Corrector:
+    def corrector(self, *, rate_hz: float = 1000.0) -> Corrector:
         """Return the model for a control loop; see `Corrector`."""
-        return Corrector(self, rate_hz=rate_hz, decimation=decimation)
+        return Corrector(self, rate_hz=rate_hz)
 
     def _logs(
         self, motion: Motion, q_encoder: ArrayLike | None = None, **arrays: Unpack[MotionArrays]
@@ -176,7 +176,6 @@ def fit(
     model: Kind = "auto",
     preset: Preset | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
-    history: int = 0,
     play: Sequence[float] | None = None,
     target: Target = "error",
     ridge: float | None = None,
@@ -201,7 +200,6 @@ def fit(
         model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses for each joint.
         preset: For "neural": "paper" or "best" (None).
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
-        history: How many previous positions are inputs.
         play: Half-widths of play states as shares of each joint's range; see FitOptions.
         target: "error", or "position" for a model end to end.
         ridge: Weight on the squared coefficients of a regression.
@@ -215,7 +213,7 @@ def fit(
         accept: Names of findings of `check_data` to continue despite.
         progress: Called with the share done.
         arrays: What else is known, where positions are an array: torques are taken as inputs, velocities when `inputs`
-            says so, time is needed by `history` in a control loop, whose rate must be known.
+            says so.
 
     Raises:
         DataError: Something is wrong with the data; the message says what, how to fix it, and how to accept it.
@@ -227,7 +225,6 @@ def fit(
         kind=model,
         preset=preset,
         inputs=inputs,
-        history=history,
         play=None if play is None else tuple(play),
         target=target,
         ridge=ridge,

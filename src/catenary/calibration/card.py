@@ -78,8 +78,6 @@ def model_card(
             }
             for c, (name, unit) in enumerate(zip(names, features.feature_units, strict=True))
         ],
-        "history": features.history,
-        "rate_hz": model.rate_hz,
         "target": model.target,
         "output": "correction added to q_nominal, in rad and m",
         "scaling": _scaling(kinds),
@@ -152,7 +150,6 @@ def _settings(options: FitOptions, kinds: set[str]) -> dict[str, Any]:
     settings: dict[str, Any] = {
         "kind": options.kind,
         "inputs": dict(options.inputs) if isinstance(options.inputs, Mapping) else options.inputs,
-        "history": options.history,
         "play_shares": None if options.play is None else list(options.play),
         "target": options.target,
         "ridge": options.ridge_used,

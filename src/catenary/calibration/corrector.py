@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags, blocks, bound, run
-from catenary.calibration.dataset import RATE_TOLERANCE
+from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags, bound
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import UNUSED, Joints, JointState, places_of
@@ -19,32 +18,28 @@ SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 class Corrector:
     """Calibrated joint positions, valid-range flags and intervals from the signals of each tick.
 
-    Gives what `CalibrationModel.calibrate` gives, bit for bit, whatever the kind of model. It keeps the previous
-    positions and play states that the model takes. Until `history` of them have been seen, outside the valid range
-    and where an input is NaN, the flag is false and the fixed offset is added.
-
-    Previous positions lie `decimation` ticks apart, as far in time as the training rows did; they are taken anew at
-    every tick, so the correction is as smooth as the motion. Play states need no rate.
+    Gives what `CalibrationModel.calibrate` gives, bit for bit, whatever the kind of model. It keeps the states that
+    the model takes, which need no rate. Outside the valid range and where an input is NaN, the flag is false and the
+    fixed offset is added.
 
     `correct` and `correct_state` check and copy their arrays at every tick; `bind` checks them once, for a loop whose
     arrays stay the same ones.
     """
 
-    def __init__(self, model: CalibrationModel, *, rate_hz: float = 1000.0, decimation: int | None = None) -> None:
+    def __init__(self, model: CalibrationModel, *, rate_hz: float = 1000.0) -> None:
         """Compile the model's tick.
 
         Args:
-            rate_hz: Rate of the loop [Hz]; matters to models with history only.
-            decimation: Ticks between previous positions; None divides the loop's rate by the training rows'.
+            rate_hz: Rate of the loop [Hz]: how far a joint may go in a tick of a loop slower than the training rows.
 
         Raises:
-            InputError: The model has history, and its training rows' rate is not known and `decimation` is None,
-                or no whole number of ticks is as long as their spacing, to 3 %.
+            InputError: The rate is not positive.
         """
+        if not 0.0 < rate_hz < float("inf"):
+            raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
         self.model = model
         self.rate_hz = rate_hz
-        self.decimation = decimation_at(model, rate_hz, decimation)
-        self._memory = model.features.memory(self.decimation)
+        self._memory = model.features.memory()
         n, signals = len(model.joint_names), len(model.features.signals)
         self._q, self._signals, self._out = np.zeros(n), np.zeros(signals), np.zeros(n)
         self._inside, self._interval = np.zeros(n, dtype=bool), np.zeros(n)
@@ -137,47 +132,20 @@ class Corrector:
         """Forget all previous ticks: another motion begins; `leaps` counts on."""
         self._memory.clear()
 
-    def run(self, q_nominal: Floats, signals: Floats) -> tuple[Floats, Flags]:
-        """Take a whole recording in one call, from its first row on.
-
-        Args:
-            q_nominal: (N, n) reported positions [rad|m].
-            signals: (N, S) values of `model.features.signals`.
-
-        Returns:
-            (N, n) calibrated positions [rad|m], and (N, n) whether each is inside the valid range.
-
-        Raises:
-            InputError: An array has another shape.
-        """
-        q = as_array("q_nominal", q_nominal, (None, len(self.model.joint_names)), finite=False)
-        rows = as_array("signals", signals, (len(q), len(self.model.features.signals)), finite=False)
-        out, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
-        self.reset()
-        for part in blocks(len(q)):
-            arrays = (q[part], rows[part], out[part], inside[part])
-            run(self.model.tick_steps(self._memory, *arrays, rate_hz=self.rate_hz))
-        return out, inside
-
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
         """Match the model to a robot's joints, by name; the robot may have further ones.
 
         A RAVEN-II's unused channel, in no joint state, is taken to read what it read in training.
 
         Raises:
-            InputError: The robot lacks a joint of the model, or has it in another unit; an input is no position,
-                velocity or torque of its joints; or the model has history and the loop runs at another rate.
+            InputError: The robot lacks a joint of the model, or has it in another unit; or an input is no position,
+                velocity or torque of its joints.
         """
         model, robot = self.model, ", ".join(joint_names)
         for why in model.asked_of_reports:
             raise InputError(f"corrector: {why}, or deploy --as-is if it reports them corrected")
         of_robot = Joints(tuple(joint_names), tuple(joint_units))
         places = places_of(model, of_robot, whose="corrector: the robot", of="the model is for")
-        if model.features.history > 0 and abs(rate_hz / self.rate_hz - 1.0) > RATE_TOLERANCE:
-            raise InputError(
-                f"corrector: made for {self.rate_hz:g} Hz, the loop runs at {rate_hz:g} Hz; the model's previous "
-                f"positions would lie at other times. Make it with rate_hz={rate_hz:g}"
-            )
         size, sources = len(joint_names), []
         still: list[float] = []  # what an unused channel read in training: it is in no joint state
         for signal in model.features.signals:
@@ -230,30 +198,3 @@ def trained_mean(model: CalibrationModel, signal: str) -> float:
         if len(where):
             return float(group.valid_range.mean[where[0]])
     return 0.0
-
-
-def decimation_at(model: CalibrationModel, rate_hz: float, decimation: int | None = None) -> int:
-    """Return how many ticks of a loop lie between the previous positions that a model takes; see `Corrector`."""
-    if not 0.0 < rate_hz < float("inf"):
-        raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
-    if decimation is not None and decimation < 1:
-        raise InputError(f"decimation: expected one or more ticks, got {decimation}")
-    history, trained = model.features.history, model.rate_hz
-    if history == 0:
-        return 1
-    if trained is None:
-        if decimation is None:
-            raise InputError(
-                f"corrector: the model takes {history} previous positions, and its training recordings do not say "
-                "how far apart in time they lie; give `decimation`, the number of ticks between them"
-            )
-        return decimation
-    ticks = decimation or max(1, round(rate_hz / trained))
-    if abs(rate_hz / ticks / trained - 1.0) > RATE_TOLERANCE:
-        raise InputError(
-            f"corrector: the model's {history} previous positions lie {1.0 / trained:.4g} s apart ({trained:.4g} Hz); "
-            f"{ticks} tick(s) at {rate_hz:g} Hz are {ticks / rate_hz:.4g} s, more than {RATE_TOLERANCE:.0%} off. "
-            "Run the loop at a multiple of the training rate, or train at a fraction of the loop's, "
-            "or use play states, which need no rate"
-        )
-    return ticks

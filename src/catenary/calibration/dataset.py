@@ -17,7 +17,6 @@ from catenary.units import DISPLAY
 # [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
 FIRST_DATE, LAST_DATE = 1e9, 1e10
 MOST_OF_ROWS = 0.8  # that one of several recordings may hold: without it there must be others to learn from
-RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at one rate
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class TrainingSource:
     sha256: str | None
     rows: int  # in the recording, of those that were asked for
     without_truth: int  # rows whose `ok` is not set
-    without_history: int  # rows that lack predecessors
+    incomplete: int  # rows on which an input is not known, as a midline before the first reversals
     dropped: int  # rows beyond the error limit that was asked for
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
@@ -53,7 +52,6 @@ class CalibrationData:
     sources: tuple[TrainingSource, ...]
     has_time: bool
     robot: str | None = None
-    rate_hz: float | None = None  # of the recordings' rows; None without time, or when they differ
     every: int = 1  # of the recordings' rows that are among these or were left out: all, every second one, ...
     began: tuple[float, ...] = ()  # [s] of each source: what its own clock said at its time zero
 
@@ -121,7 +119,7 @@ def calibration_data(
 ) -> CalibrationData:
     """Collect the usable rows of recordings of one robot.
 
-    A row is usable when it has a measurement (`ok`) and `features.history` predecessors.
+    A row is usable when it has a measurement (`ok`) and all features are known.
 
     Args:
         max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
@@ -158,7 +156,7 @@ def calibration_data(
                 runs=log.runs,
                 rows=len(q),
                 without_truth=int((~ok).sum()),
-                without_history=int((ok & ~complete).sum()),
+                incomplete=int((ok & ~complete).sum()),
                 dropped=int((usable & ~inside).sum()),
                 simulated=log.simulated,
                 leaps={name: count for name, count in spikes.items() if count},
@@ -174,8 +172,8 @@ def calibration_data(
         raise InputError(
             "data: no usable row in "
             + "; ".join(
-                f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.without_history} without '
-                f"{features.history} previous commands, {s.dropped} beyond the error limit)"
+                f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.incomplete} before midlines are '
+                f"known, {s.dropped} beyond the error limit)"
                 for s in sources
             )
         )
@@ -193,7 +191,6 @@ def calibration_data(
         sources=tuple(sources),
         has_time=has_time,
         robot=next((log.robot for log in logs if log.robot is not None), None),
-        rate_hz=_common_rate(logs),
         every=every,
         began=tuple(log.began for log in logs),
     )
@@ -204,13 +201,6 @@ def sampling_rate(log: MotionLog) -> float | None:
     steps = np.diff(log.time) if log.time is not None else np.zeros(0)
     forward = steps[steps > 0.0]  # where the clock goes back, another recording begins
     return float(1.0 / np.median(forward)) if len(forward) else None
-
-
-def _common_rate(logs: Sequence[MotionLog]) -> float | None:
-    """Return the rows per second of all recordings; None where they differ, or one has no time."""
-    rates = [rate for rate in map(sampling_rate, logs) if rate is not None]
-    alike = len(rates) == len(logs) and max(rates) <= (1.0 + RATE_TOLERANCE) * min(rates)
-    return float(np.median(rates)) if alike else None
 
 
 def in_one_order(logs: Sequence[MotionLog]) -> list[MotionLog]:
@@ -248,7 +238,7 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     for i, source in enumerate(data.sources):
         left_out = {
             "without measurement": source.without_truth,
-            f"without {data.features.history} previous commands": source.without_history,
+            "before midlines are known": source.incomplete,
             f"beyond the error limit ({counted(source.beyond)})": source.dropped,
         }
         text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)

@@ -27,10 +27,8 @@ GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
 class Memory(NamedTuple):
-    """Earlier positions, play and friction states of a motion, which features depend on; every row updates them."""
+    """Play and friction states of a motion, and what else features depend on; every row updates them."""
 
-    now: Integers  # (1,) row of `ring` that is to be written next
-    ring: Floats  # (rows, P) previous positions; NaN where there is none yet
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
     kept: Floats  # (K,) those before a leap, which count again when it returns
     followed: Floats  # (K,) those that followed every position
@@ -42,8 +40,6 @@ class Memory(NamedTuple):
 
     def clear(self) -> None:
         """Forget all earlier rows: another motion begins; what was counted stays."""
-        self.now[:] = 0
-        self.ring[:] = np.nan
         for states in (self.play, self.kept, self.followed, self.midline, self.friction):
             states[:] = np.nan
         self.seen[:], self.strange[:] = [np.nan, 0.0, 0.0], 0.0
@@ -61,11 +57,10 @@ class FeatureRows(NamedTuple):
 class FeatureSet:
     """Which features a model takes.
 
-    Order: the signals as they are; then, oldest last, the `history` previous rows of every position; then midlines
-    (midline.py), play states, and friction states of coupled joints (friction_states.py). A play state of half-width r
-    follows its position only after it has moved by r: y <- min(max(y, x - r), x + r). It remembers on which side of
-    the slack the cable lies, whatever the speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and
-    Sprekels 1996]
+    Order: the signals as they are, midlines (midline.py), play states, and friction states of coupled joints
+    (friction_states.py). A play state of half-width r follows its position only after it has moved by r:
+    y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable lies, whatever the speed or
+    sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
     The feature is y - x, which stays within -r and r.
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
@@ -77,7 +72,6 @@ class FeatureSet:
 
     signals: Many[str]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
     units: Many[str]  # one per signal
-    history: Annotated[int, Field(ge=0, le=1_000)] = 0
     play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
     midlines: Many[Midline] = ()
     friction: FrictionStates | None = None  # of coupled joints
@@ -86,24 +80,12 @@ class FeatureSet:
 
     def __post_init__(self) -> None:
         coupled = () if self.friction is None else self.friction.positions
-        if not set(coupled) <= set(self.positions):
+        if not set(coupled) <= {name for name in self.signals if name.startswith("q:")}:
             raise InputError(f"friction states of {', '.join(coupled)}: expected positions among the inputs")
         if not self.signals:
             raise InputError("inputs: expected at least one signal, got none")
         if not all(0.0 < step < np.inf for step in [*dict(self.steps).values(), self.period or 1.0]):
             raise InputError(f"steps: expected positive limits, got {self.steps} in rows of {self.period} s")
-        if self.history < 0:
-            raise InputError(f"history: expected zero or more previous commands, got {self.history}")
-        if self.history > 0 and not self.positions:
-            raise InputError(
-                f"history: {self.history} previous commands of no joint; expected a position (q) among the inputs "
-                f"{', '.join(self.signals)}"
-            )
-
-    @property
-    def positions(self) -> tuple[str, ...]:
-        """The signals that are positions, which history and play states refer to."""
-        return tuple(signal for signal in self.signals if signal.startswith("q:"))
 
     @property
     def played(self) -> tuple[str, ...]:
@@ -137,16 +119,15 @@ class FeatureSet:
         unit = dict(zip(self.signals, self.units, strict=True))
         return [
             *((signal, unit[signal], signal) for signal in self.signals),
-            *((f"{p}[-{k}]", unit[p], p) for k in range(1, self.history + 1) for p in self.positions),
             *((f"midline({name})", unit[name], name) for name, *_ in self.midlines),
             *((f"play({p}, {width:.4g})", unit[p], p) for p, width in self.play),
             *((name, unit[p], p) for name, p in (self.friction.columns if self.friction is not None else ())),
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
-        """Return features of every row, (N, F); NaN on rows that lack `history` predecessors without a gap in time.
+        """Return features of every row, (N, F); midlines are NaN until both directions were seen.
 
-        Rows without a measurement (`ok` not set) are commands all the same and count as predecessors.
+        Rows without a measurement (`ok` not set) are commands all the same, which states follow.
         """
         return self.rows(log).X
 
@@ -155,12 +136,10 @@ class FeatureSet:
         signals = self.signal_rows(log)
         count, memory, room = -(-len(log) // every), self.memory(), room_of(log, self.period)
         X, leaping = np.empty((count, len(self.names))), np.zeros(count, dtype=bool)
-        starts, gaps = set(log.starts), set(log.gaps())
-        for first, last in pairwise(sorted({*starts, *gaps, *range(0, len(log), PIECE), len(log)})):
+        starts = set(log.starts)
+        for first, last in pairwise(sorted({*starts, *range(0, len(log), PIECE), len(log)})):
             if first in starts:
                 memory.clear()
-            if first in gaps:
-                memory.ring[:] = np.nan  # behind a gap, the previous rows are no previous commands
             rows, kept = slice(first, last), slice(-(-first // every), -(-last // every))
             part = X[kept] if every == 1 else np.empty((last - first, X.shape[1]))
             leaps = np.zeros(last - first, dtype=bool)
@@ -188,22 +167,19 @@ class FeatureSet:
         """Return how many rows that were spikes of each position a memory has counted."""
         return {name: int(count) for name, count in zip(self.played, memory.rejected, strict=True)}
 
-    def memory(self, decimation: int = 1) -> Memory:
-        """Return an empty memory for rows of which every `decimation`-th is a previous one."""
-        ring = np.empty((self.history * decimation, len(self.positions)))
+    def memory(self) -> Memory:
+        """Return an empty memory."""
         joints = len(self.played)
         play, kept, followed = np.empty((3, len(self.play)))
         midline = np.empty((len(self.midlines), STATES))
         friction = np.empty((3, 0 if self.friction is None else self.friction.size))
         places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
-        memory = Memory(np.zeros(1, dtype=np.int64), ring, play, kept, followed, midline, friction, *places)
+        memory = Memory(play, kept, followed, midline, friction, *places)
         memory.clear()
         return memory
 
     def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags) -> list[Step]:
         """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
-        spacing = len(memory.ring) // max(1, self.history)
-        lags = spacing * np.arange(1, self.history + 1, dtype=np.int64)
         limits = np.array([dict(self.steps).get(name, ANY) for name in self.played])
         course = np.zeros((len(signals), len(limits)), dtype=np.int64)
         owners = np.array([self.played.index(name) for name, _ in self.play], dtype=np.int64)
@@ -214,15 +190,13 @@ class FeatureSet:
         )
         others = np.array([len(self.midlines)], dtype=np.int64)
         features = Step(
-            gather,
-            (signals, self._places(self.positions), lags, played, owners, widths, course, others),
-            (memory.now, memory.ring, memory.play, memory.kept, memory.followed, X),
+            gather, (signals, played, owners, widths, course, others), (memory.play, memory.kept, memory.followed, X)
         )
         steps = [leaps, features] if self.steps else [features]
         if self.midlines:
             names, positions, radii, travels = zip(*self.midlines, strict=True)
             owner = np.array([self.played.index(name) for name in positions], dtype=np.int64)
-            at = np.array([len(self.signals) + self.history * len(self.positions)], dtype=np.int64)
+            at = np.array([len(self.signals)], dtype=np.int64)
             where = (self._places(names), self._places(positions), owner, course)
             arrays = (signals, *where, np.array(radii), np.array(travels), at)
             steps.append(Step(follow_midlines, arrays, (memory.midline, X)))
@@ -244,15 +218,11 @@ class FeatureSet:
 @compiled
 def gather(
     signals: Floats,
-    positions: Integers,
-    lags: Integers,
     played: Integers,
     owners: Integers,
     widths: Floats,
     course: Integers,
     skipped: Integers,
-    now: Integers,
-    ring: Floats,
     play: Floats,
     kept: Floats,
     followed: Floats,
@@ -260,31 +230,21 @@ def gather(
 ) -> None:
     """Write the features of rows of one motion, in the order of FeatureSet, and remember what later rows take.
 
-    A signal that is NaN leaves its play states as they are, and is NaN among the previous positions.
+    A signal that is NaN leaves its play states as they are.
 
     Args:
         signals: (N, S) what the robot reports, row after row.
-        positions: (P,) which signals are positions.
-        lags: (H,) how many rows ago each previous position lies.
         played: (J,) which signals the play states follow.
         owners: (K,) which of these each follows.
         widths: (K,) half-widths of the play states.
         course: (N, J) see `find_leaps`.
-        skipped: (1,) columns between previous positions and play states that are others'.
+        skipped: (1,) columns between signals and play states that are others'.
         X: (N, F) receives the features.
     """
     for row in range(len(signals)):
         at = signals.shape[1]
         for i in range(at):
             X[row, i] = signals[row, i]
-        for lag in lags:
-            for i in range(len(positions)):
-                X[row, at] = ring[(now[0] - lag) % len(ring), i]
-                at += 1
-        if len(ring) > 0:
-            for i in range(len(positions)):
-                ring[now[0], i] = signals[row, positions[i]]
-            now[0] = (now[0] + 1) % len(ring)
         for i in range(len(owners)):
             position, what = signals[row, played[owners[i]]], course[row, owners[i]]
             if np.isfinite(position):

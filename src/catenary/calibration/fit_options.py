@@ -42,7 +42,6 @@ class FitOptions:
     kind: Kind = "auto"
     preset: Preset | None = None  # of kind neural; "best" when None
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
-    history: int = 0
     play: tuple[float, ...] | None = None
     target: Target = "error"
     ridge: float | None = None
@@ -59,8 +58,6 @@ class FitOptions:
             )
         if self.target not in get_args(Target):
             raise InputError(f'target "{self.target}": expected one of {", ".join(get_args(Target))}')
-        if self.history < 0:
-            raise InputError(f"history: expected zero or more previous commands, got {self.history}")
         if any(not 0.0 < share < 1.0 for share in self.play or ()):
             raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
         if self.ridge is not None and not 0.0 <= self.ridge < math.inf:
@@ -105,8 +102,7 @@ class FitOptions:
         """Weight on the squared coefficients of a regression; None for other kinds."""
         if self.kind not in ("linear", "polynomial", "hysteretic") or self.ridge is not None:
             return self.ridge
-        memory = self.kind == "hysteretic" or bool(self.play) or (self.kind == "polynomial" and self.history > 0)
-        return MEMORY_RIDGE if memory else 0.0
+        return MEMORY_RIDGE if self.kind == "hysteretic" or self.play else 0.0
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial, reduce
+from functools import cache, partial, reduce
 
 import numpy as np
 
@@ -27,7 +27,10 @@ from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
 from catenary.verdict.check import Passed, robot_of, verdict
 
-MOST_ROWS = 50_000  # that a fit learns from: time and memory grow with the states of all rows alone
+# of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
+MOST_ROWS, SAMPLED_ROWS = 50_000, 20_000
+
+Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
 
 
 @dataclass(frozen=True)
@@ -57,23 +60,22 @@ def fit_logs(
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     logs = in_one_order(logs)
-    longest = max(len(log) for log in logs)
-    if options.history >= longest:
-        raise InputError(f"history: {options.history} previous commands, but the longest recording has {longest} rows")
     require_folds(options, run)
-    _rows_of_kind(logs, options, run)  # what cannot be fitted to is refused before anything takes long
+    rows_of = cache(partial(_rows, logs, run=run))
+    rows_of(_inputs(logs, options, run).features)  # what cannot be fitted to is refused before anything takes long
     limits = error_limits(run.max_error, logs[0])
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
     options = _with_friction(logs, options, run)
     names = SIMPLEST_FIRST if options.kind == "auto" else (options.kind,)
     kinds: dict[str, FitOptions] = {kind: options.of_kind(kind, options.preset) for kind in names}
-    of_kinds = {kind: _rows_of_kind(logs, of_kind, run) for kind, of_kind in kinds.items()}
-    shared = reduce(np.intersect1d, (data.places for _, data in of_kinds.values()))  # all kinds are asked about these
-    rows = {kind: data.rows(np.isin(data.places, shared)) for kind, (_, data) in of_kinds.items()}
+    inputs = {kind: _inputs(logs, of_kind, run) for kind, of_kind in kinds.items()}
+    of_kinds = {kind: rows_of(taken.features)[0] for kind, taken in inputs.items()}
+    shared = reduce(np.intersect1d, (data.places for data in of_kinds.values()))  # all kinds are asked about these
+    rows = {kind: data.rows(np.isin(data.places, shared)) for kind, data in of_kinds.items()}
     parts = [part_of(progress, k, len(kinds) + 1) for k in range(len(kinds) + 1)]
 
     def fitted(kind: str, data: CalibrationData, tell: Progress) -> CalibrationModel:
-        return fit(data, of_kinds[kind][0], kinds[kind], progress=tell)
+        return fit(data, inputs[kind], kinds[kind], progress=tell)
 
     def validated(names: Iterable[str], *, recordings: bool = False) -> dict[str, CrossValidation]:
         return {
@@ -92,12 +94,12 @@ def fit_logs(
     models = {kind: fitted(kind, rows[kind], parts[-1]) for kind in needed}
     model = composed(models, choices) if choices else models[options.kind]
     validation = joined(validations, choices) if choices else validations.get(options.kind)
-    return _concluded(logs, options, run, model, validation, choices, found, shared)
+    return _concluded(logs, options, run, model, validation, choices, found, shared, rows_of(model.features))
 
 
 def _with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
     """Return options with the friction of coupled joints, where the model may take it and joints are coupled."""
-    signals = choose_inputs(logs, options, held_out=run.held_out or 0.0).features.signals
+    signals = _inputs(logs, options, run).features.signals
     if not options.takes_friction(signals) or options.friction is not None:
         return options
     limits = error_limits(run.max_error, logs[0])
@@ -105,16 +107,14 @@ def _with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) 
     return replace(options, friction=found)
 
 
-def _rows_of_kind(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> tuple[Inputs, CalibrationData]:
-    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
-    return inputs, _rows(logs, inputs.features, run)[0]
+def _inputs(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> Inputs:
+    return choose_inputs(logs, options, held_out=run.held_out or 0.0)
 
 
-def _rows(
-    logs: Sequence[MotionLog], features: FeatureSet, run: FitRun
-) -> tuple[CalibrationData, CalibrationData | None, CalibrationData]:
+def _rows(logs: Sequence[MotionLog], features: FeatureSet, run: FitRun) -> Rows:
     """Return the rows that are fitted to, those held out, and all of them."""
-    every = -(-sum(len(log) for log in logs) // MOST_ROWS)  # neighbours in a longer recording tell hardly more
+    count = sum(len(log) for log in logs)
+    every = 1 if count <= MOST_ROWS else -(-count // SAMPLED_ROWS)  # neighbours in a longer recording tell hardly more
     everything = calibration_data(logs, features, max_error=error_limits(run.max_error, logs[0]), every=every)
     data, late = everything, None
     if run.held_out is not None:
@@ -132,9 +132,10 @@ def _concluded(
     choices: tuple[JointChoice, ...],
     found: Passed,
     places: Floats,
+    rows: Rows,
 ) -> FitResult:
     """Return a model fitted to the rows at these places, with its intervals, errors and card."""
-    data, late, everything = _rows(logs, model.features, run)
+    data, late, everything = rows
     data = data.rows(np.isin(data.places, places))
     everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)

@@ -92,7 +92,6 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         FeatureSet(
             signals,
             units,
-            options.history,
             play=tuple(play),
             midlines=tuple(midlines),
             friction=friction,
@@ -185,7 +184,6 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         offset=offset,
         largest=np.full(len(offset), ANY),
         groups=tuple(groups),
-        rate_hz=data.rate_hz,
     )
     return replace(model, largest=largest_shown(model, data))
 

@@ -120,7 +120,7 @@ def find_friction(
 
 
 def _rows_of(logs: Sequence[MotionLog], options: FitOptions, held_out: float, max_error: Floats | None) -> _Rows:
-    plain = replace(options, kind="hysteretic", preset=None, friction=None, coupled=(), history=0)
+    plain = replace(options, kind="hysteretic", preset=None, friction=None, coupled=())
     inputs = choose_inputs(logs, plain, held_out=held_out)
     fixed, errors, blocks, recording, paths = [], [], [], [], []
     ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)

@@ -11,8 +11,8 @@ from catenary.calibration.arithmetic import Integers
 from catenary.calibration.spike_filter import ANOTHER, AWAY, BACK
 from catenary.config import IN_FILES
 from catenary.errors import InputError
-from catenary.kernels.compiled import compiled, inlined
-from catenary.transmission.coupled_friction import CoupledFriction, drag, lag_of, parts_of
+from catenary.kernels.compiled import compiled
+from catenary.transmission.coupled_friction import CoupledFriction, drag_state, lag_of
 
 Row = Annotated[tuple[Annotated[float, Field(ge=-1e100, le=1e100)], ...], Field(max_length=100)]
 Matrix = Annotated[tuple[Row, ...], Field(max_length=100)]
@@ -77,31 +77,6 @@ class FoundFriction:
     joints: tuple[str, ...]  # that take only these: the coupled ones, and others that need no more
     levels: Matrix  # (R, m) logarithm of each recording's friction over that of `states`, the mean of all
     gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'
-
-
-@inlined
-def drag_state(
-    position: Floats,
-    longest: Floats,
-    directions: Floats,
-    mutual: Floats,
-    hold: Floats,
-    thresholds: Floats,
-    state: Floats,
-    moved: Floats,
-    slip: Floats,
-) -> None:
-    """Carry a state on to new positions (n,); one that is NaN begins there without forces."""
-    n, m = len(moved), len(slip)
-    if np.isnan(state[0]):
-        for i in range(len(state)):
-            state[i] = position[i] if i < n else 0.0
-    for j in range(n):
-        moved[j] = position[j] - state[j]
-        state[j] = position[j]
-    parts = parts_of(moved, longest)
-    for c in range(len(thresholds)):
-        drag(moved, parts, directions, mutual, hold, thresholds[c], state[n + c * m : n + c * m + m], slip)
 
 
 @compiled

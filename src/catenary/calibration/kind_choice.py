@@ -126,13 +126,12 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
 
 
 def _union(sets: Sequence[FeatureSet]) -> FeatureSet:
-    """Return the features of all sets, whose history is the same."""
+    """Return the features of all sets."""
     units = {name: unit for each in sets for name, unit in zip(each.signals, each.units, strict=True)}
     periods = [each.period for each in sets if each.steps]
     return FeatureSet(
         tuple(units),
         tuple(units.values()),
-        max(each.history for each in sets),
         tuple(dict.fromkeys(play for each in sets for play in each.play)),
         tuple(dict.fromkeys(midline for each in sets for midline in each.midlines)),
         next((each.friction for each in sets if each.friction is not None), None),

@@ -41,7 +41,10 @@ def errors_with_left_out(
         data: All rows that were not left out, (N,).
         after: (N, n) errors that models which did not see a row left there [rad|m]; this model's when None.
     """
-    logs = [replace(log, ok=log.ok | left_out_rows(log)) for log in logs]
+    asked = [left_out_rows(log) for log in logs]
+    if not any(source.dropped for source in data.sources) and not any(each.any() for each in asked):
+        return ()
+    logs = [replace(log, ok=log.ok | each) for log, each in zip(logs, asked, strict=True)]
     everything = calibration_data(logs, model.features, every=data.every)
     kept = np.isin(everything.recording + everything.position, data.recording + data.position)
     gone = everything.rows(~kept)

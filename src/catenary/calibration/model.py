@@ -10,7 +10,7 @@ from pydantic import Field
 from catenary.arrays import Floats, as_array
 from catenary.calibration import arithmetic
 from catenary.calibration.arithmetic import Flags, Step
-from catenary.calibration.features import FeatureSet, Many, Memory, Positive
+from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
 from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.spike_filter import ANY
@@ -91,7 +91,6 @@ class CalibrationModel:
     offset: StoredFloats  # (n,) mean error of the training data [rad|m]
     largest: StoredFloats  # (n,) largest correction that training showed [rad|m]; see `fit.largest_shown`
     groups: Many[JointGroup]
-    rate_hz: Positive | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
     limits: StoredFloats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
     mends: Mends = field(default_factory=dict)  # of its recordings: MotionLog.settled

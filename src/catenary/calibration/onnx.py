@@ -32,14 +32,13 @@ OPSET = 17  # all operators that occur have float64 kernels in runtimes since 20
 IR_VERSION = 8  # the file format that came with this opset
 
 
-def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
+def to_onnx(model: CalibrationModel, card: Card) -> Any:
     """Return a model as an onnx.ModelProto: one row, or many independent ones, of what a robot reports.
 
     Inputs, all float64; `rows` is free:
         signals (rows, S): current values of `model.features.signals`, in that order.
         q_nominal (rows, n): reported positions [rad|m]; only where the model gives positions end to end, or knows
             joint limits.
-        previous (rows, H * decimation, P): positions of earlier steps, the latest first; only with history.
         midline (rows, M, 4): what midlines remember; only where the model has some.
         play (rows, K): play states; only where the model has some.
         friction (rows, L): friction states of coupled joints; only where the model has some.
@@ -47,18 +46,12 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         correction (rows, n): what to add to q_nominal [rad|m]; outside the valid range the fixed offset.
         inside (rows, n): bool, whether each joint is in its valid range.
         interval (rows, n): half-width about the calibrated position [rad|m]; only where the model has intervals.
-        previous_next, midline_next, play_next, friction_next: what to give under the first word at the next step.
+        midline_next, play_next, friction_next: what to give under the first word at the next step.
 
-    Before the first step these are NaN: rows are outside the valid range until the history is full, and play and
-    friction states begin centred. So the graph, stepped, gives what `Corrector` gives, but for leaps
-    of a joint, which its play states follow: keep them out (spike_filter.py). The metadata `catenary` names
-    signals, units and joints as JSON; `card` is the model card.
-
-    Args:
-        decimation: Steps between previous positions; 1 where the graph is stepped at the training rows' rate.
+    Before the first step these are NaN: play and friction states begin centred. So the graph, stepped, gives what
+    `Corrector` gives, but for leaps of a joint, which its play states follow: keep them out (spike_filter.py). The
+    metadata `catenary` names signals, units and joints as JSON; `card` is the model card.
     """
-    if decimation < 1:
-        raise InputError(f"decimation: expected one or more steps, got {decimation}")
     onnx = _import_onnx()
     n, features = len(model.joint_names), model.features
     graph = _Graph(onnx)
@@ -66,7 +59,7 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
     if model.target == "position" or model.limits is not None:
         graph.input("q_nominal", n, text=f"positions of {', '.join(model.joint_names)}")
     X, q = np.empty((1, len(features.names))), np.empty((1, n))
-    graph.names |= {id(X): _features(graph, features, decimation), id(q): "q_nominal"}
+    graph.names |= {id(X): _features(graph, features), id(q): "q_nominal"}
     interval = None if model.intervals is None else np.empty((1, n))
     wanted = ("correction", "inside") if interval is None else ("correction", "inside", "interval")
     parts_of: dict[str, list[str]] = {name: [] for name in wanted}
@@ -96,20 +89,16 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         "signals": features.signals,
         "signal_units": features.units,
         "target": model.target,
-        "previous": {"positions": features.positions, "steps": features.history * decimation}
-        if features.history
-        else None,
         "midlines": [{"signal": name, "position": position} for name, position, _, _ in features.midlines],
         "play": [{"position": name, "half_width": width} for name, width in features.play],
         "friction": None if features.friction is None else {"positions": features.friction.positions},
-        "rate_hz": None if model.rate_hz is None else model.rate_hz * decimation,
     }
     return graph.model({"catenary": json_text(about), "card": json_text(card)})
 
 
-def save_onnx(model: CalibrationModel, card: Card, path: Path, *, decimation: int = 1) -> Any:
+def save_onnx(model: CalibrationModel, card: Card, path: Path) -> Any:
     """Write `to_onnx` to a file, checked, whole or not at all; give the onnx.ModelProto."""
-    made = to_onnx(model, card, decimation=decimation)
+    made = to_onnx(model, card)
     _import_onnx().checker.check_model(made, full_check=True)
     write_atomically(path, made.SerializeToString(deterministic=True))
     return made
@@ -223,20 +212,9 @@ class _Graph:
         return model
 
 
-def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
+def _features(graph: _Graph, features: FeatureSet) -> str:
     """Return all features (rows, F) in the order of FeatureSet, and carry the memory on."""
     parts = ["signals"]
-    places = [features.signals.index(name) for name in features.positions]
-    if features.history:
-        steps, count = features.history * decimation, len(places)
-        text = f"{', '.join(features.positions)} of the last {steps} steps, the latest first; NaN before the first"
-        graph.input("previous", steps, count, text=text)
-        lags = graph.take("previous", decimation * np.arange(1, features.history + 1) - 1)
-        parts.append(graph.add("Reshape", lags, graph.constant(np.array([-1, features.history * count]))))
-        now = graph.add("Unsqueeze", graph.take("signals", places), graph.constant(np.array([1])))
-        kept = [graph.take("previous", np.arange(steps - 1))] if steps > 1 else []
-        graph.add("Concat", now, *kept, axis=1, name="previous_next")
-        graph.output("previous_next", steps, count, text="to be given as `previous` at the next step")
     if features.midlines:
         parts.append(_midlines(graph, features))
     if features.play:

@@ -90,7 +90,7 @@ def export(
     c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
     onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
     model: Path | None = option("MODEL", "Calibration model for the header.", goes_with="c"),
-    rate_hz: float | None = option("HZ", "Rate of the loop. [default: 1000 in C, the rows' in ONNX]"),
+    rate_hz: float = option("HZ", "Rate of the loop of --c.", 1000.0, goes_with="c"),
     friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"),
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.", goes_with="c"),
     as_json: bool = AS_JSON,
@@ -112,9 +112,9 @@ def export(
     if c is not None:
         loads = {"friction": friction, "viscous": viscous}
         known = None if what is None else carried.on(description.load(what))
-        _c(known, c, model, 1000.0 if rate_hz is None else rate_hz, loads, as_json)
+        _c(known, c, model, rate_hz, loads, as_json)
     elif onnx is not None and what is not None:
-        _onnx(Path(what), onnx, rate_hz, as_json)
+        _onnx(Path(what), onnx, as_json)
 
 
 def _c(
@@ -141,10 +141,10 @@ def _c(
     print_result(as_json, {"file": str(out), "functions": header.functions}, facts)
 
 
-def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
+def _onnx(model: Path, out: Path, as_json: bool) -> None:
     from catenary.workflows.calibration_model import export_onnx
 
-    summary = export_onnx(model, out, rate_hz=rate_hz)
+    summary = export_onnx(model, out)
     facts = []
     for name in ("file", "kind", "inputs", "outputs", "signals", "joints"):
         value = summary[name]

@@ -72,7 +72,6 @@ class ModelOptions:
     inputs: Names | dict[str, Names] | None = option(
         "SIGNALS", "Inputs: q, tau, qd, all, q:J1; or 'J1=q:J1;J2=q'. [default: q, and tau if recorded]", read=_inputs
     )
-    history: int = option("K", "Also take the K previous commands.", 0, least=0)
     play: Numbers | None = option(
         "SHARES|on|off", "Also take play states, of these shares of each joint's motion.", read=_play_shares
     )
@@ -93,7 +92,7 @@ class ModelOptions:
         """Return the options of the model, its training by this seed."""
         from catenary.calibration.fit_options import FitOptions
 
-        names = ("kind", "preset", "inputs", "history", "play", "target", "ridge", "coupled")
+        names = ("kind", "preset", "inputs", "play", "target", "ridge", "coupled")
         return FitOptions(seed=seed, **values_of(self, *names))
 
     def run(self, accept: Sequence[str], robot: str | None = None) -> "FitRun":

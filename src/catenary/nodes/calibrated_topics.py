@@ -12,7 +12,7 @@ Published below the arm's namespace (/arm1 gold, /arm2 green, never swapped; a P
 Nothing is published while the robot is not homed: its joint positions mean nothing then. Nor is anything of a message
 that holds NaN or lacks joints: it is counted, and the model begins anew. While another input of the model (torques,
 gravity) is older than the client allows, `is_valid` is false, and that is counted. After a silence the model
-begins anew, as its previous positions belong to another motion. Where this program does not keep up, it publishes less,
+begins anew, as its states belong to another motion. Where this program does not keep up, it publishes less,
 not later: of messages that have waited too long all go into the model, and the newest is published.
 """
 
@@ -98,7 +98,7 @@ class CalibratedTopics:
 
         Args:
             client: Of a RAVEN-II's arm, or of a dVRK PSM.
-            rate_hz: At which the robot publishes; matters to models with previous positions.
+            rate_hz: At which the robot publishes; matters where that is slower than the training rows.
         """
         self._client, self._model = client, model
         self._corrector = Corrector(model, rate_hz=rate_hz)

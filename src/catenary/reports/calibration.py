@@ -103,8 +103,6 @@ def short_name(model: CalibrationModel) -> str:
 def model_name(model: CalibrationModel) -> str:
     """Return a model's kind, preset and memory in words."""
     name = short_name(model)
-    if model.features.history:
-        name += f", {model.features.history} previous commands"
     if model.features.play:
         name += ", play states"
     return name

@@ -83,6 +83,43 @@ def lag_of(joint: int, lever: Floats, forces: Floats) -> float:
     return lag
 
 
+@inlined
+def drag_state(
+    position: Floats,
+    longest: Floats,
+    directions: Floats,
+    mutual: Floats,
+    hold: Floats,
+    thresholds: Floats,
+    state: Floats,
+    moved: Floats,
+    slip: Floats,
+) -> None:
+    """Carry a state on to new positions (n,); one that is NaN begins there without forces.
+
+    Args:
+        position: (n,) motors' positions.
+        longest: (n,); this and the following are those of CoupledFriction.
+        directions: (m, n)
+        mutual: (m, m)
+        hold: (m, n)
+        thresholds: (S, m)
+        state: (n + S m,) the positions before, and every system's forces.
+        moved: (n,) working memory; also the following.
+        slip: (m,)
+    """
+    n, m = len(moved), len(slip)
+    if np.isnan(state[0]):
+        for i in range(len(state)):
+            state[i] = position[i] if i < n else 0.0
+    for j in range(n):
+        moved[j] = position[j] - state[j]
+        state[j] = position[j]
+    parts = parts_of(moved, longest)
+    for c in range(len(thresholds)):
+        drag(moved, parts, directions, mutual, hold, thresholds[c], state[n + c * m : n + c * m + m], slip)
+
+
 @compiled
 def drag_along(
     x: Floats,
@@ -92,35 +129,17 @@ def drag_along(
     hold: Floats,
     lever: Floats,
     thresholds: Floats,
-    before: Floats,
-    forces: Floats,
+    state: Floats,
     lag: Floats,
 ) -> None:
-    """Write how far joints lag behind their motors along a path, and carry the state on.
-
-    Args:
-        x: (N, n) motors' positions.
-        longest: (n,) a longer step is split.
-        directions: (m, n)
-        mutual: (m, m)
-        hold: (m, n)
-        lever: C A' (n, m).
-        thresholds: (S, m) of S systems that differ in nothing else.
-        before: (n,) last motors' positions, overwritten; NaN before the first, where no force acts.
-        forces: (S, m) overwritten.
-        lag: (N, S n) receives z - x, system by system.
-    """
-    n = x.shape[1]
-    moved, slip = np.zeros(n), np.zeros(forces.shape[1])
+    """Write z - x (N, S n), system by system, along a path x (N, n) of motors; see `drag_state`."""
+    n, m = lever.shape
+    moved, slip = np.zeros(n), np.zeros(m)
     for row in range(len(x)):
-        for j in range(n):
-            moved[j] = 0.0 if np.isnan(before[j]) else x[row, j] - before[j]
-            before[j] = x[row, j]
-        parts = parts_of(moved, longest)
-        for c in range(len(forces)):
-            drag(moved, parts, directions, mutual, hold, thresholds[c], forces[c], slip)
+        drag_state(x[row], longest, directions, mutual, hold, thresholds, state, moved, slip)
+        for c in range(len(thresholds)):
             for j in range(n):
-                lag[row, c * n + j] = lag_of(j, lever, forces[c])
+                lag[row, c * n + j] = lag_of(j, lever, state[n + c * m : n + c * m + m])
 
 
 class CoupledFriction(NamedTuple):
@@ -136,10 +155,9 @@ class CoupledFriction(NamedTuple):
     def lag(self, x: Floats) -> Floats:
         """Return z - x along a path x (N, n) that begins without forces, (N, S, n)."""
         x = as_array("positions", x, (None, len(self.longest)))
-        systems, elements = self.thresholds.shape
-        lag, before = np.empty((len(x), systems * x.shape[1])), np.full(x.shape[1], np.nan)
-        drag_along(x, *self, before, np.zeros((systems, elements)), lag)
-        return lag.reshape(len(x), systems, x.shape[1])
+        lag = np.empty((len(x), len(self.thresholds), x.shape[1]))
+        drag_along(x, *self, np.full(x.shape[1] + self.thresholds.size, np.nan), lag.reshape(len(x), -1))
+        return lag
 
 
 def coupled_friction(

@@ -61,7 +61,7 @@ def c_header(
     Args:
         model: The robot; the correction alone when None, or where links have no inertia.
         calibration: Its calibration model; no correction when None.
-        rate_hz: Of the loop that the correction will run in; matters to models with previous positions.
+        rate_hz: Of the loop that the correction will run in; matters where it is slower than the training rows.
         loads: Its friction, rotors, springs and known torques, which the feedforward then includes; those that it
             brings, as an identified robot does, when None.
 
@@ -180,7 +180,7 @@ def _correction(model: CalibrationModel, corrector: Corrector, name: str, rate_h
         "calibration": model,
         "signals": [f"{c_comment(signal)} [{c_comment(unit)}]" for signal, unit in named],
         "tick": {"q": q, "signals": signals, "out": out, "inside": inside.astype(float)},
-        "correction": c_correction(name, model, corrector.decimation, rate_hz),
+        "correction": c_correction(name, model, rate_hz),
     }
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.corrector import decimation_at
 from catenary.calibration.dataset import calibration_data, data_notes, error_limits
 from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, silent
@@ -140,22 +139,12 @@ def held_against(
     return HeldAgainst(model_path, model, card, logs, max_error, tuple(accept), said)
 
 
-def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[str, Any]:
-    """Write the model at `path` as an ONNX graph; return a summary, plain data.
-
-    Args:
-        rate_hz: How often a program will step the graph [Hz], which matters to models with history only;
-            None for the rate of the training rows.
-    """
+def export_onnx(path: Path, out: Path) -> dict[str, Any]:
+    """Write the model at `path` as an ONNX graph; return a summary, plain data."""
     if out.exists() and out.samefile(path):
         raise InputError(f"{out}: is the model that is read here; expected another file to write")
     model, card = load_model(path)
-    decimation = 1 if rate_hz is None else decimation_at(model, rate_hz)
-    made = save_onnx(model, card, out, decimation=decimation)
-    notes = model.asked_of_reports
-    if model.features.history and rate_hz is None:
-        trained = "an unknown rate" if model.rate_hz is None else f"{model.rate_hz:g} Hz"
-        notes.append(f"the graph is to be stepped at the rate of the training rows, {trained}")
+    made = save_onnx(model, card, out)
     return {
         "model": str(path),
         "file": str(out),
@@ -165,7 +154,7 @@ def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[
         "outputs": {tensor.name: _shape(tensor) for tensor in made.graph.output},
         "signals": list(model.features.signals),
         "joints": list(model.joint_names),
-        "notes": notes,
+        "notes": model.asked_of_reports,
     }
 
 
