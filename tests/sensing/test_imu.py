@@ -515,11 +515,17 @@ GYROSCOPES = {
 }  # fmt: skip
 
 
+ON_AXIS, OFF_AXIS = ((1.0, 0.4, 0.0), (0.0, 0.0, 0.0)), ((1.0, 0.4, 0.8), (0.1, 0.0, 0.2))  # axis and place
+# off the axis a wrong scale or delay is as large as what the lever does, for a second
+TURNED = [(name, ON_AXIS) for name in GYROSCOPES] + [(name, OFF_AXIS) for name in list(GYROSCOPES)[:7]]
+
+
 @pytest.mark.parametrize("rest", [0.0, 1.5])
-@pytest.mark.parametrize("name", GYROSCOPES)
-def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, rest, rng):
+@pytest.mark.parametrize(("name", "mounted"), TURNED)
+def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, mounted, rest, rng):
+    axis, place = mounted
     t, w, arm = np.arange(round(100 * (rest + 3.0))) / 100.0, 2.0 * math.pi, load_robot("ur10e")
-    along, wrong = np.array([1.0, 0.4, 0.0]) / math.hypot(1.0, 0.4), GYROSCOPES[name]
+    along, wrong = np.array(axis) / np.linalg.norm(axis), GYROSCOPES[name]
 
     def moved(times):  # from rest, by 10 degrees at 1 Hz
         s = np.maximum(times - rest, 0.0)
@@ -527,23 +533,24 @@ def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_seco
 
     turn, omega, alpha = (value[:, None] for value in moved(t))
     level = Rotation.from_rotvec(-turn * along).apply(tilted_gravity(0.15, 0.1))
-    late = isinstance(wrong, float)
+    O, A, late = omega * along, alpha * along, isinstance(wrong, float)
+    sensed = level - np.cross(A, place) - np.cross(O, np.cross(O, place))
     said = np.outer(list(moved(t - wrong))[1] if late else omega, along) + 9e-4 * rng.normal(size=(len(t), 3))
-    readings, base = [], Base(angular=True, rules=None)
+    readings, base = [], Base(angular=True, rules=None, mounting=Mounting(position=np.array(place)))
     for k, now in enumerate(t.tolist()):
         base.mailbox.put(now, said[k] if late else said[k] @ wrong.T, Kind.ANGULAR_RATE)
-        base.mailbox.put(now, level[k] + 0.04 * rng.normal(size=3), Kind.FREE_FALL)
+        base.mailbox.put(now, sensed[k] + 0.04 * rng.normal(size=3), Kind.FREE_FALL)
         readings.append(base.source.read(now))
     gravity, rates = np.array([r.gravity for r in readings]), np.array([r.base_rates for r in readings])
     q, still = np.tile([0.3, -0.9, 1.1, -0.7, -1.5, 0.2], (len(t), 1)), np.zeros((len(t), 6))
     true, alone, used = (
         inverse_dynamics(arm, q, still, still, g, BaseMotion(*turning))
         for g, turning in (
-            (level, (omega * along, alpha * along)), (gravity, still.reshape(-1, 2, 3).swapaxes(0, 1)),
+            (level, (O, A)), (gravity, still.reshape(-1, 2, 3).swapaxes(0, 1)),
             (gravity, rates.swapaxes(0, 1)),
         )
     )  # fmt: skip
     for part in ((t >= rest + 0.2 * (rest == 0.0)) & (t < rest + 1.0), t >= rest + 1.0):
         off, without = (np.sqrt(np.mean((tau[part] - true[part]) ** 2)) for tau in (used, alone))
         assert off < 1.02 * without
-    assert name != "right" or off < 0.2 * without
+    assert name != "right" or off < 0.35 * without
