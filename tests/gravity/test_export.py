@@ -30,9 +30,11 @@ from catenary.robots.actuation import (
     actuation_terms,
 )
 from catenary.robots.catalog import load_robot
+from oracles.floating_base import Free, by_pinocchio
 from oracles.random_trees import random_robot
 
-TREE = random_robot(12).model  # branching, three joints slide, four joints on three coordinates
+ROBOT = random_robot(12)
+TREE = ROBOT.model  # branching, three joints slide, four joints on three coordinates
 CASES = [*((TREE, quantity) for quantity in get_args(ExportedQuantity)), (load_robot("raven2"), "gravity")]
 MOVING = ("q", "qd", "qdd", "gravity")  # torques are drawn as qdd is
 TURNING = (*MOVING, "omega", "alpha")
@@ -62,8 +64,8 @@ def by_recursion(model, quantity, arrays):
         return np.column_stack([pose.rotation, pose.position])
     if quantity in ("holding", "inverse_dynamics_on_moving_base"):
         q, *rates, gravity, omega, alpha = arrays
-        moving = BaseMotion(omega, alpha, np.zeros(3))
-        return inverse_dynamics(model, q, *(rates or 2 * [np.zeros(model.n)]), gravity, moving)
+        floating = Free(np.eye(3), np.zeros(3), BaseMotion(omega, alpha, np.zeros(3)))
+        return by_pinocchio(ROBOT, q, *(rates or 2 * [np.zeros(model.n)]), gravity, floating)
     return {
         "gravity": gravity_torque,
         "mass_matrix": mass_matrix,

@@ -170,7 +170,7 @@ def test_rates_faster_than_a_base_turns_or_far_from_what_was_foretold_are_named(
 
 
 def test_the_first_rates_are_waited_for_without_complaint():
-    check, rate = RateCheck(SensorRules(confirm=3)), np.array([0.1, 0.2, 0.3])
+    check, rate = RateCheck(SensorRules(confirm=3)), np.array([0.1, 0.4, 0.6])
     seen = [(check.fault(rate, None), check.believed) for _ in range(4)]
     # each but the first agrees with one
     assert seen == [(Fault.NONE, False)] * 3 + [(Fault.NONE, True)]

@@ -12,16 +12,15 @@ from catenary.sensing.conventions import DRIVERS, axes_matrix, convention_of
 from catenary.sensing.vector import Kind, Mailbox
 
 G = 9.80665
+DEG = 180.0 / np.pi
 # what each writes, by its manual, of +g up and 0.5 rad/s about the axis that points forward
-FORWARD = {"flu": [1, 0, 0], "frd": [1, 0, 0], "optical": [0, 0, 1]}
-UP = {"flu": [0, 0, 1], "frd": [0, 0, -1], "optical": [0, -1, 0]}
-PER_SI = {"m/s2": 1.0, "g": 1.0 / G, "rad/s": 1.0, "deg/s": 180.0 / np.pi}
-
-
-def written(name: str) -> np.ndarray:
-    driver = DRIVERS[name]
-    force, rate = (PER_SI[unit] for unit in driver.units)
-    return np.r_[G * force * np.array(UP[driver.axes]), 0.5 * rate * np.array(FORWARD[driver.axes])]
+WRITTEN = {
+    "xsens": [0.0, 0.0, G, 0.5, 0.0, 0.0], "microstrain": [0.0, 0.0, -1.0, 0.5, 0.0, 0.0],
+    "vectornav": [0.0, 0.0, -G, 0.5, 0.0, 0.0], "bno055": [0.0, 0.0, G, 0.5 * DEG, 0.0, 0.0],
+    "mpu6050": [0.0, 0.0, 1.0, 0.5 * DEG, 0.0, 0.0], "livox": [0.0, 0.0, 1.0, 0.5, 0.0, 0.0],
+    "realsense": [0.0, -G, 0.0, 0.0, 0.0, 0.5], "zed": [0.0, 0.0, G, 0.5 * DEG, 0.0, 0.0],
+    "x-io": [0.0, 0.0, 1.0, 0.5 * DEG, 0.0, 0.0],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", DRIVERS)
@@ -29,7 +28,7 @@ def test_a_file_of_a_driver_is_read_in_si_and_base_axes(name: str, tmp_path: Pat
     first = DRIVERS[name].columns or "ax, gx"
     header = [column.replace("X", axis).replace("gx", f"g{axis.lower()}").replace("ax", f"a{axis.lower()}")
               for column in first.split(", ") for axis in "XYZ"]  # fmt: skip
-    rows = np.column_stack([0.01 * np.arange(30), np.tile(written(name), (30, 1))])
+    rows = np.column_stack([0.01 * np.arange(30), np.tile(WRITTEN[name], (30, 1))])
     path = tmp_path / "imu.csv"
     np.savetxt(path, rows, delimiter=",", header=",".join(["time", *header]), comments="")
     told = convention_of(driver=name)
@@ -41,7 +40,7 @@ def test_a_file_of_a_driver_is_read_in_si_and_base_axes(name: str, tmp_path: Pat
 
 @pytest.mark.parametrize("name", DRIVERS)
 def test_samples_of_a_driver_come_out_of_the_mailbox_in_si_and_base_axes(name: str) -> None:
-    mailbox, said = Mailbox(convention=convention_of(driver=name)), written(name)
+    mailbox, said = Mailbox(convention=convention_of(driver=name)), WRITTEN[name]
     mailbox.put(0.0, said[:3], Kind.SPECIFIC_FORCE)
     mailbox.put(0.0, said[3:], Kind.ANGULAR_RATE)
     force, rate = mailbox.take(), mailbox.take()

@@ -414,23 +414,36 @@ def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_expla
     assert float(base.source.remedy.split()[2]) == pytest.approx(1.0 / scale, rel=0.1)  # "gravity turns 1.98 times ..."
 
 
-@pytest.mark.parametrize("rate", [60, 200])
-def test_a_sensor_away_from_the_origin_is_not_live_while_its_lever_is_unchecked(rate, rng):
-    # a right gyroscope that begins to turn: until it was checked, a lever of 0.22 m leaves up to 4 m/s2 unknown
-    t = np.arange(200) / 100.0
-    omega = math.radians(rate) * (0.5 - 0.5 * np.cos(np.pi * np.clip((t - 1.0) / 0.3, 0.0, 1.0)))
-    roll = np.concatenate([[0.0], np.cumsum(0.005 * (omega[1:] + omega[:-1]))])
-    place = np.array([0.1, 0.0, 0.2])
-    base = Base(angular=True, rules=None, mounting=Mounting(position=place))
+@pytest.mark.parametrize(
+    ("mounted_on", "angular"), [("table", True), ("table", False), ("vehicle", True), ("ship", True)]
+)
+@pytest.mark.parametrize(("rate", "ramp"), [(60, 0.3), (120, 0.3), (200, 0.2), (200, 0.5)])
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.5), (0.0, 0.0, 1.0)])
+def test_a_sensor_away_from_the_origin_is_live_where_its_lever_is_known(axis, rate, ramp, mounted_on, angular, rng):
+    # 0.22 m feel up to 6 m/s2 where the turn begins or ends, and 2.7 in it: real accelerations, and no fault
+    t, along = np.arange(350) / 100.0, np.asarray(axis) / np.linalg.norm(axis)
+    begun = np.clip((t - 1.0) / ramp, 0.0, 1.0) * np.pi, np.clip((2.5 - t) / ramp, 0.0, 1.0) * np.pi
+    share = [0.5 - 0.5 * np.cos(s) for s in begun]
+    change = np.sin(begun[0]) - np.sin(begun[1])  # each zero where the other is not
+    omega, alpha = math.radians(rate) * share[0] * share[1], math.radians(rate) * np.pi / 2.0 / ramp * change
+    turn = np.concatenate([[0.0], np.cumsum(0.005 * (omega[1:] + omega[:-1]))])
+    true = Rotation.from_rotvec(-np.outer(turn, along)).apply(tilted_gravity(0.2, 0.1))
+    omega, alpha, place = np.outer(omega, along), np.outer(alpha, along), np.array([0.1, 0.0, 0.2])
+    sensed = true - np.cross(alpha, place) - np.cross(omega, np.cross(omega, place))
+    readings = []
+    base = Base(angular=angular, rules=None, mounted_on=mounted_on, mounting=Mounting(position=place))
     for k, now in enumerate(t.tolist()):
-        turning, gravity = np.array([omega[k], 0.0, 0.0]), tilted_gravity(0.2 + roll[k], 0.0)
-        spun = np.cross([np.gradient(omega, 0.01)[k], 0.0, 0.0], place) + np.cross(turning, np.cross(turning, place))
-        base.mailbox.put(now, turning + 9e-4 * rng.normal(size=3), Kind.ANGULAR_RATE)
-        base.mailbox.put(now, gravity - spun + 0.03 * rng.normal(size=3), Kind.FREE_FALL)
-        reading = base.source.read(now)
-        if reading.status is ReadingStatus.LIVE and now > 0.5:
-            assert np.linalg.norm(reading.gravity - gravity) < 0.5
-    assert reading.status is ReadingStatus.LIVE  # once it was checked
+        base.mailbox.put(now, omega[k] + 9e-4 * rng.normal(size=3), Kind.ANGULAR_RATE)
+        base.mailbox.put(now, sensed[k] + 0.03 * rng.normal(size=3), Kind.FREE_FALL)
+        readings.append(base.source.read(now))
+    live = np.array([r.status is ReadingStatus.LIVE for r in readings])
+    off = np.linalg.norm([r.gravity for r in readings] - true, axis=1)
+    # without a gyroscope a turn is known once gravity moves by it: of 6 m/s2 it may miss the first, upright all
+    assert off[live & (t > 0.5)].max() < (0.5 if angular else 1.0 if axis[2] < 1.0 else 3.0)
+    assert live[(t > 0.5) & (t < 1.0)].all()
+    if angular and math.radians(rate) < base.source._rules.max_rate:
+        assert live[-30:].all()
+        assert {f for r in readings[50:] for f in r.faults.names} <= {"not_followed", "rates_interrupted"}
 
 
 @pytest.mark.parametrize(("rate", "late"), [(60, 0.1), (120, 0.2), (200, 0.1), (60, -0.1)])
@@ -502,11 +515,17 @@ GYROSCOPES = {
 }  # fmt: skip
 
 
+ON_AXIS, OFF_AXIS = ((1.0, 0.4, 0.0), (0.0, 0.0, 0.0)), ((1.0, 0.4, 0.8), (0.1, 0.0, 0.2))  # axis and place
+# off the axis a wrong scale or delay is as large as what the lever does, for a second
+TURNED = [(name, ON_AXIS) for name in GYROSCOPES] + [(name, OFF_AXIS) for name in list(GYROSCOPES)[:7]]
+
+
 @pytest.mark.parametrize("rest", [0.0, 1.5])
-@pytest.mark.parametrize("name", GYROSCOPES)
-def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, rest, rng):
+@pytest.mark.parametrize(("name", "mounted"), TURNED)
+def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, mounted, rest, rng):
+    axis, place = mounted
     t, w, arm = np.arange(round(100 * (rest + 3.0))) / 100.0, 2.0 * math.pi, load_robot("ur10e")
-    along, wrong = np.array([1.0, 0.4, 0.0]) / math.hypot(1.0, 0.4), GYROSCOPES[name]
+    along, wrong = np.array(axis) / np.linalg.norm(axis), GYROSCOPES[name]
 
     def moved(times):  # from rest, by 10 degrees at 1 Hz
         s = np.maximum(times - rest, 0.0)
@@ -514,23 +533,24 @@ def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_seco
 
     turn, omega, alpha = (value[:, None] for value in moved(t))
     level = Rotation.from_rotvec(-turn * along).apply(tilted_gravity(0.15, 0.1))
-    late = isinstance(wrong, float)
+    O, A, late = omega * along, alpha * along, isinstance(wrong, float)
+    sensed = level - np.cross(A, place) - np.cross(O, np.cross(O, place))
     said = np.outer(list(moved(t - wrong))[1] if late else omega, along) + 9e-4 * rng.normal(size=(len(t), 3))
-    readings, base = [], Base(angular=True, rules=None)
+    readings, base = [], Base(angular=True, rules=None, mounting=Mounting(position=np.array(place)))
     for k, now in enumerate(t.tolist()):
         base.mailbox.put(now, said[k] if late else said[k] @ wrong.T, Kind.ANGULAR_RATE)
-        base.mailbox.put(now, level[k] + 0.04 * rng.normal(size=3), Kind.FREE_FALL)
+        base.mailbox.put(now, sensed[k] + 0.04 * rng.normal(size=3), Kind.FREE_FALL)
         readings.append(base.source.read(now))
     gravity, rates = np.array([r.gravity for r in readings]), np.array([r.base_rates for r in readings])
     q, still = np.tile([0.3, -0.9, 1.1, -0.7, -1.5, 0.2], (len(t), 1)), np.zeros((len(t), 6))
     true, alone, used = (
         inverse_dynamics(arm, q, still, still, g, BaseMotion(*turning))
         for g, turning in (
-            (level, (omega * along, alpha * along)), (gravity, still.reshape(-1, 2, 3).swapaxes(0, 1)),
+            (level, (O, A)), (gravity, still.reshape(-1, 2, 3).swapaxes(0, 1)),
             (gravity, rates.swapaxes(0, 1)),
         )
     )  # fmt: skip
     for part in ((t >= rest + 0.2 * (rest == 0.0)) & (t < rest + 1.0), t >= rest + 1.0):
         off, without = (np.sqrt(np.mean((tau[part] - true[part]) ** 2)) for tau in (used, alone))
         assert off < 1.02 * without
-    assert name != "right" or off < 0.2 * without
+    assert name != "right" or off < 0.35 * without

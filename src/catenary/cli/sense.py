@@ -283,8 +283,8 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None
     rows = [("bias", m.bias, "m/s2"), ("scale", m.scale, ""), ("rate bias", m.rate_bias, "rad/s")]
     rows += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
     facts = [(name, f"{' '.join(f'{v:+.4f}' for v in values)} {unit}".rstrip()) for name, values, unit in rows]
-    gyroscope = "turns as gravity does" if m.checked else "not checked: no turns between the rests"
-    facts += [("gyroscope", gyroscope), ("base", m.base)]
+    unchecked = "not checked" if outcome.faults else "not checked: no turns between the rests"
+    facts += [("gyroscope", "turns as gravity does" if m.checked else unchecked), ("base", m.base)]
     facts += [] if section.residual_m_s2 is None else [("residual", f"{section.residual_m_s2:.4f} m/s2")]
     facts += [("WRONG:", fault) for fault in outcome.faults]
     print_result(as_json, content, facts, "nothing written" if outcome.faults else f"written to {out}")

@@ -32,6 +32,7 @@ _NOISE = 3.0 * CHEAP_NOISE**2  # [m2/s4]
 _AGREES = 0.3  # share of gravity's change that rates leave which agree with it
 _STILL = 0.15  # share of a limit that gravity moves by at least where anything can be told
 _FITS = 0.75  # least share of its own turning by which gravity turns with a gyroscope that helps
+_AS_WELL = 1.6  # what a gyroscope leaves as it is, of what the best axes and unit leave: right ones left up to 1.42
 _FEEBLE = 0.003  # [m2/s4 s] of turning that noise alone may seem to follow
 REST_LEAVES = 0.1  # [m2/s4 s] that a base leaves which has no accelerations of its own
 _OFF_SCALE = 1.15  # beyond which a scale is wrong
@@ -83,6 +84,7 @@ class Agreement(NamedTuple):
     # gravity turns with it, about as far or farther: it does more good than harm; None where nothing can be told, by so
     # little that a base moves by itself as far
     fits: bool | None = False
+    beaten: float = 0.0  # what it leaves unexplained, of what other axes or another unit leave
 
 
 def axes_text(matrix: Floats) -> str:
@@ -137,24 +139,29 @@ def judge(
     """
     bias, as_is = (_BIAS_KNOWN, _BIAS_KNOWN) if rested else (_BIAS_COST, _BIAS_COST_AS_IS)
     plain = _left_by(found, _BIAS, np.full(3, bias * span))
-    firm, loose, hanging = (
-        float(_FLAT[0] @ _left_by(found, _BESIDE, np.repeat([as_is, cost], 3) * span) @ _FLAT[0])
-        for cost in (_FIRM, _LOOSE, _HANGING)
-    )
+    beside = [_left_by(found, _BESIDE, np.repeat([as_is, cost], 3) * span) for cost in (_FIRM, _LOOSE, _HANGING)]
+    firm, loose, hanging = (float(_FLAT[0] @ each @ _FLAT[0]) for each in beside)
+    others = float(np.sum((_FLAT @ beside[0]) * _FLAT, axis=1).min())
+    beaten = firm / (others + 0.02 * limit)
     moved = float(found[_GRAVITY, _GRAVITY])
     left = np.sum((_FLAT @ plain) * _FLAT, axis=1)
     shows, hidden = _STILL * limit, _STILL * (limit - REST_LEAVES)
     turned = _FLAT[0][:9]
     claimed = float(turned @ plain[:9, :9] @ turned)
     scale = float(turned @ plain[:9, 9]) / max(claimed, 1e-12)
-    fits = None if claimed < hidden else scale > _FITS and claimed > _FEEBLE
+    fits = None if claimed < hidden else beaten < _AS_WELL and scale > _FITS and claimed > _FEEBLE
     if doubted is not None:
         fits = False
     if moved < shows:
         kind = Fault.RATE_CONTRADICTS if hanging > 1.5 * moved + limit else Fault.NONE
         return Agreement(kind, agrees=False, fits=fits)
     is_off = not 1.0 / _OFF_SCALE < scale < _OFF_SCALE
-    if not is_off and left[0] < _AGREES * moved and (doubted is None or left[doubted].min() - left[0] > shows):
+    if (
+        beaten < _AS_WELL
+        and not is_off
+        and left[0] < _AGREES * moved
+        and (doubted is None or left[doubted].min() - left[0] > shows)
+    ):
         return Agreement(Fault.NONE, agrees=True, may_be_late=loose > limit, fits=True)
     scaled = np.r_[scale * turned, -1.0]
     off = float(scaled @ plain @ scaled)
@@ -174,7 +181,7 @@ def judge(
         return Agreement(kind, agrees=False, remedy=said)
     if loose > 1.5 * moved + limit:
         return Agreement(Fault.RATE_CONTRADICTS, agrees=False, may_be_late=True)
-    return Agreement(Fault.NONE, agrees=False, may_be_late=loose > limit, fits=fits)
+    return Agreement(Fault.NONE, agrees=False, may_be_late=loose > limit, fits=fits, beaten=beaten)
 
 
 def compare(
@@ -249,14 +256,17 @@ class AgreementWatch:
             return
         self._compared = stamp
         forces, turns = np.array(self._gravity), np.array(self._angles)
+        fitted = True
         for span in self.SPANS:
             begin = max(stamp - span, self._right_since)
             late, turned = (rows[np.searchsorted(rows[:, 0], begin) :] for rows in (forces, turns))
             if min(len(late), len(turned)) < _FEWEST:
+                fitted = False
                 continue
             piece = late[:, 0], late[:, 1:], turned[:, 0], turned[:, 1:]
             found = compare([piece], accelerations(self._rules, span), self.found.readings, rested=self.rested)
-            self._proven |= found.fits is True
+            fitted &= found.fits is True
+            self._proven &= found.beaten < _AS_WELL
             self.may_be_used = self._proven or found.fits is None
             is_short = span == self.SPANS[0]
             is_right = found.agrees and not (is_short and self.found.fault is Fault.RATE_DELAY)
@@ -273,6 +283,8 @@ class AgreementWatch:
                 if self.found.fault is not Fault.RATE_DELAY or found.fault not in _LATE_SEEMS:
                     self.found = found
                 return
+        self._proven |= fitted  # over all spans: a part of a turn shows no other axes
+        self.may_be_used |= self._proven
 
 
 def _add(recent: deque[Row], stamp: float, vector: Floats) -> None:

@@ -80,7 +80,7 @@ class SensorRules:
     """
 
     max_step: float = 1.2  # [m/s2] between a reading and what those before it foretell
-    max_rate_step: float = 0.3  # [rad/s] the same of angular rates
+    max_rate_step: float = 0.5  # [rad/s] the same of angular rates
     max_rate: float = 4.0  # [rad/s] fastest turning of the base; rocking by 20 degrees at 1 Hz is 2.2
     max_acceleration: float = 6.0  # [m/s2] of the base: a length is gravity's, give or take it
     rest_lower: float = 9.0  # [m/s2] least length at rest, and of the mean over `mean_time`
@@ -195,11 +195,11 @@ class GravityCheck:
         """The readings, believed or not, have stood still for a while."""
         return self.last_stamp - self.steady_since >= self.REST
 
-    def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None) -> Fault:
+    def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None, swing: float = 0.0) -> Fault:
         """Return the fault of a reading, NONE if it has none.
 
         gravity (3,) is the reading, expected (3,) its prediction by the believed ones before it, not used before there
-        are any; rate (3,) the angular velocity [rad/s], where it is known.
+        are any; rate (3,) the angular velocity [rad/s], where it is known, and swing its change, at most [rad/s2].
         """
         rules = self._rules
         dt = stamp - self.last_stamp
@@ -207,11 +207,11 @@ class GravityCheck:
         length = norm(gravity)
         self._watch_rest(stamp, gravity, dt, length)
         self._last, self.last_stamp = gravity, stamp
-        outwards = 0.0 if rate is None else self.LEVER * float(rate @ rate)
+        outwards = 0.0 if rate is None else self.LEVER * (float(rate @ rate) + swing)
         fault = self._length_fault(length, outwards, None if self.reference is None else expected)
         if self.reference is None:
             return self._begin(gravity, length, step, fault)
-        max_step = rules.max_step + 0.5 * self.JERKY * min(dt, 2.0 * self.GAP) ** 2 * length
+        max_step = rules.max_step + self.LEVER * swing + 0.5 * self.JERKY * min(dt, 2.0 * self.GAP) ** 2 * length
         if self._bad > 0 and rate is not None and dt < 0.1:
             self.reference = self.reference - dt * cross(rate, self.reference)
         # after a fault the prediction is old: gravity as last believed is what to come back to

@@ -25,9 +25,14 @@ _TAKEN_AT_ONCE = 64  # samples in a tick: a queue that built up does not hold th
 _MEMORY = 0.1  # [s] for which a fault is reported after the sample that showed it
 _PAUSE = 0.5  # [s] between reads, after which they begin anew
 _FORGET = 1.0  # [s] without samples, after which a sensor is met anew
-_EASED = 0.3  # [m/s2] by which a reading that is live may be behind, on its way from a fallback
+_EASED = 0.3  # [m/s2] by which a reading that is live may be off, by its way from a fallback and by turning
 _CHECKED = 0.1  # [rad] of turning about the vertical, by rates that nothing else can check, while gravity stands still
 _SLOW = 0.05  # [rad/s] that bias and noise may be of it
+_BEGINS = 0.2  # [s] in which a base may have begun to turn as fast as gravity shows
+_DOUBTED = 0.1  # [s] over which a doubt goes
+_SLOPE = 16.0  # by which a filter's slope is off where its value is behind, times the window
+_SWINGS = 2.0  # [rad/s2] of angular acceleration that noise may be
+_OWN_HZ = 4.0  # for the turning that gravity's own change tells, which noise would hide at its cut-off
 _FOLLOWS = 0.02  # [s] over which noise averages out of what readings are ahead of the filter
 
 
@@ -48,9 +53,9 @@ class SensedGravity:
     parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
     gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that
     of a level base, or `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps
-    (SmoothTransfer); on its way from one to the other, and where the filter is behind the readings, gravity is not
-    live. `read` raises nothing. A robot that shall stop without a sensor (`stop`) also stops when none
-    was heard for a second.
+    (SmoothTransfer); on its way from one to the other, where the filter is behind the readings, where the last one was
+    not believed, and where a turn may make more of the sensor's place than is accounted for, gravity is not live.
+    `read` raises nothing. A robot that shall stop without a sensor (`stop`) stops when none was heard for a second too.
     """
 
     def __init__(
@@ -108,6 +113,9 @@ class SensedGravity:
         self._predicted, self._rest_rate = PredictedGravity(r), RestRate(r.still_rate)
         self._agreement = AgreementWatch(r, checked=m.checked)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
+        self._own_turning = DelayFreeFilter(min(cutoff, _OWN_HZ))  # of gravity, across it, without a gyroscope
+        self._sudden = self._doubted = 0.0  # [m/s2] that a lever may have made, of the newest reading and of late
+        self._rate_ahead = np.zeros(3)  # of its filter: rates of late [rad/s]
         self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
         self._about_vertical = 0.0  # [rad] turned of late
@@ -138,9 +146,9 @@ class SensedGravity:
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
         gravity, *rates = self._transfer.follow(self._target(time, status, turning), dt, changed=changed)
-        # rates that nothing checked yet, and are not used, may be right
-        doubted = 0.0 if turning or not self._rate_is_fresh(time) else norm(self._lever(*self._turning(time)))
-        is_behind = max(self._transfer.behind, doubted) > _EASED or norm(self._ahead) > self._ahead_limit
+        self._doubted = max(self._doubt(time, turning), self._doubted * math.exp(-dt / _DOUBTED))
+        is_behind = self._transfer.behind + self._doubted > _EASED or norm(self._ahead) > self._ahead_limit
+        is_behind |= self._check.last_stamp > self._force.newest  # the last reading was not believed
         if status is not ReadingStatus.LIVE or not is_behind:
             self._said = status
         elif self._said is ReadingStatus.LIVE:
@@ -200,7 +208,10 @@ class SensedGravity:
             self._force.clear()
         rate = self._rate.at(stamp)[0] if self._rate_is_fresh(stamp) else None
         expected = self._force.at(min(stamp, self._force.newest + self._horizon))[0]
-        fault = self._check.fault(stamp, gravity, expected, rate)
+        sudden = norm(gravity - expected) - self._rules.rest_spread
+        self._sudden = max(0.0, min(sudden, norm(self.mounting.position) * GravityCheck.JERKY))
+        swing = 0.0 if rate is None else norm(self._rate.at(stamp)[1]) + self._slope_error - _SWINGS
+        fault = self._check.fault(stamp, gravity, expected, rate, max(0.0, swing))
         if fault is Fault.NONE and self._check.reference is not None:
             self._agreement.add_gravity(stamp, in_sensor)
             if self._predicted.compare(stamp, gravity):
@@ -215,6 +226,9 @@ class SensedGravity:
             if norm(self._ahead) > self._ahead_limit:
                 self._seen[Fault.NOT_FOLLOWED] = stamp
             self._attitude.add(stamp, gravity)
+            if rate is None and self._force.span > 0.6 * self._force.window:
+                now, change = self._force.at(stamp)
+                self._own_turning.add(stamp, cross(change, now) / float(now @ now))
         return fault
 
     def _meet_anew(self, stamp: float) -> None:
@@ -264,6 +278,8 @@ class SensedGravity:
         if dt <= self._age_limit and self._rate_is_known:
             self._attitude.turn(dt * rate)
         self._rate.add(stamp, rate)
+        share = 1.0 - math.exp(-10.0 * dt / self._rate.window)
+        self._rate_ahead = self._rate_ahead + share * (rate - self._rate.at(stamp)[0] - self._rate_ahead)
         return Fault.NONE
 
     @property
@@ -317,6 +333,20 @@ class SensedGravity:
 
     def _turning(self, time: float) -> Floats:
         return self._rate.at(min(time, self._rate.newest + self._horizon))
+
+    def _doubt(self, time: float, turning: bool) -> float:
+        """Return how far gravity may be off by a turn that is not, or not yet, accounted for [m/s2]."""
+        if not self._rate_is_fresh(time) or self._rate.span < 0.6 * self._rate.window:
+            own = norm(self._own_turning.at(self._own_turning.newest)[0])
+            return self._sudden + norm(self.mounting.position) * (own * own + own / _BEGINS)
+        # rates that nothing checked yet, and are not used, may be right
+        unused = 0.0 if turning else norm(self._lever(*self._turning(time)))
+        return self._sudden + unused + norm(self.mounting.position) * self._slope_error
+
+    @property
+    def _slope_error(self) -> float:
+        """How far angular acceleration may be from that of its filter [rad/s2]."""
+        return _SLOPE * norm(self._rate_ahead) / self._rate.window
 
     def _lever(self, omega: Floats, alpha: Floats) -> Floats:
         """Return what gravity at the origin has more than at the sensor (3,) [m/s2]."""
