@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from catenary.errors import FileFormatError, InputError
@@ -24,6 +24,7 @@ SEPARATORS = st.sampled_from([",", ";", "\t", " ", ", "])
     rows=st.lists(st.lists(CELLS, max_size=5), max_size=8),
     separator=SEPARATORS,
 )
+@example(mark="", rows=[["", "", "", "12:30:01", ""], ["", "", "2026-03-04", "", ""]], separator=",")
 def test_any_table_of_text_is_read_or_refused(
     mark: str, rows: list[list[str]], separator: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -260,14 +260,15 @@ def _dates_with_clocks(columns: Sequence[TextColumn], rows: Sequence[Sequence[st
     """Return columns with a day and the time of day behind it as one."""
     found: list[TextColumn] = []
     for column in columns:
-        day, clock = (found[-1].date if found else None), column.date
+        day, clock, both = (found[-1].date if found else None), column.date, None
         if day is not None and clock is not None and day.order and not day.has_clock and not clock.order:
-            last = found.pop()
-            places = (*last.places, *column.places)
-            both = [" ".join(row[i] for i in places) for row in rows if all(i < len(row) and row[i] for i in places)]
-            found.append(TextColumn(last.name, "date", places, date_format(both)))
-        else:
+            places = (*found[-1].places, *column.places)
+            whole = [row for row in rows if all(i < len(row) and row[i] for i in places)]
+            both = date_format([" ".join(row[i] for i in places) for row in whole])
+        if both is None:  # of a day and a time that no row has, too
             found.append(column)
+        else:
+            found[-1] = TextColumn(found[-1].name, "date", places, both)
     return found
 
 
