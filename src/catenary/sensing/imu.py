@@ -115,7 +115,8 @@ class SensedGravity:
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
         self._own_turning = DelayFreeFilter(min(cutoff, _OWN_HZ))  # of gravity, across it, without a gyroscope
         self._sudden = self._doubted = 0.0  # [m/s2] that a lever may have made, of the newest reading and of late
-        self._rate_ahead = np.zeros(3)  # of its filter: rates of late [rad/s]
+        # of its filter: rates of late [rad/s], and so how far its slope, angular acceleration, may be off [rad/s2]
+        self._rate_ahead, self._slope_error = np.zeros(3), 0.0
         self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
         self._about_vertical = 0.0  # [rad] turned of late
@@ -247,17 +248,16 @@ class SensedGravity:
         self._agreement.add_rate(stamp, rate @ self.mounting.rotation)
         expected = self._rate.at(min(stamp, self._rate.newest + self._horizon))[0]
         fault = self._check_rate.fault(rate, expected if self._rate_is_fresh(stamp) else None)
-        if fault is Fault.NONE and self._rest_rate.is_in_degrees:
-            fault = Fault.RATE_UNIT
-        if self._agreement.found.fault is not Fault.NONE:
-            fault = self._agreement.found.fault
-        if fault in (Fault.RATE_UNIT, self._agreement.found.fault) and fault is not Fault.NONE:
+        wrong = self._agreement.found.fault
+        if wrong is fault is Fault.NONE and self._rest_rate.is_in_degrees:
+            wrong = Fault.RATE_UNIT
+        if wrong is not Fault.NONE:
             # it foretells nothing, and what it said is not used any more
             if self._predicted.disagrees:
                 self._meet_anew(stamp)
             self._predicted.forget()
             self._rate.clear()
-            return fault
+            return wrong
         if fault is Fault.RATE_TOO_FAST:
             self._predicted.forget()  # whatever it is, it does not say that the base stands still
         elif fault in (Fault.NONE, Fault.RATE_SPIKE):  # nor does a base say so that begins to turn at once
@@ -280,6 +280,7 @@ class SensedGravity:
         self._rate.add(stamp, rate)
         share = 1.0 - math.exp(-10.0 * dt / self._rate.window)
         self._rate_ahead = self._rate_ahead + share * (rate - self._rate.at(stamp)[0] - self._rate_ahead)
+        self._slope_error = _SLOPE * norm(self._rate_ahead) / self._rate.window
         return Fault.NONE
 
     @property
@@ -342,11 +343,6 @@ class SensedGravity:
         # rates that nothing checked yet, and are not used, may be right
         unused = 0.0 if turning else norm(self._lever(*self._turning(time)))
         return self._sudden + unused + norm(self.mounting.position) * self._slope_error
-
-    @property
-    def _slope_error(self) -> float:
-        """How far angular acceleration may be from that of its filter [rad/s2]."""
-        return _SLOPE * norm(self._rate_ahead) / self._rate.window
 
     def _lever(self, omega: Floats, alpha: Floats) -> Floats:
         """Return what gravity at the origin has more than at the sensor (3,) [m/s2]."""
