@@ -84,7 +84,7 @@ def test_a_model_without_intervals_gives_nan() -> None:
 def test_ticks_give_the_half_widths_of_the_batch_to_the_bit(options: Any) -> None:
     made = model(**options)
     q, widths = SIGNALS[:, :3], np.empty((300, 3))
-    memory, out, inside = made.features.memory(1), np.empty((300, 3)), np.empty((300, 3), dtype=bool)
+    memory, out, inside = made.features.memory(), np.empty((300, 3)), np.empty((300, 3), dtype=bool)
     corrector = Corrector(made)
     for step in made.tick_steps(memory, q, SIGNALS, out, inside, widths):
         step.function(*step.inputs, *step.outputs)
