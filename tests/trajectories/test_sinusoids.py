@@ -54,7 +54,8 @@ def test_any_joints_will_do(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"duration": 1.9}, "at least two turn times"),
+        ({"duration": 1.9}, "expected two turn times, 2 s"),
+        ({"duration": 1e30}, "to 1e\\+08 s"),
         ({"duration": np.nan}, "duration"),
         ({"turn_time": 0.0}, "turn_time"),
         ({"lower": [0.0, 0.0, 0.5]}, "lower below upper"),

@@ -17,6 +17,7 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 TURNING_BAND = frozen(np.array([np.deg2rad(5.0), np.deg2rad(10.0), 0.02]))  # [rad, rad, m]
 SLOWEST = frozen(np.array([np.deg2rad(1.1), np.deg2rad(1.5), 0.0025]))  # [rad/s, rad/s, m/s]
 FASTEST = frozen(np.array([np.deg2rad(3.0), np.deg2rad(4.0), 0.007]))
+LONGEST = 1e8  # [s], three years: longer is a wrong unit, and its swings fill the memory
 TURN_TIME = 1.0  # [s], ours: the paper says that joints slow down, not how
 
 
@@ -40,7 +41,7 @@ def random_sinusoids(
 
     Args:
         rng: Draws the joints' swings.
-        duration: Length [s], at least twice `turn_time`.
+        duration: Length [s], from twice `turn_time` to LONGEST.
         lower: (n,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
         upper: (n,) upper end [rad or m].
         turning_band: (n,) how far from the ends a joint may turn [rad or m]; 0 to half of its range.
@@ -61,8 +62,8 @@ def random_sinusoids(
         raise InputError(f"turning_band: expected 0 to less than half of {high - low}, got {band}")
     if not ((0.0 < slow) & (slow <= fast)).all():
         raise InputError(f"slowest, fastest: expected 0 < slowest <= fastest, got {slow} and {fast}")
-    if not total >= 2.0 * turn:
-        raise InputError(f"duration: expected at least two turn times, {2.0 * turn} s, got {total}")
+    if not 2.0 * turn <= total <= LONGEST:
+        raise InputError(f"duration: expected two turn times, {2.0 * turn:g} s, to {LONGEST:g} s, got {total:g}")
     return SmoothedPath([_swings(rng, total, (low[j], high[j]), band[j], (slow[j], fast[j]), turn) for j in range(n)])
 
 
