@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -30,6 +32,12 @@ def test_no_distance_changes_faster_than_the_reach_allows(name):
     with np.errstate(invalid="ignore"):
         bound = np.abs(step) @ np.nan_to_num(scene.reach, posinf=1e9).T
     assert (rate <= bound + 1e-6).all()
+    # and Coal's own distances, over a step that its tolerance does not hide; how deep shapes overlap is no distance
+    h = 1e-2
+    ends = [Configuration(model, inside[:30] + sign * h * step[:30]) for sign in (-0.5, 0.5)]
+    for row, pair in product(range(30), range(len(scene.pairs))):
+        before, after = (max(scene.distance(placed, row, pair, np.inf), 0.0) for placed in ends)
+        assert abs(after - before) <= h * bound[row, pair] + 1e-5
 
 
 def test_joints_that_carry_both_bodies_move_neither_against_the_other():

@@ -70,10 +70,9 @@ class CollisionScene:
 
     def lower_bounds(self, placed: Configuration) -> Floats:
         """Return distances (N, P) [m] that the pairs have at least, by the balls about them."""
-        links = [body.link for body in self.bodies]
+        links, centres, radii = self._balls
         R, p = placed.rotations[:, links], placed.positions[:, links]
-        radii, (first, second) = np.array([body.radius for body in self.bodies]), self.pairs.T
-        centres = np.einsum("nbij,bj->nbi", R, [body.centre for body in self.bodies]) + p
+        centres, (first, second) = np.einsum("nbij,bj->nbi", R, centres) + p, self.pairs.T
         with np.errstate(invalid="ignore"):
             apart = np.linalg.norm(centres[:, first] - centres[:, second], axis=2) - radii[first] - radii[second]
         for k in np.flatnonzero(~np.isfinite(apart).all(axis=0)):
@@ -96,6 +95,12 @@ class CollisionScene:
         if hulls > enough or (a.surface is None and b.surface is None) or a.is_plane or b.is_plane:
             return hulls
         return distance(a.surface or a.solid, poses[0], b.surface or b.solid, poses[1])
+
+    @cached_property
+    def _balls(self) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Links, centres and radii of the balls about all bodies."""
+        links = np.array([body.link for body in self.bodies])
+        return links, np.array([body.centre for body in self.bodies]), np.array([body.radius for body in self.bodies])
 
     @cached_property
     def reach(self) -> Floats:
