@@ -8,11 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, cross_validate, evaluate, rms
-from catenary.calibration.fit_options import FitOptions, Progress
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.side_by_side import Progress
 from recordings import data_of, fitted, recording
 
 

@@ -20,7 +20,7 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.evaluate import evaluate as evaluate_rows
-from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun, Kind, Preset, Progress, silent
+from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun, Kind, Preset
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.maintenance import judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card, Target
@@ -30,6 +30,7 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.recording.mend import AS_TRAINED
+from catenary.side_by_side import Progress, silent
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 

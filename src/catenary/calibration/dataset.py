@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import Jointed, MotionLog, joints_text
+from catenary.side_by_side import Progress, of_each
 from catenary.units import DISPLAY
 
 # [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
@@ -134,40 +136,10 @@ def calibration_data(
         if not (max_error > 0.0).all():
             raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
     has_time = all(log.time is not None for log in logs)
-    parts: list[tuple[NDArray[Any], ...]] = []
-    sources: list[TrainingSource] = []
-    for i, log in enumerate(logs):
-        if log.q_encoder is None:
-            raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
-        X, leaping, spikes = features.rows(log, every)
-        q, ok = log.q_nominal[::every], log.ok[::every]
-        error = log.q_encoder[::every] - q
-        complete = np.isfinite(X).all(axis=1)
-        usable = ok & complete
-        far = np.zeros(error.shape, dtype=bool)
-        if max_error is not None:
-            far[usable] = np.abs(error[usable]) > max_error
-        inside = ~far.any(axis=1)
-        keep = usable & inside
-        sources.append(
-            TrainingSource(
-                name=log.name,
-                sha256=log.sha256,
-                runs=log.runs,
-                rows=len(q),
-                without_truth=int((~ok).sum()),
-                incomplete=int((ok & ~complete).sum()),
-                dropped=int((usable & ~inside).sum()),
-                simulated=log.simulated,
-                leaps={name: count for name, count in spikes.items() if count},
-                beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
-            )
-        )
-        index = np.arange(0, len(log), every, dtype=float)
-        time = log.time[::every] if has_time and log.time is not None else index
-        columns = (X, q, error, leaping, np.full(len(q), i), index / len(log), time)
-        parts.append(tuple(column[keep] for column in columns))
-    X, q_nominal, error, leaping, recording, position, time = map(np.concatenate, zip(*parts, strict=True))
+    work = partial(_usable_rows, features=features, max_error=max_error, every=every, has_time=has_time)
+    parts, sources = zip(*of_each(work, logs), strict=True)
+    X, q_nominal, error, leaping, position, time = map(np.concatenate, zip(*parts, strict=True))
+    recording = np.repeat(np.arange(len(logs)), [len(part[0]) for part in parts])
     if len(X) == 0:
         raise InputError(
             "data: no usable row in "
@@ -188,12 +160,44 @@ def calibration_data(
         recording=recording,
         position=position,
         time=time,
-        sources=tuple(sources),
+        sources=sources,
         has_time=has_time,
         robot=next((log.robot for log in logs if log.robot is not None), None),
         every=every,
         began=tuple(log.began for log in logs),
     )
+
+
+def _usable_rows(
+    log: MotionLog, _: Progress, *, features: FeatureSet, max_error: Floats | None, every: int, has_time: bool
+) -> tuple[tuple[NDArray[Any], ...], TrainingSource]:
+    """Return X, q_nominal, error, leaping, position and time of a recording's usable rows, and what was left out."""
+    if log.q_encoder is None:
+        raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
+    X, leaping, spikes = features.rows(log, every)
+    q, ok = log.q_nominal[::every], log.ok[::every]
+    error = log.q_encoder[::every] - q
+    complete = np.isfinite(X).all(axis=1)
+    usable = ok & complete
+    far = np.zeros(error.shape, dtype=bool)
+    if max_error is not None:
+        far[usable] = np.abs(error[usable]) > max_error
+    inside = ~far.any(axis=1)
+    source = TrainingSource(
+        name=log.name,
+        sha256=log.sha256,
+        runs=log.runs,
+        rows=len(q),
+        without_truth=int((~ok).sum()),
+        incomplete=int((ok & ~complete).sum()),
+        dropped=int((usable & ~inside).sum()),
+        simulated=log.simulated,
+        leaps={name: count for name, count in spikes.items() if count},
+        beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
+    )
+    index = np.arange(0, len(log), every, dtype=float)
+    time = log.time[::every] if has_time and log.time is not None else index
+    return tuple(each[usable & inside] for each in (X, q, error, leaping, index / len(log), time)), source
 
 
 def sampling_rate(log: MotionLog) -> float | None:

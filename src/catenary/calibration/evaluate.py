@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Flags
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.fit_options import Progress, part_of, silent
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
+from catenary.side_by_side import Progress, of_each, silent
 from catenary.units import DISPLAY
 
 WORSE = 1.01  # times the fixed offset's error: less is no harm
@@ -177,15 +177,17 @@ def cross_validate(
     present = [k for k in range(folds) if (block == k).any()]
     if len(present) < 2:
         raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")
-    results = []
     after_offset, after_model = np.empty_like(data.error), np.empty_like(data.error)
     inside = np.empty(data.error.shape, dtype=bool)
-    for i, k in enumerate(present):
-        model = fit(data.rows(block != k), part_of(progress, i, len(present)))
-        left = evaluate(model, data.rows(block == k))
-        results.append(left.joints)
+
+    def left_by(k: int, tell: Progress) -> Evaluation:
+        return evaluate(fit(data.rows(block != k), tell), data.rows(block == k))
+
+    lefts = of_each(left_by, present, progress=progress)
+    for k, left in zip(present, lefts, strict=True):
         after_offset[block == k], after_model[block == k] = left.after_offset, left.after_model
         inside[block == k] = left.inside
+    results = [left.joints for left in lefts]
     spreads = []
     for joint, *of_folds in zip(results[0], *results, strict=True):
         errors = np.array([(fold.rmse, fold.offset_rmse) for fold in of_folds])

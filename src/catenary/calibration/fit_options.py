@@ -1,7 +1,7 @@
-"""What can be chosen in a fit, of the model and of the run; and how a fit reports its progress."""
+"""What can be chosen in a fit, of the model and of the run."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date as day
 from typing import Literal, get_args
@@ -11,7 +11,6 @@ from catenary.calibration.intervals import check_level
 from catenary.calibration.model import Target
 from catenary.errors import InputError
 
-Progress = Callable[[float], None]  # called with the share done, 0 to 1
 Kind = Literal["auto", "offset", "linear", "polynomial", "hysteretic", "neural"]
 Preset = Literal["paper", "best"]
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -140,12 +139,3 @@ def require_folds(options: FitOptions, run: FitRun) -> None:
     """Refuse to choose a model by errors on folds that are not run."""
     if options.kind == "auto" and not run.folds:
         raise InputError("model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind")
-
-
-def silent(_: float) -> None:
-    """Report to nobody."""
-
-
-def part_of(progress: Progress, part: int, parts: int) -> Progress:
-    """Return the progress of the part numbered `part`, from 0, of a task of `parts` equal parts."""
-    return lambda done: progress((part + done) / parts)

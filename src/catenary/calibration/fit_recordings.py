@@ -13,7 +13,7 @@ from catenary.calibration.conformal import estimate_intervals, expected, fewest_
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
+from catenary.calibration.fit_options import FitOptions, FitRun, require_folds
 from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
@@ -25,6 +25,7 @@ from catenary.plant import MotionLog
 from catenary.recording.mend import mends_of
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
+from catenary.side_by_side import Progress, part_of, silent
 from catenary.verdict.check import Passed, robot_of, verdict
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone

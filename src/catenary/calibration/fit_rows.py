@@ -10,7 +10,7 @@ from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Integers
 from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
-from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.midline import RADIUS, TRAVEL, Midline
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
@@ -20,6 +20,7 @@ from catenary.calibration.spike_filter import ANY, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.side_by_side import Progress, part_of, silent
 
 SMALLEST_DATA = 10  # rows
 # How far beyond the training data a model may go, as a share of their range. Zig-zag data leave nearly half of the

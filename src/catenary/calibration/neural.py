@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.fit_options import Progress, part_of, silent
 from catenary.calibration.predictors import Activation, Linear, Network, fit_linear
 from catenary.calibration.valid_range import standardisation
 from catenary.kernels.compiled import compiled, inlined
+from catenary.side_by_side import Progress, part_of, silent
 
 Singles = NDArray[np.float32]
 # Adam's decay rates, and what it adds to a root [Kingma and Ba 2014]

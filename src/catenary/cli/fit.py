@@ -114,6 +114,8 @@ def fit(
     robot: str | None = ROBOT_OF_DATA,
     seed: int = option("N", "Seed of all randomness.", 0, least=0, most=LARGEST_SEED),
     accept: Sequence[str] = ACCEPT,
+    workers: int = option("N", "Processes that read and fit side by side.", 1, least=1),
+    cluster: str | None = option("ADDRESS", "A Dask scheduler in their place, such as tcp://HOST:8786."),
     report: Path | None = REPORT,
     as_json: bool = AS_JSON,
 ) -> None:
@@ -123,12 +125,13 @@ def fit(
     """
     from catenary.calibration.model_file import save_model
     from catenary.robots.catalog import load_robot
+    from catenary.side_by_side import on_workers
     from catenary.workflows.calibration_model import fit_calibration
 
     options = fitting.options(seed)
     arm = None if robot is None else load_robot(robot)
     reading, run = recordings.reading(robot), fitting.run(accept, robot)
-    with progress_bar(f"fitting {fitting.kind}") as progress:
+    with progress_bar(f"fitting {fitting.kind}") as progress, on_workers(workers, cluster):
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
     _print_fit(out, result, as_json)

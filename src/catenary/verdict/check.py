@@ -11,6 +11,7 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
+from catenary.side_by_side import Progress, of_each
 from catenary.verdict.correspondence import correspondence_findings, joints_in_place
 from catenary.verdict.delay import Delay
 from catenary.verdict.extent import extent_findings
@@ -110,10 +111,14 @@ def verdict(
         trained: Least and largest positions that a model of them was trained on, each (n,) [rad|m].
     """
     require_names(accept)
+
+    def of_log(log: MotionLog, _: Progress) -> tuple[Finding, ...]:
+        return findings_of(log, robot=robot, max_error=max_error, trained=trained)
+
     found = [
         (log.name, each)
-        for log in logs
-        for each in findings_of(log, robot=robot, max_error=max_error, trained=trained)
+        for log, findings in zip(logs, of_each(of_log, logs), strict=True)
+        for each in findings
         if not (testing and each.name in NEEDED_TO_LEARN)
     ]
     of_name = {name: each.delay for name, each in found if each.delay is not None}

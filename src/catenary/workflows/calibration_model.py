@@ -12,7 +12,7 @@ from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data, data_notes, error_limits
 from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
-from catenary.calibration.fit_options import FitOptions, FitRun, Progress, silent
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.maintenance import NewDay, judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card
@@ -25,6 +25,7 @@ from catenary.files import sha256_of, table_ending
 from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, read_log, read_recording
+from catenary.side_by_side import Progress, of_each, silent
 
 
 def fit_calibration(
@@ -36,7 +37,8 @@ def fit_calibration(
     progress: Progress = silent,
 ) -> FitResult:
     """Fit a calibration model to files of recordings; see `fit_logs`."""
-    return fit_logs([read_recording(path, reading) for path in paths], options, run, progress=progress)
+    logs = of_each(lambda path, _: read_recording(path, reading), paths)
+    return fit_logs(logs, options, run, progress=progress)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from catenary.calibration.fit_options import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import not_used
@@ -19,6 +18,7 @@ from catenary.recording.import_formats.proposal import Proposal, propose
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.logs import read_log, write_pieces
 from catenary.robots.catalog import load_robot
+from catenary.side_by_side import Progress, silent
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 

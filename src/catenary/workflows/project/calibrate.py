@@ -8,13 +8,14 @@ from typing import Any
 from catenary import __version__
 from catenary.calibration.dataset import error_limits, in_one_order
 from catenary.calibration.evaluate import Evaluation
-from catenary.calibration.fit_options import FitOptions, FitRun, Progress, require_folds, silent
+from catenary.calibration.fit_options import FitOptions, FitRun, require_folds
 from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
 from catenary.recording.logs import Reading, read_recording
 from catenary.reports.project import shown_name, write_project_report
+from catenary.side_by_side import Progress, silent
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import require_apart, robot_of, verdict
 from catenary.workflows.calibration_model import fit_calibration, held_against, recordings_for, warnings_of

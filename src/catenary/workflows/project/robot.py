@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from catenary.calibration.fit_options import Progress, silent
 from catenary.calibration.model import CalibrationModel
 from catenary.config import plain_data
 from catenary.crtk.client import CrtkClient
@@ -23,6 +22,7 @@ from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
 from catenary.recording.journal import About, LeftOff
 from catenary.recording.recorder import Recorder
+from catenary.side_by_side import Progress, silent
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD

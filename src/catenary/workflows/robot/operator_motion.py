@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.fit_options import Progress, silent
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant, require_ready
 from catenary.robots.catalog import RAVEN_SIDES
+from catenary.side_by_side import Progress, silent
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.fit_options import Progress
 from catenary.crtk.client import CrtkClient
 from catenary.plant import JointState
+from catenary.side_by_side import Progress
 from catenary.trajectories.reference import GoneOn, Reference, Trajectory
 from catenary.workflows.robot.motion import arrive, move_to, run_trajectory
 from catenary.workflows.robot.topic_recorder import TopicRecorder

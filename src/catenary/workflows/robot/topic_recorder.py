@@ -15,7 +15,6 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.fit_options import Progress, silent
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message
@@ -28,6 +27,7 @@ from catenary.recording.journal import About, JournalTopic, JournalWriter, LeftO
 from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.recorder import Recorder
 from catenary.robots.catalog import RAVEN_SIDES
+from catenary.side_by_side import Progress, silent
 from catenary.simulation.cable_plant import REPORTED
 from catenary.topics import Topic
 from catenary.workflows.robot.operated_robot import OperatedRobot
