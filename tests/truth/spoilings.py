@@ -80,6 +80,26 @@ def withheld(log: MotionLog, share: float) -> MotionLog:
     return replace(log, signals={}, signal_units={}, sha256=None, **arrays)
 
 
+def moved(log: MotionLog, along: Callable[[np.ndarray], np.ndarray]) -> MotionLog:
+    """Return a log whose second joint's measurement moves by so many deg or mm along the recording, 0 to 1."""
+    assert log.q_encoder is not None
+    measured = log.q_encoder.copy()
+    measured[:, 1 % measured.shape[1]] += (
+        along(np.linspace(0.0, 1.0, len(log))) * _shown(log, 1.0)[1 % len(measured[0])]
+    )
+    return replace(log, q_encoder=measured)
+
+
+def twice(log: MotionLog) -> MotionLog:
+    """Return a log that begins again at its end, and then stops half-way."""
+    rows = np.r_[np.arange(len(log)), np.arange(len(log) // 2)]
+    names = ("q_nominal", "q_encoder", "ok", "qd", "tau")
+    arrays = {name: values[rows] for name in names if (values := getattr(log, name)) is not None}
+    step = 0.0 if log.time is None else float(np.median(np.diff(log.time)))
+    time = None if log.time is None else np.r_[log.time, log.time[: len(log) // 2] - log.time[0] + log.time[-1] + step]
+    return replace(log, time=time, signals={}, signal_units={}, sha256=None, **arrays)
+
+
 DELAYS = (-0.15, -0.1, -0.05, -0.02, 0.02, 0.05, 0.1, 0.15, 0.2, 0.5)
 NOT_ALIKE = ("not like the others",)
 NOTHING = Spoiling("untouched", lambda log: log)
@@ -93,6 +113,9 @@ SPOILINGS = (
         )  # type: ignore[misc]
         for d in DELAYS
     ),
+    Spoiling("zero leaps by 3 deg or mm", lambda log: moved(log, lambda u: 3.0 * (u > 0.5)), ("the error leaps",)),
+    Spoiling("zero drifts by 3 deg or mm", lambda log: moved(log, lambda u: 3.0 * u), ("the error drifts",)),
+    Spoiling("half of the minutes twice", twice, ("in the data twice",)),
     Spoiling("one row in 100 wild", lambda log: wild(log, 0.01), ("robust", "--max-error")),
     Spoiling("fast rows lost", lambda log: dropped(log, 0.3), NOT_ALIKE),
     Spoiling("steps of 0.5 deg or mm", lambda log: coarse(log, 0.5), ("come in steps",)),

@@ -8,7 +8,7 @@ import pytest
 
 from catenary.plant import MotionLog
 from catenary.recording.mend import Mend
-from catenary.verdict.check import findings_of
+from catenary.verdict.check import findings_of, repeated_findings
 from hysteretic_arm import recording
 from spoilt import copied, leapt
 
@@ -41,11 +41,39 @@ def test_a_burst_of_wild_measurements_is_no_leap() -> None:
     assert refusals(replace(log, q_encoder=wild)) == []
 
 
-def test_a_slow_drift_is_no_leap() -> None:
+def told(log: MotionLog, name: str) -> list[str]:
+    """Return what notes of that name say; nothing is refused."""
+    assert refusals(log) == []
+    return [str(each) for each in findings_of(log) if each.name == name]
+
+
+def test_a_slow_drift_is_no_leap_and_is_told_by_its_size() -> None:
     log = recording()
     assert log.q_encoder is not None
-    drift = np.linspace(0.0, 0.3, len(log))[:, None] * np.eye(5)[0]
-    assert "jump" not in refusals(replace(log, q_encoder=log.q_encoder + drift))
+    drift = np.linspace(0.0, 0.05, len(log))[:, None] * np.eye(5)[0]
+    (says,) = told(replace(log, q_encoder=log.q_encoder + drift), "drift")
+    size = re.match(r"J1: the error drifts by \+([0-9.]+) deg", says)
+    assert size
+    assert abs(float(size[1]) - np.rad2deg(0.05)) < 0.3
+    assert told(log, "drift") == []
+
+
+@pytest.mark.parametrize("by", [0.04, -0.05])
+def test_a_small_leap_of_a_tight_joint_is_told(by: float) -> None:
+    (says,) = told(leapt(recording(), 0, by), "jump")
+    size = re.match(r"J1: at row 600 the error leaps by ([-+0-9.]+) deg .*--leave-out 0:600", says)
+    assert size
+    assert abs(float(size[1]) - np.rad2deg(by)) < 0.5  # the error's own spread
+    assert told(recording(), "jump") == []
+
+
+def test_recordings_that_are_joined_leap_in_their_commands_too() -> None:
+    log = leapt(recording(), 0, 0.05)
+    q = log.q_nominal.copy()
+    q[600:, 1] += 1.5
+    assert log.q_encoder is not None
+    q_encoder = log.q_encoder + (q - log.q_nominal)
+    assert told(replace(log, q_nominal=q, q_encoder=q_encoder), "jump") == []
 
 
 @pytest.mark.parametrize("turn", [2.0 * np.pi, -4.0 * np.pi])
@@ -58,3 +86,14 @@ def test_a_copy_in_single_precision_is_a_copy() -> None:
     log = copied(recording(), slice(None))
     assert log.q_encoder is not None
     assert refusals(replace(log, q_encoder=log.q_encoder.astype(np.float32).astype(float))) == ["copied"]
+
+
+def test_minutes_that_are_in_the_data_twice_are_told_within_one_recording_and_among_several() -> None:
+    log, other = recording(), recording(seed=1)
+    half = log.part(0, 750)
+    twice = [np.concatenate([getattr(half, name)] * 2) for name in ("q_nominal", "q_encoder", "ok")]
+    joined = replace(log, q_nominal=twice[0], q_encoder=twice[1], ok=twice[2])
+    assert [(name, each.says[:3]) for name, each in repeated_findings([joined])] == [("poses", "49%")]
+    again = replace(half, name="copy")
+    assert [name for name, _ in repeated_findings([log, other, again])] == ["copy"]
+    assert repeated_findings([log, other]) == []

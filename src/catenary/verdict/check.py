@@ -25,6 +25,7 @@ from catenary.verdict.units_and_scale import range_findings, slope_findings, tra
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
+REPEATED_ROWS = 20  # of motion, that no other minutes repeat to the last bit
 
 
 def findings_of(
@@ -121,6 +122,7 @@ def verdict(
         for each in findings
         if not (testing and each.name in NEEDED_TO_LEARN)
     ]
+    found += [] if testing else repeated_findings(logs)
     of_name = {name: each.delay for name, each in found if each.delay is not None}
     return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
 
@@ -141,6 +143,40 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
                 culprit = "one recording copied, cut or renamed"
                 found.append((log.name, Finding("tested", (), says, culprit)))
     return judge(found, accept)
+
+
+def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
+    """Note minutes that are in the data twice, to the last bit: a fit then sees blocks that are left out."""
+    hashes, where = [], []
+    for number, log in enumerate(logs):
+        if log.q_encoder is not None:
+            rows = np.ascontiguousarray(np.hstack([log.q_nominal, log.q_encoder])[log.ok])
+            rows = rows[np.r_[True, (np.diff(rows, axis=0) != 0.0).any(axis=1)]] if len(rows) else rows
+            factors = np.random.default_rng(0).integers(1, 2**63, rows.shape[1] + REPEATED_ROWS, dtype=np.uint64)
+            of_row = (rows.view(np.uint64) * factors[REPEATED_ROWS:]).sum(axis=1, dtype=np.uint64)
+            count = max(0, len(of_row) - REPEATED_ROWS + 1)
+            stretches = sum(
+                (of_row[k : k + count] * factors[k] for k in range(REPEATED_ROWS)), np.zeros(count, np.uint64)
+            )
+            hashes.append(stretches)
+            where.append(np.full(count, number))
+    if not hashes:
+        return []
+    _, first = np.unique(np.concatenate(hashes), return_index=True)
+    numbers = np.concatenate(where)
+    again = np.ones(len(numbers), dtype=bool)
+    again[first] = False
+    found = []
+    for number, log in enumerate(logs):
+        share = float(again[numbers == number].mean()) if (numbers == number).any() else 0.0
+        if share > MOST_SHARED:
+            says = (
+                f"{share:.0%} of its motion is in the data twice, to the last bit: errors on blocks are no test of it"
+            )
+            found.append(
+                (log.name, Finding("twice", (), says, "one recording copied, or joined to itself", refuses=False))
+            )
+    return found
 
 
 def _rows(log: MotionLog) -> set[bytes]:

@@ -18,6 +18,8 @@ NAMES = {
     "mixed": "a measurement that is a sum of several joints' commands",
     "turns": "measurements whole or half turns from the others",
     "jump": "an error that leaps and stays",
+    "drift": "an error that moves along the recording",
+    "twice": "minutes that are in the data twice",
     "delay": "measurements that lie a time behind their commands, or before them",
     "lag": "a controller's lag between setpoints and what the robot reports",
     "clock": "two clocks that run apart, or rows that one of the two lost",

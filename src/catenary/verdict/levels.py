@@ -1,15 +1,19 @@
-"""Does the zero of a measurement stay where it is? Errors that leap and stay, and errors of whole or half turns."""
+"""Does the zero of a measurement stay where it is? Errors that leap and stay, that drift, or are of whole turns."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.verdict.delay import FEWEST_ROWS, TRIM, Explanation
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import Pairs
+from catenary.verdict.hysteresis import RADII
+from catenary.verdict.pairs import Pairs, scales
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
 CLEARLY = 5.0
 LEAST_LEAP = 5.0  # [deg, mm] by which nobody's camera registration moves, nor any homing
+SUDDEN, LEAST_SUDDEN = 5, 0.3  # rows of windows between which a smaller leap is looked for, and how small [deg, mm]
+ALONE = 3.0  # times any other, that it is: reversals leap too; of untouched real recordings 2.6 and less where it stays
 STAYS = 0.5  # of a leap that is left over ten windows: a burst of wild measurements is gone by then
 SHARE = 50  # windows along the recording
 SHORTEST, LONGEST = 10, 200  # rows of a window
@@ -17,6 +21,13 @@ HALF_TURN = 180.0  # [deg]
 NEAR_TURN = 0.2  # of a half turn, within which an error is a turn: wrists are 20 deg off
 MOST = 0.9  # of the rows, that stand near some turn: numbers in degrees lie anywhere
 FEW = 0.05  # of the rows: fewer are single wild measurements
+# A drift is told where it is this many standard errors, of the rows' own and of their whole error's deviations. The
+# first rows, in which nobody knows on which side of its slack a joint lies, do not count. Untouched real runs of half
+# a minute drift by up to 3.3 of their rows' deviations and 9 standard errors, but by 0.08 of the error's.
+STEADY, OF_ROWS, OF_ERROR, LEAP_OF_ERROR = 8.0, 1.5, 0.1, 0.25
+BEGUN, PARTS, MOST_ROWS = 0.15, 20, 2000
+EDGES = np.linspace(0.15, 0.85, 15)  # of the rows that count, at which a leap is tried
+ZEROED = "an encoder, camera or robot that was zeroed anew half-way, or a slipped cable"
 
 
 def turn_findings(pairs: Pairs) -> list[Finding]:
@@ -26,8 +37,14 @@ def turn_findings(pairs: Pairs) -> list[Finding]:
 
 
 def leap_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find errors that leap at one row and stay."""
-    return [leap for i, k in enumerate(place) for leap in _leap(pairs, i, pairs.m[:, i] - pairs.q[:, k])]
+    """Find errors that leap at one row and stay; small ones, and errors that drift, are notes."""
+    found = []
+    for i, k in enumerate(place):
+        error = pairs.m[:, i] - pairs.q[:, k]
+        wide = int(np.clip(len(error) // SHARE, SHORTEST, LONGEST))
+        found += _leap(pairs, i, error, wide, LEAST_LEAP) or _leap(pairs, i, error, SUDDEN, LEAST_SUDDEN, ALONE)
+    jumped = {joint for each in found for joint in each.joints}
+    return found + [d for i, k in enumerate(place) if pairs.names[i] not in jumped for d in _drift(pairs, i, int(k))]
 
 
 def _turns(name: str, error: Floats) -> list[Finding]:
@@ -45,10 +62,10 @@ def _turns(name: str, error: Floats) -> list[Finding]:
     return [Finding("turns", (name,), f"{says} ({most:+.0f} deg most often)", culprit, remedy)]
 
 
-def _leap(pairs: Pairs, joint: int, error: Floats) -> list[Finding]:
+def _leap(pairs: Pairs, joint: int, error: Floats, width: int, least: float, alone: float = 0.0) -> list[Finding]:
+    """Find a leap between windows of some rows, of this size at least and so many times any other."""
     from scipy.ndimage import median_filter
 
-    width = int(np.clip(len(error) // SHARE, SHORTEST, LONGEST))
     if len(error) < 4 * width:
         return []
     level = median_filter(error, size=width, mode="nearest")
@@ -59,16 +76,60 @@ def _leap(pairs: Pairs, joint: int, error: Floats) -> list[Finding]:
     edge, long = k + width // 2 + 1, 10 * width
     after, before = np.median(error[edge : edge + long]), np.median(error[max(0, edge - long) : edge])
     usual = float(np.percentile(leaps, 90.0))
-    if abs(leap) < max(LEAST_LEAP, CLEARLY * usual) or (after - before) / leap < STAYS:
+    others = float(np.max(np.delete(leaps, slice(max(0, k - 2 * width), k + 2 * width)), initial=0.0))
+    if abs(leap) < max(least, CLEARLY * usual, alone * others) or (after - before) / leap < STAYS:
         return []
     edge = _first_after(error, k, width)
+    steps = np.abs(np.diff(pairs.q, axis=0)).max(axis=1)
+    if alone and steps[max(0, edge - width) : edge + width].max() > CLEARLY * np.percentile(steps, 90.0):
+        return []  # commands leap too, where recordings were joined
     rows = np.flatnonzero(pairs.log.ok)
     last = len(pairs.log)
     shorter = f"{rows[edge]}:{last}" if edge > len(error) // 2 else f"0:{rows[edge]}"
-    unit, culprit = pairs.unit(joint), "an encoder or a robot that was zeroed anew half-way, or a slipped cable"
-    says = f"at row {rows[edge]} the error leaps by {after - before:+.3g} {unit} and stays; elsewhere its level"
-    says = f"{says} moves by {usual:.2g} {unit}"
-    return [Finding("jump", (pairs.names[joint],), says, culprit, f"--leave-out {shorter}")]
+    unit = pairs.unit(joint)
+    says = f"at row {rows[edge]} the error leaps by {leap if alone else after - before:+.3g} {unit} and stays; "
+    says = f"{says}elsewhere its level moves by {usual:.2g} {unit}"
+    return [Finding("jump", (pairs.names[joint],), says, ZEROED, f"--leave-out {shorter}", not alone)]
+
+
+def _drift(pairs: Pairs, joint: int, own: int) -> list[Finding]:
+    """Note an error that drifts, or leaps at about some row, where what motion and friction explain does not."""
+    log, moved = pairs.log, [int(k) for k in np.flatnonzero(pairs.moved)]
+    rows = np.flatnonzero(log.ok)
+    kept = np.arange(int(BEGUN * len(rows)), len(rows), len(rows) // MOST_ROWS + 1)
+    if own not in moved or len(kept) < FEWEST_ROWS:
+        return []
+    columns = Explanation(scales(log) * log.q_nominal, own, moved, len(kept), RADII).at(rows[kept])
+    columns = np.column_stack([columns, np.ones(len(kept))])
+    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    error, along = (pairs.m[:, joint] - pairs.q[:, own])[kept], np.linspace(0.0, 1.0, len(kept))
+    ways = np.column_stack([along, *(along > edge for edge in EDGES)])  # in which it may move, by one each
+    good = np.ones(len(kept), dtype=bool)
+    for _ in range(3):
+        onto = np.linalg.qr(columns[good])[0]
+        free, rest = (x[good] - onto @ (onto.T @ x[good]) for x in (ways, error))
+        sizes = np.maximum(np.square(free).sum(axis=0), 1e-300)
+        way = int(np.argmax((free.T @ rest) ** 2 / sizes))
+        free, size = free[:, way], sizes[way]
+        by = float(free @ rest / size)
+        left = rest - by * free
+        moves = error - by * ways[:, way]
+        away = np.abs(moves - columns @ np.linalg.lstsq(columns[good], moves[good], rcond=None)[0])
+        part, fits = np.flatnonzero(good) * PARTS // len(kept), away[good]
+        good = away <= TRIM * 1.4826 * np.median(fits) + 1e-9
+    # rows depend on each other, parts of the recording hardly
+    scatter = float(np.sqrt(np.square(np.bincount(part, free * left, minlength=PARTS)).sum())) / size
+    usual, whole, unit = float(np.std(left)), float(np.std(error[good])), pairs.unit(joint)
+    if abs(by) <= max(STEADY * scatter, OF_ROWS * usual, (OF_ERROR if way == 0 else LEAP_OF_ERROR) * whole):
+        return []
+    if way == 0:
+        name, says = "drift", f"the error drifts by {by / (1.0 - BEGUN):+.2g} {unit} along the recording"
+        culprit = "a camera or encoder that moves, or a cable that stretches or warms"
+    else:
+        row = rows[kept[np.searchsorted(along, EDGES[way - 1])]]
+        name, says, culprit = "jump", f"the error leaps by {by:+.2g} {unit} at about row {row}", ZEROED
+    says = f"{says}, where motion and friction explain it to {usual:.2g} {unit}: what is printed here is of the mean"
+    return [Finding(name, (pairs.names[joint],), says, culprit, refuses=False)]
 
 
 def _first_after(error: Floats, k: int, width: int) -> int:
