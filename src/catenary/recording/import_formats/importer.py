@@ -438,7 +438,9 @@ def _tracked(
         )
         start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
         speed = np.zeros_like(start)
-        start[:, chosen], speed[:, chosen] = near, np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
+        start[:, chosen] = near
+        if clock.is_timed:  # rows without time tell no delay
+            speed[:, chosen] = np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
         return TrackedPoses(*measured, start, speed)
 
     seen = poses_at(0.0)

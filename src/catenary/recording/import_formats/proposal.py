@@ -116,7 +116,8 @@ def propose(
         _further(found, nominal, draft)
     used = [one.stream for one in (nominal, encoder) if one is not None]
     if encoder is None:
-        tracked = _tracked(poses_of(sources.streams), model, nominal, draft)
+        poses = [pose for pose in poses_of(sources.streams) if not pose.is_own]
+        tracked = _tracked(poses, model, nominal, draft)
         used += [stream for stream in sources.streams if tracked is not None and stream.name == tracked.stream]
     _times({stream.name: stream for stream in used}, draft)
     for stream in sources.streams:
