@@ -78,7 +78,12 @@ class OneClock:
         if table is not None:
             self._own_stamp = table.stamp[rows]
             self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
-        self._began = streams[self.base].began
+        begins, starts = np.array(streams[self.base].begins), streams[self.base].starts
+        self._began = float(begins[0])
+        if len(begins) == len(starts) > 1 and begins.all() and self._own_stamp[0] < APART_FROM_1970:
+            later = (begins - begins[0])[np.searchsorted(starts, rows, side="right") - 1]  # each recording at its date
+            self._own_stamp = self._own_stamp + np.rint(later * SECOND).astype(np.int64)
+            self._seconds = None if self._seconds is None else self._seconds + later
         self.is_timed = table is None or table.column is not None
         self.reports = tuple(one.report for one in found.values())
         self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
