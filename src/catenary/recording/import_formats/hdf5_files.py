@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO
-from catenary.documents import cut, json_table
+from catenary.documents import cut, json_table, reading
 from catenary.errors import FileFormatError, to_install
 from catenary.recording.import_formats.columns import Stream, natural
 from catenary.recording.import_formats.episodes import began_of, in_a_row, wanted_episodes
@@ -53,13 +53,8 @@ def read_hdf5(path: Path, wanted: str = "") -> list[Stream]:
             f"{path}: is HDF5, which needs h5py: {to_install('hdf5')}; or save its arrays as .npz, "
             "or in MATLAB save('log.mat', '-v7')"
         ) from error
-    try:
-        with h5py.File(path, "r") as file:
-            return _Content(path, file).streams(wanted)
-    except FileFormatError:
-        raise
-    except _UNREADABLE as error:
-        raise FileFormatError(f"{path}: cannot be read as HDF5: {cut(str(error) or repr(error))}") from error
+    with reading(path, "HDF5", _UNREADABLE), h5py.File(path, "r") as file:
+        return _Content(path, file).streams(wanted)
 
 
 class _Content:
