@@ -129,6 +129,11 @@ SAMPLES = [
         says=('"joint effort[2]"',), truth={"q_nominal": Q, "tau": TAU, "time": T},
     ),
     Sample(
+        "libfranka loggers", "franka.csv", "q_d is what it was told",
+        lines(",".join(["time", *(f"{a}_{j}" for a in ("q", "q_d", "dq", "tau_J", "tau_J_d") for j in range(3))]) + "\n",
+              lambda i: cells(np.concatenate([[T[i]], Q[i], SEEN[i], QD[i], TAU[i], 2 * TAU[i]]))), truth=MOVED,
+    ),
+    Sample(
         "scripts of a dVRK lab", "current.csv", "\"current\" is now; errors are no joints",
         lines("time,current joint position 1,current joint position 2,current joint position 3,marker_reg_error\n",
               lambda i: cells([*ALL[i, :4], 1e-4 * Q[i, 0]])), truth={"q_nominal": Q, "time": T},

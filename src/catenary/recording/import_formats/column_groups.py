@@ -26,7 +26,7 @@ def _set(words: str) -> frozenset[str]:
 _KINDS: dict[Kind, frozenset[str]] = {
     "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel qvel"),
     "acceleration": _set("acceleration accelerations acc accel qdd ddq qddot jacc"),
-    "effort": _set("effort efforts eff tau torque torques jf"),
+    "effort": _set("effort efforts eff tau torque torques tq jf"),
     "current": _set("current currents cur amps amp dac"),
 }
 _ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
@@ -38,7 +38,7 @@ _ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
     ),
     "commanded": _set(
         "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref "
-        "action actions"
+        "action actions d"  # q_d of Franka's and RAVEN's programs
     ),
     "actual": _set("actual act real"),
     "estimated": _set("estimated estimate estimates est"),

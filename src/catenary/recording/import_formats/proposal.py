@@ -295,6 +295,8 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
         same = [one for one in of_kind if set(nominal.joints) <= set(one.joints) and all(nominal.joints)]
         parts = [one.part([one.columns[one.joints.index(joint)] for joint in nominal.joints]) for one in same]
         parts = parts or [one for one in of_kind if len(one.columns) == len(nominal.columns)]
+        if nominal.role != "commanded":
+            parts = [one for one in parts if one.role != "commanded"] or parts
         if len(parts) == 1 and parts[0].is_whole:
             its, scale = parts[0].stated_units(), parts[0].stated_scale()
             by = "by the names of the columns" if its or scale else ""
