@@ -277,8 +277,8 @@ def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
 
 
 def _words(name: str) -> list[str]:
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
-    return re.findall(r"[a-z]+", _CRTK.sub("", apart.lower()))
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    return re.findall(r"[a-z]+", re.sub(r"[23]d(?![a-z])", "", _CRTK.sub("", apart)))  # 3D is no "desired"
 
 
 def _kind(name: str) -> Kind:

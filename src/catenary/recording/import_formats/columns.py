@@ -33,7 +33,7 @@ class Stream:
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
     dates: tuple[str, ...] = ()  # columns that were dates or times of day, now nanoseconds
     starts: tuple[int, ...] = (0,)  # rows of a table at which a recording begins
-    begins: tuple[float, ...] = (0.0,)  # [s since 1970] at time zero of each of these, 0 where nothing says it
+    began: float = 0.0  # [s since 1970] at time zero of a table's first recording, where its container says it
     notes: tuple[str, ...] = ()
 
     def part(self, first: int, last: int) -> "Stream":

@@ -93,8 +93,7 @@ class _Content:
         constants = dict(first.constants) | ({} if rate is None else {"rate_hz": rate})
         notes = [*in_a_row(self._path, chosen, begins), *[f"left out: {', '.join(self._left[:10])}"] * bool(self._left)]
         starts = tuple(np.cumsum([0, *rows[:-1]]).tolist()) if first.rows == sum(rows) else (0,)
-        dates = tuple(begins[: len(starts)])
-        first = replace(first, starts=starts, constants=constants, begins=dates, notes=(*notes, *first.notes))
+        first = replace(first, starts=starts, constants=constants, began=begins[0], notes=(*notes, *first.notes))
         return [first, *others]
 
     def _keep(self, path: str, node: "h5py.Group | h5py.Dataset") -> None:

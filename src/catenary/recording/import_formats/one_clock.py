@@ -78,12 +78,13 @@ class OneClock:
         if table is not None:
             self._own_stamp = table.stamp[rows]
             self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
-        begins, starts = np.array(streams[self.base].begins), streams[self.base].starts
-        self._began = float(begins[0])
-        if len(begins) == len(starts) > 1 and begins.all() and self._own_stamp[0] < APART_FROM_1970:
-            later = (begins - begins[0])[np.searchsorted(starts, rows, side="right") - 1]  # each recording at its date
-            self._own_stamp = self._own_stamp + np.rint(later * SECOND).astype(np.int64)
-            self._seconds = None if self._seconds is None else self._seconds + later
+        if len(streams[self.base].starts) > 1:  # time begins anew with each recording, as a cable's memory does
+            of = np.searchsorted(streams[self.base].starts, rows, side="right")
+            _, first, of = np.unique(of, return_index=True, return_inverse=True)
+            later = (self._own_stamp[first] - self._own_stamp[0])[of]
+            self._own_stamp = self._own_stamp - later
+            self._seconds = None if self._seconds is None else self._seconds - later / SECOND
+        self._began = streams[self.base].began
         self.is_timed = table is None or table.column is not None
         self.reports = tuple(one.report for one in found.values())
         self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
