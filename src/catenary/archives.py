@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.documents import cut, no_file, shortened
+from catenary.documents import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError
 
 # [B] that any file may unpack to, as numbers of 8 bytes; a longer one to RATIO times its length
@@ -32,21 +32,15 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """Read every array of a `.npz`, of numbers and texts."""
     if not path.is_file():
         raise FileFormatError(no_file(path))
-    try:
-        most = max(MOST, RATIO * path.stat().st_size)
-        with zipfile.ZipFile(path) as archive:
-            members = archive.infolist()
-            _check_members(members, most)
-            arrays: dict[str, NDArray[Any]] = {}
-            for member in members:
-                key = member.filename.removesuffix(".npy")
-                if key == member.filename:
-                    raise ValueError(f'"{cut(key)}" is not an array')
-                arrays[key], most = _member(archive, member, most)
-    except _UNREADABLE as error:
-        raise FileFormatError(
-            f"{path}: cannot be read as an .npz archive of plain arrays: {cut(str(error) or repr(error))}"
-        ) from error
+    with reading(path, "an .npz archive of plain arrays", _UNREADABLE), zipfile.ZipFile(path) as archive:
+        most, members = max(MOST, RATIO * path.stat().st_size), archive.infolist()
+        _check_members(members, most)
+        arrays: dict[str, NDArray[Any]] = {}
+        for member in members:
+            key = member.filename.removesuffix(".npy")
+            if key == member.filename:
+                raise ValueError(f'"{cut(key)}" is not an array')
+            arrays[key], most = _member(archive, member, most)
     return arrays
 
 
@@ -64,14 +58,9 @@ def read_array(path: Path) -> NDArray[Any]:
     """Read a `.npy` file of numbers or texts."""
     if not path.is_file():
         raise FileFormatError(no_file(path))
-    try:
-        with path.open("rb") as file:
-            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+    with reading(path, "an .npy file of a plain array", _UNREADABLE), path.open("rb") as file:
+        array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
         _memory_of(array, max(MOST, RATIO * path.stat().st_size))
-    except _UNREADABLE as error:
-        raise FileFormatError(
-            f"{path}: cannot be read as an .npy file of a plain array: {cut(str(error) or repr(error))}"
-        ) from error
     return array
 
 

@@ -8,6 +8,8 @@ import json
 import math
 import re
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
@@ -32,6 +34,17 @@ _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 def no_file(path: Path) -> str:
     """Return what is said of a path that is no file."""
     return f"{path}: is a folder, expected a file" if path.is_dir() else f"{path}: no such file"
+
+
+@contextmanager
+def reading(path: Path, kind: str, unreadable: tuple[type[Exception], ...]) -> Iterator[None]:
+    """Say of what a library raises over a file that it cannot be read as one of a kind."""
+    try:
+        yield
+    except FileFormatError:
+        raise
+    except unreadable as error:
+        raise FileFormatError(f"{path}: cannot be read as {kind}: {cut(str(error) or repr(error))}") from error
 
 
 def read_bounded(path: Path, most: int) -> bytes:

@@ -123,6 +123,22 @@ SAMPLES = [
         says=("4 names for 10 columns", *TOLD), truth=MOVED,
     ),
     Sample(
+        "a head over blocks", "blocks.csv", "each name reaches to the next",
+        lines("time,joint positions,,,joint effort,,,cartesian positions,,\n",
+              lambda i: cells(np.concatenate([ALL[i, [0, 1, 2, 3, 7, 8, 9]], Q[i]]))),
+        says=('"joint effort[2]"',), truth={"q_nominal": Q, "tau": TAU, "time": T},
+    ),
+    Sample(
+        "libfranka loggers", "franka.csv", "q_d is what it was told",
+        lines(",".join(["time", *(f"{a}_{j}" for a in ("q", "q_d", "dq", "tau_J", "tau_J_d") for j in range(3))]) + "\n",
+              lambda i: cells(np.concatenate([[T[i]], Q[i], SEEN[i], QD[i], TAU[i], 2 * TAU[i]]))), truth=MOVED,
+    ),
+    Sample(
+        "scripts of a dVRK lab", "current.csv", "\"current\" is now; errors are no joints",
+        lines("time,current joint position 1,current joint position 2,current joint position 3,marker_reg_error\n",
+              lambda i: cells([*ALL[i, :4], 1e-4 * Q[i, 0]])), truth={"q_nominal": Q, "time": T},
+    ),
+    Sample(
         "pandas, of an array", "pandas.csv", "0, 1, 2, ... above the columns are no row",
         lines(f",{','.join(map(str, range(10)))}\n", lambda i: f"{i},{cells(ALL[i])}"),
         asks={"time_unit": "s"}, truth={"q_nominal": Q},

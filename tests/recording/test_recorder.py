@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from catenary.errors import InputError
 from catenary.raven2.topics import EXT_JPOS, raven_topics
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.recorder import Recorder, Throttle
+from catenary.recording.recorder import Recorder
 from oracles.raven_recording import ABOUT, record, telemetry
 
 
@@ -76,9 +76,3 @@ def test_a_robot_slower_than_the_topic_sends_every_sample_once(tmp_path: Path) -
     with Recorder(tmp_path / "r", (EXT_JPOS,), ["ext_jpos"], np.random.default_rng(0)) as recorder:
         recorder.observe_many(time, {"ext_jpos": np.zeros((40, 3))})
     assert len(list(JournalReader(tmp_path / "r").messages())) == 40
-
-
-@pytest.mark.parametrize(("rate", "jitter"), [(0.0, 0.1), (np.nan, 0.1), (10.0, -0.1), (10.0, 2.0)])
-def test_a_throttle_out_of_range_is_refused(rate: float, jitter: float) -> None:
-    with pytest.raises(InputError, match="throttle"):
-        Throttle(rate, np.random.default_rng(0), jitter=jitter)

@@ -66,7 +66,58 @@ class BagConnection(NamedTuple):
     definition: str
 
 
-class BagStream:
+class BagFile:
+    """A file of a bag: what it says of itself, and what was found damaged."""
+
+    encoding: Encoding = "cdr"
+
+    def __init__(self, path: Path, *, any_types: bool) -> None:
+        """With `any_types`, types that bear the names of ours may differ from them."""
+        self.path, self._any_types = path, any_types
+        self.warnings: list[str] = []  # of whoever opened it
+        self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
+        self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
+        self.counts: dict[str, int] = {}  # of messages, by topic
+        self._names: dict[int, str] = {}  # of topics
+        self.about: About | None = None
+        self.first: int | None = None  # [ns] arrival of the first message
+        self.last: int | None = None  # of the last one that was read
+
+    @property
+    def topics(self) -> tuple[JournalTopic, ...]:
+        """Its topics, but for what it is of."""
+        types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
+        return tuple(JournalTopic(*each) for each in types.items())
+
+    @property
+    def problems(self) -> list[str]:
+        """What there is to say of it; complete once its messages were read."""
+        return [*self.warnings, *self.damage]
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
+        require_topics(self.path, topics, [topic.name for topic in self.topics])
+        for message in self._every_message():
+            if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
+                yield message
+
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
+        raise NotImplementedError
+
+    def _keep(self, number: int, connection: BagConnection, *, ros: int = 2) -> None:
+        """Check and keep a topic and its type."""
+        name, kind = connection.topic, current_name(connection.type)
+        if not self._any_types:
+            check_type(self.path, name, connection.type, connection.definition, ros=ros)
+        known = current_name(self.connections.setdefault(name, connection).type)
+        if len(self.connections) > MOST_TOPICS:
+            raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
+        if known != kind:
+            raise FileFormatError(f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(kind)}")
+        self._names[number] = name
+
+
+class BagStream(BagFile):
     """Reads a ROS 1 bag or an MCAP file from its beginning, in the order in which it was recorded.
 
     It reads what is whole: up to the last message, or the last chunk where chunks are compressed, and on behind what
@@ -74,19 +125,9 @@ class BagStream:
     """
 
     def __init__(self, path: Path, *, any_types: bool = False) -> None:
-        """Read the file once, to find its topics.
-
-        With `any_types`, types that bear the names of ours may differ from them.
-        """
-        self.path = path
-        self._any_types = any_types
-        self.warnings: list[str] = []  # of whoever opened it
-        self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
-        self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
-        self._names: dict[int, str] = {}  # of topics
+        """Read the file once, to find its topics; `any_types` as of `BagFile`."""
+        super().__init__(path, any_types=any_types)
         self._unread: set[int] = set()  # channels in another encoding than ROS's
-        self.last: int | None = None  # [ns] arrival of the last message that was read
-        self.first: int | None = None  # [ns] arrival of the first message
         try:
             with path.open("rb") as file:
                 begin = file.read(len(ROS1_MAGIC))
@@ -103,29 +144,16 @@ class BagStream:
             raise FileFormatError(
                 f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; nothing in it can be saved"
             )
-        self.encoding: Encoding = "ros1" if self.is_ros1 else "cdr"
-        self.about: About | None = None
+        self.encoding = "ros1" if self.is_ros1 else "cdr"
         self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
-        self.counts: dict[str, int] = {}
         for name, number, first in self._guarded(self._counts):
             if name == ABOUT_TOPIC:
                 self.about = about_of(path, first, self.encoding)
             else:
                 self.counts[name] = self.counts.get(name, 0) + number
-        types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
-        self.topics = tuple(JournalTopic(*each) for each in types.items())
 
-    @property
-    def problems(self) -> list[str]:
-        """What there is to say of it; complete once its messages were read."""
-        return [*self.warnings, *self.damage]
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
-        require_topics(self.path, topics, self.connections)
-        for message in self._guarded(self._messages):
-            if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
-                yield message
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
+        return self._guarded(self._messages)
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
         """Yield topic, arrival stamps [ns] (N,) and messages of every chunk, no object for each.
@@ -286,19 +314,7 @@ class BagStream:
         """Check and keep the type of a connection's topic."""
         name, kind = topic.decode(), field_of(about, b"type").decode()
         md5, text = field_of(about, b"md5sum").decode(), field_of(about, b"message_definition").decode(errors="replace")
-        if not self._any_types:
-            check_type(self.path, name, kind, text, ros=1)
-        self._keep(number, BagConnection(name, kind, md5, text))
-
-    def _keep(self, number: int, connection: BagConnection) -> None:
-        """Keep a topic and its type."""
-        name, kind = connection.topic, current_name(connection.type)
-        known = current_name(self.connections.setdefault(name, connection).type)
-        if len(self.connections) > MOST_TOPICS:
-            raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
-        if known != kind:
-            raise FileFormatError(f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(kind)}")
-        self._names[number] = name
+        self._keep(number, BagConnection(name, kind, md5, text), ros=1)
 
     def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk of MCAP with the records of its messages."""
@@ -403,9 +419,7 @@ class BagStream:
                 return  # again, as before each chunk of a journal
             if encoding == "ros1":
                 self.encoding = "ros1"
-            if not self._any_types:
-                check_type(self.path, name, schema, text, ros=1 if encoding == "ros1" else 2)
-            self._keep(number, found)
+            self._keep(number, found, ros=1 if encoding == "ros1" else 2)
         elif kind == _HEADER:
             self.is_journal = text_at(data, text_at(data, 0)[1])[0] == LIBRARY
         elif kind == _METADATA:

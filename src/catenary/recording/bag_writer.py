@@ -1,14 +1,13 @@
 """ROS 1 bags and MCAP, written without ROS.
 
-Bags get the index by which they are read when they are closed; until then they bear another name (`.part`), so that
-a bag that is there is whole. A bag has no place for the robot's name, the seed and whether it was simulated: they
-travel as one message on `/catenary/recording`, in a bag of its own: the programs of RAVEN's group take every message
-in a bag for one of that topic.
+Bags get the index by which they are read when they are closed: whoever has them written names their folder when all
+are. A bag has no place for the robot's name, the seed and whether it was simulated: they travel as one message on
+`/catenary/recording`, in a bag of its own: the programs of RAVEN's group take every message in a bag for one of that
+topic.
 """
 
-import contextlib
 import logging
-from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal
 
@@ -49,69 +48,45 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
         of_bag[topic.name] = current_name(topic.type)
     if source.about is not None:
         topics["record_about"] = {ABOUT_TOPIC: ABOUT_TYPE}
-    suffix = ".bag" if kind == "ros1" else ""
-    bags = list[_Bag]()
+    paths = {name: folder / f"{name}{'.bag' if kind == 'ros1' else ''}" for name in topics}
+    for path in (path for path in paths.values() if path.exists()):
+        raise InputError(f"{path}: exists already, and is never overwritten")
+    to: dict[str, tuple[Writer1 | Writer2, Connection]] = {}  # by topic
+    types = {topic: name for of_bag in topics.values() for topic, name in of_bag.items()}
     try:
-        for name, types in topics.items():
-            bags.append(_Bag(folder / f"{name}{suffix}", kind, types))
-        of_topic = {topic: bag for bag in bags for topic in bag.types}
-        for place, (topic_name, stamp, data) in enumerate(source.messages()):
-            if place == 0 and source.about is not None:
-                text = blank_messages(ABOUT_TYPE, 1, {"data": source.about.as_json()}, {}).tobytes()
-                of_topic[ABOUT_TOPIC].write(ABOUT_TOPIC, stamp, text, "ros1")
-            of_topic[topic_name].write(topic_name, stamp, data, source.encoding)
-        for problem in source.problems:
-            log.warning("%s", problem)
-        return tuple(bag.close() for bag in bags)
-    except BaseException as error:
-        for bag in bags:
-            with contextlib.suppress(OSError):  # the disk may be full
-                bag.abort()
-        if isinstance(error, OSError):
-            raise FileFormatError(f"{folder}: bags cannot be written: {error.strerror or error}") from error
-        raise
+        folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as open_bags:
+            bag: Writer1 | Writer2
+            for name, path in paths.items():
+                bag = (
+                    Writer1(path)
+                    if kind == "ros1"
+                    else Writer2(path, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP)
+                )
+                open_bags.enter_context(bag)
+                for topic_name, of_type in topics[name].items():
+                    store = typestore(1 if kind == "ros1" else 2)
+                    to[topic_name] = bag, bag.add_connection(topic_name, ros2_name(of_type), typestore=store)
+            for place, (topic_name, stamp, data) in enumerate(source.messages()):
+                if place == 0 and source.about is not None:
+                    text = blank_messages(ABOUT_TYPE, 1, {"data": source.about.as_json()}, {}).tobytes()
+                    bag, connection = to[ABOUT_TOPIC]
+                    bag.write(connection, stamp, _as(kind, folder, ABOUT_TOPIC, ABOUT_TYPE, text, "ros1"))
+                bag, connection = to[topic_name]
+                bag.write(connection, stamp, _as(kind, folder, topic_name, types[topic_name], data, source.encoding))
+    except OSError as error:
+        raise FileFormatError(f"{folder}: bags cannot be written: {error.strerror or error}") from error
+    for problem in source.problems:
+        log.warning("%s", problem)
+    return tuple(paths.values())
 
 
-class _Bag:
-    """Writes a bag."""
-
-    def __init__(self, path: Path, kind: BagKind, types: Mapping[str, str]) -> None:
-        self.types = types  # of messages, by topic
-        self._path, self._part = path, path.with_name(f"{path.name}.part")
-        self._encoding: Encoding = "ros1" if kind == "ros1" else "cdr"
-        for there in (self._path, self._part):
-            if there.exists():
-                raise InputError(f"{there}: exists already, and is never overwritten")
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._writer: Writer1 | Writer2
-        if kind == "ros1":
-            self._writer, store = Writer1(self._part), typestore(1)
-        else:
-            self._writer = Writer2(self._part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP)
-            store = typestore(2)
-        self._writer.open()
-        self._connections: dict[str, Connection] = {
-            topic: self._writer.add_connection(topic, ros2_name(name), typestore=store)
-            for topic, name in self.types.items()
-        }
-
-    def write(self, topic: str, stamp: int, data: bytes, given: Encoding) -> None:
-        converted: bytes | memoryview = data
-        if given != self._encoding:
-            store = typestore(2)  # its converters know that ROS 2's header lacks seq
-            convert = store.cdr_to_ros1 if self._encoding == "ros1" else store.ros1_to_cdr
-            try:
-                converted = convert(data, ros2_name(self.types[topic]))
-            except Exception as error:  # what rosbags raises over bytes that are no such message is of any kind
-                raise FileFormatError(
-                    f"{self._path}: topic {topic}: {len(data)} bytes are no {self.types[topic]}: {error!r}"
-                ) from error
-        self._writer.write(self._connections[topic], stamp, converted)
-
-    def close(self) -> Path:
-        self._writer.close()
-        return self._part.rename(self._path)
-
-    def abort(self) -> None:
-        """Leave what is whole; what is not keeps its other name."""
-        self._writer.abort()
+def _as(kind: BagKind, folder: Path, topic: str, name: str, data: bytes, given: Encoding) -> bytes | memoryview:
+    """Return a message of a type as a kind of bag has it."""
+    if given == ("ros1" if kind == "ros1" else "cdr"):
+        return data
+    store = typestore(2)  # its converters know that ROS 2's header lacks seq
+    try:
+        return (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, ros2_name(name))
+    except Exception as error:  # what rosbags raises over bytes that are no such message is of any kind
+        raise FileFormatError(f"{folder}: topic {topic}: {len(data)} bytes are no {name}: {error!r}") from error

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.config import Recorded, parse_json
-from catenary.documents import cut, no_file, shortened
+from catenary.documents import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, table_ending, written_whole
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
@@ -215,12 +215,16 @@ def _columns(log: MotionLog) -> dict[str, tuple[NDArray[Any], str]]:
 
 def read_parquet(path: Path) -> MotionLog:
     """Read a log that `write_parquet` wrote."""
-    from catenary.recording.parquet_files import open_parquet, read_table
+    from pyarrow import types
+
+    from catenary.recording.parquet_files import ARROW, open_parquet
 
     try:
         file = open_parquet(path)
         stated = _stated(path, file.metadata.metadata or {})
-        table = read_table(path, file)
+        with reading(path, "Parquet", ARROW):
+            table = file.read(use_threads=False)
+            table.validate(full=True)
     except FileFormatError as error:
         if "cannot be read as Parquet" not in str(error):
             raise
@@ -230,12 +234,16 @@ def read_parquet(path: Path) -> MotionLog:
     if len(set(names)) != len(names):
         raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
     columns: dict[str, NDArray[Any]] = {}
-    for field, values in zip(table.schema, table.columns, strict=True):
-        is_ok = field.name == "ok"
-        if is_ok != (field.type == "bool"):
+    for name, values in zip(table.column_names, table.columns, strict=True):
+        kind, is_ok, shown = values.type, name == "ok", f"{path}: column {cut(name)}"
+        if name in columns:
+            raise FileFormatError(f"{shown} is there twice, expected once")
+        if not (types.is_boolean(kind) if is_ok else types.is_floating(kind) or types.is_integer(kind)):
             expected = "true or false" if is_ok else "numbers"
-            raise FileFormatError(f"{path}: column {cut(field.name)} holds {field.type}, expected {expected}")
-        columns[field.name] = values.to_numpy(zero_copy_only=False).astype(bool if is_ok else np.float64)
+            raise FileFormatError(f"{shown} holds {cut(str(kind))}, expected {expected}")
+        if values.null_count and not types.is_floating(kind):  # these become NaN
+            raise FileFormatError(f"{shown} lacks {values.null_count} of its numbers")
+        columns[name] = values.to_numpy(zero_copy_only=False).astype(bool if is_ok else np.float64)
     joints: dict[str, Any] = {}
     for prefix in JOINT_ARRAYS:
         wanted = [f"{prefix}:{joint}" for joint in names]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc, Typesdict
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from catenary.documents import cut, shortened
@@ -43,7 +43,7 @@ _STANDARD = (  # of ROS Noetic, as rosbags has them
     *(f"sensor_msgs/{name}" for name in ("JointState", "Joy", "Imu")),
     *(f"geometry_msgs/{name}" for name in _GEOMETRY.split()),
 )
-MAX_DEFINITION = 5000  # characters of fields; that of raven_state with all it contains has 1,000
+MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000
 MESSAGES = (*_STANDARD, *_OWN)  # types that catenary knows
 # request, response
 SERVICES: Mapping[str, tuple[str, str]] = {
@@ -72,7 +72,7 @@ _HEADER = "std_msgs/Header"
 _PLACEHOLDER = "structure_needs_at_least_one_member"  # rosbags' field of a type that has none
 _TIME_NAMES = {"builtin_interfaces/Time": "time", "builtin_interfaces/Duration": "duration"}
 
-_parsed = lru_cache(maxsize=64)(get_types_from_msg)
+_NO_TYPES = (TypesysError, ValueError, LookupError, TypeError, RecursionError, AssertionError, AttributeError)
 
 
 class Field(NamedTuple):
@@ -165,11 +165,24 @@ def check_type(path: Path, topic: str, name: str, definition: str, *, ros: int =
     """Check a type by its definition and those that it contains."""
     if current_name(name) not in MESSAGES or not definition:
         return
-    if definition.lstrip("= \n").startswith("IDL:"):
-        raise FileFormatError(f"{path}: topic {topic}: {name} is defined in IDL, expected ROS's .msg language")
-    difference = _difference(path, topic, name, definition, ros=ros)
+    where = f"{path}: topic {cut(topic)}: {cut(name)}"
+    difference = _difference(types_of(where, current_name(name), definition), ros)
     if difference:
-        raise FileFormatError(f"{path}: topic {topic}: {name} differs from the type that catenary knows: {difference}")
+        raise FileFormatError(f"{where} differs from the type that catenary knows: {difference}")
+
+
+@lru_cache(maxsize=64)
+def types_of(where: str, name: str, definition: str) -> Typesdict:
+    """Return what a message's definition says of its type and of those that it contains, in .msg or in IDL."""
+    is_idl = definition.lstrip("= \n").startswith("IDL:")
+    lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in definition.split("\n"))
+    plain = definition if is_idl else "\n".join(line for line in lines if line.strip())
+    if len(plain) > MAX_TEXT:
+        raise FileFormatError(f"{where}: its definition has {len(plain)} characters, expected {MAX_TEXT} at most")
+    try:
+        return get_types_from_idl(plain) if is_idl else get_types_from_msg(plain, name)
+    except _NO_TYPES as error:
+        raise FileFormatError(f"{where}: its definition cannot be read: {shortened(str(error))}") from error
 
 
 def _known(name: str) -> str:
@@ -189,16 +202,8 @@ def _field(name: str, description: FieldDesc) -> Field:
     return _field(name, element)._replace(length=length)
 
 
-def _difference(path: Path, topic: str, name: str, text: str, *, ros: int) -> str:
-    """Return in words the fields of a full definition that differ from ours; empty when there are none."""
-    where = f"{path}: topic {cut(topic)}: definition of {cut(name)}"
-    lines = "\n".join(line for line in text.split("\n") if line.strip() and not line.lstrip().startswith("#"))
-    if len(lines) > MAX_DEFINITION:
-        raise FileFormatError(f"{where}: {len(lines)} characters, expected {MAX_DEFINITION} at most")
-    try:
-        found = _parsed(lines, current_name(name))
-    except (TypesysError, ValueError, LookupError, TypeError, RecursionError, AssertionError) as error:
-        raise FileFormatError(f"{where}: expected ROS's .msg language, got {shortened(text)}") from error
+def _difference(found: Typesdict, ros: int) -> str:
+    """Return in words the fields of types that differ from ours; empty when there are none."""
     differences = []
     for part in map(current_name, found):
         if part not in MESSAGES:

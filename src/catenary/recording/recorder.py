@@ -28,15 +28,13 @@ BLOCK = 16384  # ticks that are made into messages at once
 class Throttle:
     """Chooses the ticks at which a topic's messages are due: about one a period, with jitter as over ROS.
 
-    Intervals are period (1 + jitter N(0, 1)), at least a quarter of a period. Instants are drawn in blocks, so that
+    Intervals are period (1 + JITTER N(0, 1)), at least a quarter of a period. Instants are drawn in blocks, so that
     the same `rng` gives the same ones whether time comes tick by tick or all at once.
     """
 
-    def __init__(self, rate: float, rng: np.random.Generator, *, jitter: float = JITTER) -> None:
+    def __init__(self, rate: float, rng: np.random.Generator) -> None:
         """Begin at time 0."""
-        if not rate > 0.0 or not 0.0 <= jitter <= 1.0:
-            raise InputError(f"throttle: expected a rate above 0 Hz and a jitter of 0 to 1, got {rate}, {jitter}")
-        self._period, self._jitter, self._rng = 1.0 / rate, jitter, rng
+        self._period, self._rng = 1.0 / rate, rng
         self._due: Floats = np.zeros(0)  # instants to come, ascending
         self._last: float | None = None
 
@@ -50,7 +48,7 @@ class Throttle:
             self._last = float(time[0])  # the first tick is recorded
             self._due = np.array([self._last])
         while self._last <= time[-1]:
-            steps = np.maximum(SHORTEST, 1.0 + self._jitter * self._rng.standard_normal(256)) * self._period
+            steps = np.maximum(SHORTEST, 1.0 + JITTER * self._rng.standard_normal(256)) * self._period
             instants = self._last + np.cumsum(steps)
             self._due = np.concatenate([self._due, instants])
             self._last = float(instants[-1])
@@ -80,12 +78,11 @@ class Recorder:
         *,
         about: About | None = None,
         start_ns: int = 0,
-        jitter: float = JITTER,
         max_bytes: int = MAX_BYTES,
     ) -> None:
         """Begin a journal of those topics whose columns are `available`; `start_ns` is the stamp of time 0 [ns].
 
-        `rng` draws the instants of messages, with `jitter` as a share of the period.
+        `rng` draws the instants of messages.
         """
         have = frozenset(available)
         self.topics = tuple(topic for topic in topics if _required(topic) <= have)
@@ -102,9 +99,7 @@ class Recorder:
         about = replace(about, configuration={**about.configuration, "not_in_telemetry": zero})
         streams = rng.spawn(len(topics))  # a topic's instants do not depend on which others are recorded
         self._throttles = [
-            Throttle(t.rate, stream, jitter=jitter)
-            for t, stream in zip(topics, streams, strict=True)
-            if t in self.topics
+            Throttle(t.rate, stream) for t, stream in zip(topics, streams, strict=True) if t in self.topics
         ]
         self._sent = [0] * len(self.topics)
         self._start = start_ns

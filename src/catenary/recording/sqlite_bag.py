@@ -11,69 +11,40 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.documents import cut, shortened
+from catenary.documents import reading, shortened
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
-from catenary.recording.bag_search import DAMAGE, MOST_TOPICS, Unpacking
-from catenary.recording.bag_stream import BagConnection, about_of
-from catenary.recording.journal import About, JournalTopic
-from catenary.recording.layout import Encoding
-from catenary.recording.losses import Hole
-from catenary.recording.messages import check_type, current_name
-from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
+from catenary.recording.bag_search import DAMAGE, Unpacking
+from catenary.recording.bag_stream import BagConnection, BagFile, about_of
+from catenary.recording.topic_samples import ABOUT_TOPIC
 
 AT_ONCE = 2048  # messages that are in memory at once
 _ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
 
 
-class SqliteBag:
+class SqliteBag(BagFile):
     """Reads a SQLite file of a ROS 2 bag, in the order in which it was recorded."""
 
-    encoding: Encoding = "cdr"
-
     def __init__(self, path: Path, *, any_types: bool = False) -> None:
-        """Read the file once, to find its topics; `any_types` as of `BagStream`."""
-        self.path = path
-        self.warnings, self.damage, self.holes, self.ends_early = list[str](), list[str](), list[Hole](), False
-        self.connections: dict[str, BagConnection] = {}
-        self.about: About | None = None
-        self.first: int | None = None  # [ns] arrival of the first message
-        self.last: int | None = None  # of the last one that was read
+        """Read the file once, to find its topics; `any_types` as of `BagFile`."""
+        super().__init__(path, any_types=any_types)
         counts = Counter[str]()
-        try:
+        with reading(path, "SQLite", (sqlite3.Error, *DAMAGE)):
             self._size = path.stat().st_size
             self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
             self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
             self._database.execute("PRAGMA writable_schema = ON")  # else one that was cut off is not opened at all
             _require_plain_tables(path, self._database)
-            self._names = self._topics(any_types=any_types)
-            for name, stamp, data in self._messages():
+            self._find_topics()
+            for name, stamp, data in self._every_message():
                 self.first = stamp if self.first is None else self.first
                 if name != ABOUT_TOPIC:
                     counts[name] += 1
                 elif self.about is None:
                     self.about = about_of(path, data, self.encoding)
-        except (sqlite3.Error, *DAMAGE) as error:
-            if isinstance(error, FileFormatError):
-                raise
-            raise FileFormatError(f"{path}: cannot be read as SQLite: {error}") from error
-        types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
-        self.counts: dict[str, int] = {name: counts[name] for name in types}
+        self.counts = {topic.name: counts[topic.name] for topic in self.topics}
         if self.damage and not counts:
             raise FileFormatError(f"{self.damage[0]}; nothing in it can be saved")
-        self.topics = tuple(JournalTopic(name, kind) for name, kind in types.items())
-
-    @property
-    def problems(self) -> list[str]:
-        """What there is to say of it."""
-        return [*self.warnings, *self.damage]
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all."""
-        require_topics(self.path, topics, self.counts)
-        for message in self._messages():
-            if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
-                yield message
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
         """Yield topic, arrival stamps [ns] (N,) and messages, some of every topic before more of one."""
@@ -83,9 +54,8 @@ class SqliteBag:
                 own = [(stamp, data) for topic, stamp, data in some if topic == name]
                 yield name, np.array([stamp for stamp, _ in own]), Block.of([data for _, data in own])
 
-    def _topics(self, *, any_types: bool) -> dict[int, str]:
-        """Keep the topics and return their names by number."""
-        texts, names = dict[str, str](), dict[int, str]()
+    def _find_topics(self) -> None:
+        texts = dict[str, str]()
         with contextlib.suppress(sqlite3.Error):  # older bags have none, and types of ROS's own are known
             texts |= dict(
                 self._database.execute("SELECT topic_type, encoded_message_definition FROM message_definitions")
@@ -93,17 +63,9 @@ class SqliteBag:
         for number, name, kind in self._database.execute("SELECT id, name, type FROM topics"):
             if not isinstance(name, str) or not isinstance(kind, str):
                 raise FileFormatError(f"{self.path}: topic {shortened(name)}: expected texts for it and its type")
-            if len(names) >= MOST_TOPICS:
-                raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
-            if not any_types:
-                check_type(self.path, name, kind, texts.get(kind, ""))
-            found = BagConnection(name, kind, "", texts.get(kind, ""))
-            if self.connections.setdefault(name, found).type != kind:
-                raise FileFormatError(f"{self.path}: topic {cut(name)}: is of two types, {cut(kind)} is one")
-            names[number] = name
-        return names
+            self._keep(number, BagConnection(name, kind, "", texts.get(kind, "")))
 
-    def _messages(self) -> Iterator[tuple[str, int, bytes]]:
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of each message before the damage, and of those behind it.
 
         Those within a page of the damage are left out: they may be of a page that is there in part.

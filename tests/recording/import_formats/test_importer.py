@@ -140,7 +140,7 @@ def dvrk_bag(path: Path, kind: Kind, truth: np.ndarray) -> tuple[Path, dict[str,
         messages.append((t, "/ndi/marker", pose(marker.position, quaternion_from_rotation(marker.rotation))))
     topics = {"/PSM1/measured_js": JOINT_STATE, "/PSM1/setpoint_js": JOINT_STATE, "/ndi/marker": POSE}
     transforms = {
-        name: {"position_m": t.position.tolist(), "rotation": t.rotation.tolist()}
+        name: {"position_m": t.position.tolist(), "quaternion_wxyz": quaternion_from_rotation(t.rotation).tolist()}
         for name, t in (("T_base_tracker", tracker), ("T_marker_frame", frame))
     }
     return write_bag(path, kind, topics, messages), transforms

@@ -254,3 +254,18 @@ def test_a_mapping_without_units_takes_those_that_are_proposed(scale: float, tmp
     if scale == 1.0:
         alone = import_recording(bag, ["q_nominal=/arm/joint_states.position"])
         assert alone.joint_units == ("rad", "rad", "m")  # which slides, by its name
+
+
+def test_more_columns_than_the_robot_has_joints_are_asked_for_and_measured_ones_chosen_alike(tmp_path: Path) -> None:
+    """A dVRK's script writes the jaw behind the joints: nobody shall answer units of seven for an arm of six."""
+    table, q = tmp_path / "lab.csv", np.column_stack([true_q(T), 0.3 * np.sin(np.outer(T, [1.0, 1.3, 1.7, 2.1]))])
+    names = [f"{what}_{j}" for what in ("joint", "cam") for j in range(7)]
+    np.savetxt(table, np.hstack([q, 1.01 * q]), delimiter=",", header=",".join(names), comments="")
+    proposal = propose_mapping(table, robot="dvrk_psm")
+    assert any(
+        "which 6 of the 7 columns of joint_0 ... joint_6 are the joints of" in each for each in proposal.questions
+    )
+    answers = {"q_nominal.columns": ",".join(names[:6])}
+    log = import_recording(table, robot="dvrk_psm", answers=answers)
+    assert log.joint_units == ("rad", "rad", "m", "rad", "rad", "rad")
+    assert_allclose(log.q_encoder, 1.01 * q[:, :6], atol=1e-9)

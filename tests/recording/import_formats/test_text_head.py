@@ -45,6 +45,8 @@ def test_any_table_of_text_is_read_or_refused(
         ("t,q1\n(s),(deg)\n0,1\n1,2", ["t [s]", "q1 [deg]"]),
         ("t [ms],q1\n-,rad\n0,1\n1,2", ["t [ms]", "q1 [rad]"]),
         ("t,q1,\n0,1,\n1,2,", ["t", "q1"]),
+        ("t,q,,,f,,\n0,1,2,3,4,5,6\n1,2,3,4,5,6,7", ["t", "q[0]", "q[1]", "q[2]", "f[0]", "f[1]", "f[2]"]),
+        ("t,q1,,,,,\n0,1,2,3,4,5,6\n1,2,3,4,5,6,7", [f"data[{i}]" for i in range(7)]),
         ("t,q1,q2\n0,1\n1,2", ["data[0]", "data[1]"]),
         ("0;1,5\n1;2,5", ["data[0]", "data[1]"]),
         ("Recorded by a student\n\nt,note,q1\n0,begin,1\n1,,2", ["t", "note", "q1"]),

@@ -36,7 +36,10 @@ def tracked(path: Path, robot: str, reported: Floats, truth: Floats, off: Floats
 
 def mapping(robot: str, **how: object) -> dict[str, object]:
     transforms = {
-        name: {"position_m": pose.position.tolist(), "rotation": pose.rotation.tolist()}
+        name: {
+            "position_m": pose.position.tolist(),
+            "quaternion_wxyz": quaternion_from_rotation(pose.rotation).tolist(),
+        }
         for name, pose in (("T_base_tracker", TRACKER), ("T_marker_frame", MARKER))
     }
     pose = {"columns": ["x", "y", "z", "qx", "qy", "qz", "qw"], "unit": "mm", **transforms, **how}

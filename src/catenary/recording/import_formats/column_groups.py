@@ -26,7 +26,7 @@ def _set(words: str) -> frozenset[str]:
 _KINDS: dict[Kind, frozenset[str]] = {
     "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel qvel"),
     "acceleration": _set("acceleration accelerations acc accel qdd ddq qddot jacc"),
-    "effort": _set("effort efforts eff tau torque torques jf"),
+    "effort": _set("effort efforts eff tau torque torques tq jf"),
     "current": _set("current currents cur amps amp dac"),
 }
 _ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
@@ -38,7 +38,7 @@ _ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
     ),
     "commanded": _set(
         "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref "
-        "action actions"
+        "action actions d"  # q_d of Franka's and RAVEN's programs
     ),
     "actual": _set("actual act real"),
     "estimated": _set("estimated estimate estimates est"),
@@ -52,12 +52,13 @@ _OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values(), _REP
 _OK = _set("ok valid tracked visible good")
 _NO_JOINTS = _set(
     "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
-    "points intensities ranges color colors quat eef cos sin next"
+    "points intensities ranges color colors quat eef cos sin next error errors err residual cartesian"
 )
 _OF_JOINTS = _set(
     "yaw pitch roll insertion shoulder elbow wrist forearm waist pan tilt lift slide rail torso jaw joint"
 )
 _TURNS = _set("yaw pitch roll")  # of anything, where no other joint is beside them
+_POSITIONS = _set("position positions pos angle angles")  # beside which "current" means what is now, and no ampere
 _UNITS = _set("deg degree degrees rad mm cm m s nm n k c nmm ncm")
 _UNIT = re.compile(  # behind a name: q1 [deg], dq_rad_s, "tau3 (N m)", elbow_deg[2]
     r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)"
@@ -276,15 +277,16 @@ def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
 
 
 def _words(name: str) -> list[str]:
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
-    return re.findall(r"[a-z]+", _CRTK.sub("", apart.lower()))
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    return re.findall(r"[a-z]+", re.sub(r"[23]d(?![a-z])", "", _CRTK.sub("", apart)))  # 3D is no "desired"
 
 
 def _kind(name: str) -> Kind:
     unit, words = _UNIT.search(name), set(_words(name))
     if unit and (unit["effort"] or unit["speed"]):
         return "effort" if unit["effort"] else "acceleration" if unit["again"] else "velocity"
-    return next((kind for kind, names in _KINDS.items() if words & names), "position")
+    kind: Kind = next((kind for kind, names in _KINDS.items() if words & names), "position")
+    return "position" if kind == "current" and words & _POSITIONS else kind
 
 
 def _role(words: Sequence[str]) -> Role:

@@ -14,10 +14,11 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from catenary.documents import cut
+from catenary.documents import reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.text_dates import since_midnight
 from catenary.recording.import_formats.text_head import NOTHING, TextColumn, TextHead, read_head
+from catenary.recording.parquet_files import ARROW
 from catenary.topics import SECOND
 
 MOST_LINE = 1_000_000  # characters
@@ -65,16 +66,13 @@ class TextTable:
             true_values=["true", "True", "TRUE"], false_values=["false", "False", "FALSE"],
         )  # fmt: skip
         carried: dict[str, tuple[int, int | None]] = {}
-        try:
-            with self.path.open("rb") as file:
-                file.seek(self._first_byte)
-                for rows in self._rows(file, passed):
-                    batches = pa.csv.read_csv(pa.BufferReader(rows), read, parse, convert).combine_chunks().to_batches()
-                    progress(min(1.0, file.tell() / self._size))
-                    for batch in batches:
-                        yield {column.name: _numbers(column, batch, carried) for column in columns}
-        except (pa.ArrowException, OSError, MemoryError, ValueError) as error:
-            raise FileFormatError(f"{self.path}: cannot be read as CSV: {cut(str(error))}") from error
+        with reading(self.path, "CSV", ARROW), self.path.open("rb") as file:
+            file.seek(self._first_byte)
+            for rows in self._rows(file, passed):
+                batches = pa.csv.read_csv(pa.BufferReader(rows), read, parse, convert).combine_chunks().to_batches()
+                progress(min(1.0, file.tell() / self._size))
+                for batch in batches:
+                    yield {column.name: _numbers(column, batch, carried) for column in columns}
         said = [f"{count} {what}" for what, count in passed.items() if count]
         said += ["its last line is torn, and was left out"] * bool(self.head.torn)
         self.notes += [note for note in said if note not in self.notes]

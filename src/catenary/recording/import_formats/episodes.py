@@ -36,9 +36,13 @@ def _short(name: str) -> str:
     return re.sub(r"0+(?=\d+\Z)", "", name.rpartition("/")[2])
 
 
-def in_a_row(path: Path, names: Sequence[str]) -> list[str]:
-    """Return what is said of episodes that stand one behind the other."""
-    said = f"{len(names)} episodes, one behind the other: {listed(names)}; {path}/{names[0]} is one alone"
+def in_a_row(path: Path, names: Sequence[str], begins: Sequence[float]) -> list[str]:
+    """Return what is said of episodes that stand one behind the other; they began then [s since 1970], or 0."""
+    alone = f"{path}/{names[0]}"
+    if all(begins) and len(set(begins)) > 1:
+        dates = [datetime.fromtimestamp(began, UTC).isoformat(" ", "seconds")[:19] for began in begins]
+        names = [f"{name} ({date})" for name, date in zip(names, dates, strict=True)]
+    said = f"{len(names)} episodes, one behind the other: {listed(names)}; {alone} is one alone"
     return [said] * (len(names) > 1)
 
 

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO
-from catenary.documents import cut, json_table
+from catenary.documents import cut, json_table, reading
 from catenary.errors import FileFormatError, to_install
 from catenary.recording.import_formats.columns import Stream, natural
 from catenary.recording.import_formats.episodes import began_of, in_a_row, wanted_episodes
-from catenary.recording.import_formats.table_files import DEEPEST, streams_of_arrays
+from catenary.recording.import_formats.table_files import streams_of_arrays
 from catenary.recording.import_formats.table_time import RATES
 
 if TYPE_CHECKING:
@@ -53,13 +53,8 @@ def read_hdf5(path: Path, wanted: str = "") -> list[Stream]:
             f"{path}: is HDF5, which needs h5py: {to_install('hdf5')}; or save its arrays as .npz, "
             "or in MATLAB save('log.mat', '-v7')"
         ) from error
-    try:
-        with h5py.File(path, "r") as file:
-            return _Content(path, file).streams(wanted)
-    except FileFormatError:
-        raise
-    except _UNREADABLE as error:
-        raise FileFormatError(f"{path}: cannot be read as HDF5: {cut(str(error) or repr(error))}") from error
+    with reading(path, "HDF5", _UNREADABLE), h5py.File(path, "r") as file:
+        return _Content(path, file).streams(wanted)
 
 
 class _Content:
@@ -67,10 +62,10 @@ class _Content:
 
     def __init__(self, path: Path, file: "h5py.File") -> None:
         self._path, self._file, self._left = path, file, list[str]()
+        self._nodes = 0
         self._most = max(MOST, RATIO * path.stat().st_size)  # [B] that are still read
-        self._nodes, self._seen = 0, set[int]()  # those counted; addresses of groups
         self._found: dict[str, h5py.Dataset] = {}
-        self._walk(file, "", 0)
+        file.visititems(self._keep)  # each group and array once, by hard links alone
         self._is_matlab = any("MATLAB_class" in each.attrs for each in self._found.values())
 
     def streams(self, wanted: str) -> list[Stream]:
@@ -88,7 +83,7 @@ class _Content:
         alike = [name for name in parts[0] if len({part[name].shape[1:] if name in part else 0 for part in parts}) == 1]
         self._left += [f"{name} (not alike in all episodes)" for name in parts[0] if name not in alike]
         rows = [max((len(part[name]) for name in alike if part[name].ndim), default=0) for part in parts]
-        told = self._told(chosen[0])
+        told, begins = self._told(chosen[0]), [began_of(self._told(name)) for name in chosen]
         rate = next((float(told[key]) for key in RATES if isinstance(told.get(key), int | float)), None)
         whole = {name: np.concatenate([np.atleast_1d(part[name]) for part in parts]) for name in alike}
         arrays = self._arrays(outside) | (whole if len(chosen) > 1 else parts[0])
@@ -96,31 +91,19 @@ class _Content:
             raise FileFormatError(f"{self._path}: holds no row of numbers; left out: {', '.join(self._left[:10])}")
         first, *others = streams_of_arrays(self._path, arrays, rows_first=len(chosen) > 1)
         constants = dict(first.constants) | ({} if rate is None else {"rate_hz": rate})
-        notes = [*in_a_row(self._path, chosen), *[f"left out: {', '.join(self._left[:10])}"] * bool(self._left)]
+        notes = [*in_a_row(self._path, chosen, begins), *[f"left out: {', '.join(self._left[:10])}"] * bool(self._left)]
         starts = tuple(np.cumsum([0, *rows[:-1]]).tolist()) if first.rows == sum(rows) else (0,)
-        first = replace(first, starts=starts, constants=constants, began=began_of(told), notes=(*notes, *first.notes))
+        first = replace(first, starts=starts, constants=constants, began=begins[0], notes=(*notes, *first.notes))
         return [first, *others]
 
-    def _walk(self, group: "h5py.Group", prefix: str, depth: int) -> None:
-        """Find the arrays, by hard links alone, which may lead to a group again, within itself even."""
+    def _keep(self, path: str, node: "h5py.Group | h5py.Dataset") -> None:
         import h5py
 
-        address = h5py.h5o.get_info(group.id).addr
-        if address in self._seen:
-            self._left.append(f"{cut(prefix)} (a group that is there under another name)")
-            return
-        self._seen.add(address)
-        for name in group:
-            self._nodes += 1
-            if self._nodes > MOST_NODES:
-                raise FileFormatError(f"{self._path}: more than {MOST_NODES} groups and arrays")
-            path = f"{prefix}{name}"
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                self._left.append(f"{cut(path)} (a link)")
-            elif isinstance(node := group[name], h5py.Dataset):
-                self._found[path] = node
-            elif isinstance(node, h5py.Group) and depth < DEEPEST and not (depth == 0 and name.startswith("#")):
-                self._walk(node, f"{path}/", depth + 1)
+        self._nodes += 1
+        if self._nodes > MOST_NODES:
+            raise FileFormatError(f"{self._path}: more than {MOST_NODES} groups and arrays")
+        if isinstance(node, h5py.Dataset) and not path.startswith("#"):  # MATLAB's #refs# are of cells
+            self._found[path] = node
 
     def _arrays(self, paths: Mapping[str, str]) -> dict[str, NDArray[Any]]:
         if len(paths) > MOST_ARRAYS:

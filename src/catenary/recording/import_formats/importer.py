@@ -1,8 +1,7 @@
 """A recording of any make into a MotionLog, by a mapping."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Self
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,71 +45,64 @@ class _Found:
     sign: Floats
 
 
-@dataclass
 class _Columns:
     """Where the columns of each quantity are, and those that are to be read, by stream."""
 
-    streams: Sequence[Stream]
-    wanted: dict[str, dict[str, None]] = field(default_factory=dict)
-    joints: dict[str, _Found] = field(default_factory=dict)  # of JOINT_QUANTITIES
-    others: dict[str, _Found] = field(default_factory=dict)  # "ok" and "signal NAME"
-    tracked: TrackedPose | None = None
-    pose: list[Place] = field(default_factory=list)
-    tip: tuple[str, tuple[str, ...]] | None = None  # where the robot says its tip is
-
-    @classmethod
-    def of(cls, where: str, mapping: RecordingMapping, streams: Sequence[Stream]) -> Self:
+    def __init__(self, where: str, mapping: RecordingMapping, streams: Sequence[Stream]) -> None:
         """Find what a mapping names."""
-        made = cls(streams)
+        self._streams = streams
+        self.wanted: dict[str, dict[str, None]] = {}
+        self.found: dict[str, _Found] = {}  # of JOINT_QUANTITIES, "ok", "signal NAME" and "pose"
         for key in JOINT_QUANTITIES:
             quantity: Quantity | None = getattr(mapping, key)
-            if quantity is not None and quantity.columns:
-                made._find(made.joints, key, quantity.columns, optional=quantity.optional)
+            if quantity is not None and quantity.pose is not None:
+                self._keep("pose", pose_places(quantity.pose, streams))
+            elif quantity is not None:
+                self._find(key, quantity.columns, optional=quantity.optional)
         if mapping.ok:
-            made._find(made.others, "ok", mapping.ok)
+            self._find("ok", mapping.ok)
         for key, signal in mapping.signals.items():
-            made._find(made.others, f"signal {key}", signal.columns, optional=signal.optional)
-        made.tracked = mapping.q_encoder.pose if mapping.q_encoder is not None else None
-        if made.tracked is not None:
-            made.pose = pose_places(made.tracked, streams)
-            made._keep(made.pose)
-        if mapping.robot is not None:
-            made.tip = tip_columns(streams, made.joints["q_nominal"].places[0].stream)
-            made._keep([Place(made.tip[0], column) for column in made.tip[1]] if made.tip else [])
-        for name in mapping.reported:
-            if any(stream.name == name for stream in streams):
-                made.wanted.setdefault(name, {})
-        for table in [stream for stream in streams if stream.type == "table" and stream.name in made.wanted]:
-            made._keep([Place(table.name, column) for column in times_among(table, mapping.time)])
-        n = len(made.joints["q_nominal"].places)
-        for key, columns in made.joints.items():
-            if len(columns.places) != n:
-                raise InputError(f"{where}: {key} has {len(columns.places)} columns, q_nominal {n}; expected as many")
-        return made
+            self._find(f"signal {key}", signal.columns, optional=signal.optional)
+        base = self.found["q_nominal"].places
+        for key in self.joints:
+            if len(self.found[key].places) != len(base):
+                n = len(self.found[key].places)
+                raise InputError(f"{where}: {key} has {n} columns, q_nominal {len(base)}; expected as many")
+        self.tip = None if mapping.robot is None else tip_columns(streams, base[0].stream)
+        if self.tip is not None:
+            self._want([Place(self.tip[0], column) for column in self.tip[1]])
+        for stream in streams:
+            if stream.name in mapping.reported:
+                self.wanted.setdefault(stream.name, {})
+            if stream.type == "table" and stream.name in self.wanted:
+                self._want([Place(stream.name, column) for column in times_among(stream, mapping.time)])
 
-    def places(self) -> dict[str, list[Place]]:
-        """Return the columns of all quantities."""
-        every = {key: columns.places for key, columns in (self.joints | self.others).items()}
-        return every | ({"pose": self.pose} if self.pose else {})
+    @property
+    def joints(self) -> list[str]:
+        """Quantities that have a column for each joint."""
+        return [key for key in JOINT_QUANTITIES if key in self.found]
 
-    def _find(self, into: dict[str, _Found], what: str, references: Sequence[str], *, optional: bool = False) -> None:
+    def _find(self, key: str, references: Sequence[str], *, optional: bool = False) -> None:
         """Find references, and keep them to be read; nothing of what is optional and not there."""
         places, signs = list[Place](), list[float]()
         for reference in references:
             try:
-                found, sign = places_of(reference, self.streams), 1.0
+                found, sign = places_of(reference, self._streams), 1.0
             except InputError as error:
                 if optional:
                     return
                 if not reference.startswith(_SIGNED):
-                    raise InputError(f"{what}: {error}") from error
-                found, sign = places_of(reference[1:], self.streams), -1.0
+                    raise InputError(f"{key}: {error}") from error
+                found, sign = places_of(reference[1:], self._streams), -1.0
             places += found
             signs += [sign] * len(found)
-        self._keep(places)
-        into[what] = _Found(places, np.array(signs))
+        self._keep(key, places, signs)
 
-    def _keep(self, places: Sequence[Place]) -> None:
+    def _keep(self, key: str, places: list[Place], signs: Sequence[float] = ()) -> None:
+        self.found[key] = _Found(places, np.array(signs))
+        self._want(places)
+
+    def _want(self, places: Sequence[Place]) -> None:
         for place in places:
             self.wanted.setdefault(place.stream, {})[place.column] = None
 
@@ -132,7 +124,7 @@ class NoRowError(InputError):
 
 def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, Collection[str]]:
     """Return the columns that a mapping wants of each stream, those of time among them; q_nominal's stream first."""
-    return _Columns.of(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
+    return _Columns(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
 
 
 def synchronise(
@@ -149,35 +141,35 @@ def synchronise(
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:
         model = load_robot(mapping.robot)
-    found = _Columns.of(where, mapping, sources.streams)
-    joints = found.joints
-    base = joints["q_nominal"].places
-    mapping, in_file = _with_texts(where, mapping, sources.streams, base)
-    notes = _ordered_by_name(joints, mapping, sources.streams, model)
-    base = joints["q_nominal"].places
+    columns = _Columns(where, mapping, sources.streams)
+    mapping, in_file = _with_texts(where, mapping, sources.streams, columns.found["q_nominal"].places)
+    notes = _ordered_by_name(columns, mapping, sources.streams, model)
+    found, joints = columns.found, {key: columns.found[key] for key in columns.joints}
+    base = found["q_nominal"].places
     names, said = _joint_names(mapping, model, base, sources.streams)
     notes += said
     nominal = _candidate(base, sources.streams, names)
     units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
-    streams = sources.read({stream: list(columns) for stream, columns in found.wanted.items()})
+    streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
     for stream in streams.values():
         notes += [f"{stream.name}: {note}" for note in stream.notes]
     scaled, jumped = {}, set[str]()
-    for key, columns in joints.items():
-        encoder = _candidate(columns.places, sources.streams, names)
-        scaled[key] = columns.sign * _scale(key, mapping, encoder, nominal, units, told, notes)
+    for key, own in joints.items():
+        encoder = _candidate(own.places, sources.streams, names)
+        scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, told, notes)
         if key in ("q_nominal", "q_encoder", "q_reported"):
-            streams, turns = unwrap_columns(streams, columns.places, scaled[key], units, names)
+            streams, turns = unwrap_columns(streams, own.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
             jumped |= set(turns)
-    if found.tip is not None and model is not None and set(names) == set(model.joint_names):
+    if columns.tip is not None and model is not None and set(names) == set(model.joint_names):
         told_by = streams[base[0].stream]
         order = [names.index(name) for name in model.joint_names]
         q = np.column_stack([told_by.columns[base[i].column] * scaled["q_nominal"][i] for i in order])
-        notes += tip_said(model, q, told_by, streams[found.tip[0]], found.tip[1])
-    used = {place.stream for places in found.places().values() for place in places} | set(mapping.reported)
-    clock = OneClock({name: stream for name, stream in streams.items() if name in used}, found.places(), mapping)
+        notes += tip_said(model, q, told_by, streams[columns.tip[0]], columns.tip[1])
+    places = {key: each.places for key, each in found.items()}
+    used = {place.stream for each in places.values() for place in each} | set(mapping.reported)
+    clock = OneClock({name: stream for name, stream in streams.items() if name in used}, places, mapping)
     del streams  # of a long recording as large as all that is made of it
 
     rows = {key: clock.rows(key) * scaled[key] for key in joints}
@@ -185,9 +177,9 @@ def synchronise(
     if "tau" in rows and coupling is not None:
         rows["tau"] = np.column_stack(joint_forces(np.array(coupling), tuple(rows["tau"].T)))
     further = {
-        key: clock.rows(f"signal {key}") * signal.scale * found.others[f"signal {key}"].sign
+        key: clock.rows(f"signal {key}") * signal.scale * found[f"signal {key}"].sign
         for key, signal in mapping.signals.items()
-        if f"signal {key}" in found.others
+        if f"signal {key}" in found
     }
     for key in [k for k in ("qd", "tau") if k in rows and getattr(mapping, k).optional]:
         sample = _candidate(joints[key].places, sources.streams, names)
@@ -197,20 +189,25 @@ def synchronise(
     whole = _whole_rows(required, names, notes)
     if not whole.any():
         raise NoRowError("; ".join([f"{where}: no row has all of {', '.join(required)}", *notes]))
-    if found.tracked is not None and model is not None:
-        rows["q_encoder"] = _tracked(clock, found.tracked, model, scaled["q_nominal"], names, notes)
+    pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
+    if pose is not None and model is not None:
+        rows["q_encoder"] = _tracked(clock, pose, model, scaled["q_nominal"], names, notes)
     rows["q_nominal"], measured, said = in_one_turn(
         rows["q_nominal"], rows.get("q_encoder"), units, names, model, jumped
     )
     notes += said
     rows |= {} if measured is None else {"q_encoder": measured}
-    ok = _trusted(where, clock, measured, len(whole), has_ok="ok" in found.places(), is_piece=is_piece)
+    ok = _trusted(where, clock, measured, len(whole), has_ok="ok" in found, is_piece=is_piece)
     lost = int((~ok[whole]).sum())
     unseen = "" if measured is None else _by_joint(~np.isfinite(measured[whole]), names)
     notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder{unseen}"] * bool(lost)
-    left = () if mapping.name else not_used(sources.streams, found.wanted)
+    left = () if mapping.name else not_used(sources.streams, columns.wanted)
     notes += [f"not used: {listed(left)}"] * bool(left)
-    signals, signal_units = _signals(further, mapping, whole)
+    signals = {
+        (key if values.shape[1] == 1 else f"{key}[{i}]"): (values[whole, i], mapping.signals[key].units)
+        for key, values in further.items()
+        for i in range(values.shape[1])
+    }
     time, began = clock.time(whole)
     stated_robot = None if sources.about is None else sources.about.robot
     if model is not None and stated_robot not in (None, model.name):
@@ -223,8 +220,8 @@ def synchronise(
         ok=ok[whole],
         time=time,
         began=began,
-        signals=signals,
-        signal_units=signal_units,
+        signals={name: values for name, (values, _) in signals.items()},
+        signal_units={name: unit for name, (_, unit) in signals.items()},
         robot=stated_robot or mapping.default_robot or None if model is None else model.name,
         simulated=sources.about is not None and sources.about.simulated,
         sha256=sources.sha256,
@@ -366,12 +363,12 @@ def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple
 
 
 def _ordered_by_name(
-    joints: dict[str, _Found], mapping: RecordingMapping, streams: Sequence[Stream], model: RobotModel | None
+    columns: _Columns, mapping: RecordingMapping, streams: Sequence[Stream], model: RobotModel | None
 ) -> list[str]:
     """Put whole arrays, parts of them and patterns into the order of q_nominal's joints by name; say so."""
 
     def names_of(key: str) -> tuple[str, ...]:
-        places = joints[key].places
+        places = columns.found[key].places
         own = found = recorded_joints(places, streams) or tuple(place.star for place in places)
         if model is not None:
             found = joints_meant([o or p.column for o, p in zip(own, places, strict=True)], model)
@@ -379,8 +376,8 @@ def _ordered_by_name(
         return found if all(found) and len(set(found)) == len(found) else ()
 
     in_recording, notes = names_of("q_nominal"), []
-    for key, columns in joints.items():
-        own = names_of(key)
+    for key in columns.joints:
+        own, found = names_of(key), columns.found[key]
         orders = [in_recording, mapping.joint_names] if key != "q_nominal" else [mapping.joint_names]
         order = next((one for one in orders if set(own) & set(one)), ())
         if own == order or not own or not any(orders):
@@ -393,7 +390,7 @@ def _ordered_by_name(
             notes.append(f"{key}: joints are in another order than q_nominal's, as the mapping names them")
             continue
         index = places_of_joints(Joints(order), Joints(own), whose=key, of="q_nominal has")
-        joints[key] = _Found([columns.places[i] for i in index], columns.sign[index])
+        columns.found[key] = _Found([found.places[i] for i in index], found.sign[index])
         notes.append(f"{key}: has its joints in another order; they were taken by name")
     return notes
 
@@ -438,7 +435,9 @@ def _tracked(
         )
         start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
         speed = np.zeros_like(start)
-        start[:, chosen], speed[:, chosen] = near, np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
+        start[:, chosen] = near
+        if clock.is_timed:  # rows without time tell no delay
+            speed[:, chosen] = np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
         return TrackedPoses(*measured, start, speed)
 
     seen = poses_at(0.0)
@@ -453,17 +452,6 @@ def _tracked(
             + " from all that the robot reaches"
         )
     return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
-
-
-def _signals(
-    further: dict[str, Floats], mapping: RecordingMapping, whole: NDArray[np.bool_]
-) -> tuple[dict[str, Floats], dict[str, str]]:
-    columns, units = dict[str, Floats](), dict[str, str]()
-    for key, values in further.items():
-        names = [key] if values.shape[1] == 1 else [f"{key}[{i}]" for i in range(values.shape[1])]
-        columns |= {name: values[whole, i] for i, name in enumerate(names)}
-        units |= dict.fromkeys(names, mapping.signals[key].units)
-    return columns, units
 
 
 def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:

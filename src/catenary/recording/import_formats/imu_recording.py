@@ -100,8 +100,10 @@ def read_imu(
             raise FileFormatError(f"{path}: {stream.name}: its messages have no stamps")
         stamp, why = given, f"{stream.name}: {whole.rows} messages"
     values = np.column_stack([np.asarray(whole.columns[name], dtype=float) for name in names])
-    measured, missing = _measured(whole, len(values), values.shape[1] == 6)
-    known = (stamp > np.iinfo(np.int64).min) & measured[0]
+    measured, turned = (_measured(whole, name, len(values)) for name in ("linear_acceleration", "angular_velocity"))
+    without = int((~measured).sum())
+    missing = f"; {without} messages say (covariance -1) that they measure no acceleration" if without else ""
+    known = (stamp > np.iinfo(np.int64).min) & measured
     if known.sum() < _LEAST:
         raise FileFormatError(
             f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}{missing}"
@@ -112,22 +114,17 @@ def read_imu(
         rows = rows * np.array([_scale(name, _RATE if k > 2 else _FORCE) for k, name in enumerate(names)])
     if matrices is not None:
         rows = np.hstack([rows[:, 3 * k : 3 * k + 3] @ matrices[k].T for k in range(rows.shape[1] // 3)])
-    rate = rows[:, 3:] if rows.shape[1] == 6 and measured[1][known].all() else None
+    rate = rows[:, 3:] if rows.shape[1] == 6 and turned[known].all() else None
     if rows.shape[1] == 6 and rate is None:
         missing = "; its messages say (covariance -1) that they measure no angular velocity"
     said = (why + missing + spread, f"read {', '.join(map(cut, names))}")
     return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
 
 
-def _measured(stream: Stream, rows: int, has_rates: bool) -> tuple[tuple[NDArray[np.bool_], NDArray[np.bool_]], str]:
-    """Return which rows measured acceleration and rates, and in words: an Imu says by a covariance of -1 if not."""
-    found = []
-    for name in ("linear_acceleration_covariance[0]", "angular_velocity_covariance[0]"):
-        column = stream.columns.get(name)
-        found.append(np.ones(rows, bool) if column is None else np.asarray(column, dtype=float) != -1.0)
-    without = int((~found[0]).sum())
-    said = f"; {without} messages say (covariance -1) that they measure no acceleration" if without else ""
-    return (found[0], found[1] if has_rates else np.ones(rows, bool)), said
+def _measured(stream: Stream, name: str, rows: int) -> NDArray[np.bool_]:
+    """Return which rows measured a quantity: an Imu says by a covariance of -1 if not."""
+    column = stream.columns.get(f"{name}_covariance[0]")
+    return np.ones(rows, dtype=bool) if column is None else np.asarray(column, dtype=float) != -1.0
 
 
 def _spread(seconds: Floats) -> tuple[Floats, str]:

@@ -88,16 +88,11 @@ def layout_of_file(path: Path) -> Layout | None:
 
 
 def read_layout(
-    paths: Sequence[Path],
-    layout: Layout,
-    *,
-    model: RobotModel | None = None,
-    units: Sequence[str] | None = None,
-    joint_names: Sequence[str] | None = None,
+    paths: Sequence[Path], layout: Layout, *, model: RobotModel | None = None, units: Sequence[str] | None = None
 ) -> MotionLog:
     """Read a recording of a known layout, but a motion log.
 
-    `units` ("rad" or "m" per joint) and `joint_names` are for a file that does not state them.
+    `units` ("rad" or "m" per joint) are for a file that does not state them.
     """
     path = paths[0]
     if layout in (RAVEN_BAG, RAVEN_CSV):
@@ -113,8 +108,8 @@ def read_layout(
     if layout is RAVEN_STATE:
         return synchronise(Sources(paths), layout_mapping("raven2/state")).log
     if model is not None:
-        units, joint_names = units or model.joint_units, joint_names or model.joint_names
-    return read_commands(path, units=units, joint_names=joint_names)
+        return read_commands(path, units=units or model.joint_units, joint_names=model.joint_names)
+    return read_commands(path, units=units)
 
 
 def read_commands(

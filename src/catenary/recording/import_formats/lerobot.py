@@ -52,7 +52,7 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
         constants={"fps": float(fps)} if isinstance(fps, int | float) else {},
         starts=(0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist()),
         began=began_of(info),
-        notes=tuple(dict.fromkeys([*in_a_row(path, chosen), *(note for part in parts for note in part.notes)])),
+        notes=tuple(dict.fromkeys([*in_a_row(path, chosen, ()), *(note for part in parts for note in part.notes)])),
     )
     return [_with_names(stream, info.get("features"))]
 

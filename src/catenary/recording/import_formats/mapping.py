@@ -15,7 +15,7 @@ from catenary.config import Settings, load_toml, parse_settings
 from catenary.documents import cut
 from catenary.errors import ConfigError
 from catenary.recording.import_formats.table_time import TimeUnit
-from catenary.spatial import Pose, as_rotation, rotation_from_quaternion
+from catenary.spatial import Pose, rotation_from_quaternion
 from catenary.units import TO_SI
 
 Unit = Literal["rad", "deg", "m", "cm", "mm", "counts"]
@@ -40,21 +40,11 @@ class Transform(Settings):
     """Pose of a frame b in a frame a."""
 
     position_m: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] = (0.0, 0.0, 0.0)
-    quaternion_wxyz: Annotated[tuple[float, ...], Field(min_length=4, max_length=4)] | None = None
-    rotation: tuple[tuple[float, float, float], ...] | None = None  # rows of R_a_b
-
-    @model_validator(mode="after")
-    def _one_rotation(self) -> "Transform":
-        if self.rotation is not None and (self.quaternion_wxyz is not None or len(self.rotation) != 3):
-            raise ValueError("expected quaternion_wxyz, or three rows of rotation")
-        return self
+    quaternion_wxyz: Annotated[tuple[float, ...], Field(min_length=4, max_length=4)] = (1.0, 0.0, 0.0, 0.0)
 
     def pose(self) -> Pose:
         """Return it in SI."""
-        position = np.array(self.position_m)
-        if self.rotation is not None:
-            return Pose(as_rotation("rotation", np.array(self.rotation)), position)
-        return Pose(rotation_from_quaternion(self.quaternion_wxyz or (1.0, 0.0, 0.0, 0.0)), position)
+        return Pose(rotation_from_quaternion(self.quaternion_wxyz), np.array(self.position_m))
 
 
 class TrackedPose(Settings):

@@ -14,23 +14,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces.typing import Typesdict
-from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 
-from catenary.documents import cut, shortened
+from catenary.documents import cut
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
-from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name
+from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name, types_of
 from catenary.recording.parquet_files import MOST_COLUMNS
 from catenary.recording.topic_samples import columns_of_type
 from catenary.topics import SECOND, TopicColumn
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
 LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
-MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000
 DEEPEST = 32  # messages within each other
 _BATCH = 4096
 _MOST_JOINTS = 1000
@@ -297,7 +296,9 @@ def fields_by_definition(
 ) -> Callable[[str], tuple[Field, ...]]:
     """Return what gives the fields of a topic's message type and of those within it."""
     where = f"{path}: topic {cut(connection.topic)}: type {cut(connection.type)}"
-    types = _types(where, connection, encoding)
+    types = _of_ros(encoding)
+    if connection.definition.strip():
+        types = types | types_of(where, connection.type, connection.definition)
     known: dict[str, tuple[Field, ...]] = {}
     deepest: dict[str, int] = {}
 
@@ -320,24 +321,6 @@ def fields_by_definition(
 
     depth(current_name(connection.type), ())
     return known.__getitem__
-
-
-def _types(where: str, connection: BagConnection, encoding: Encoding) -> Typesdict:
-    text = connection.definition
-    if not text.strip():
-        return _of_ros(encoding)
-    is_idl = text.lstrip("= \n").startswith("IDL:")
-    lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in text.split("\n"))
-    plain = text if is_idl else "\n".join(line for line in lines if line.strip())
-    if len(plain) > MAX_TEXT:
-        raise FileFormatError(f"{where}: its definition has {len(plain)} characters, expected {MAX_TEXT} at most")
-    try:
-        found = get_types_from_idl(plain) if is_idl else get_types_from_msg(plain, connection.type)
-    except (
-        TypesysError, ValueError, LookupError, TypeError, RecursionError, AssertionError, AttributeError,
-    ) as error:  # fmt: skip
-        raise FileFormatError(f"{where}: its definition cannot be read: {shortened(str(error))}") from error
-    return _of_ros(encoding) | found
 
 
 @cache

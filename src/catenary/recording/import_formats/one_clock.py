@@ -78,8 +78,14 @@ class OneClock:
         if table is not None:
             self._own_stamp = table.stamp[rows]
             self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
+        if len(streams[self.base].starts) > 1:  # time begins anew with each recording, as a cable's memory does
+            of = np.searchsorted(streams[self.base].starts, rows, side="right")
+            _, first, of = np.unique(of, return_index=True, return_inverse=True)
+            later = (self._own_stamp[first] - self._own_stamp[0])[of]
+            self._own_stamp = self._own_stamp - later
+            self._seconds = None if self._seconds is None else self._seconds - later / SECOND
         self._began = streams[self.base].began
-        self._timed = table is None or table.column is not None
+        self.is_timed = table is None or table.column is not None
         self.reports = tuple(one.report for one in found.values())
         self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
         for (name, _), one in found.items():
@@ -107,7 +113,7 @@ class OneClock:
 
     def time(self, whole: NDArray[np.bool_]) -> tuple[Floats | None, float]:
         """Return the time of rows (N,) [s], from the first one on, and what its own clock said then [s]."""
-        if not self._timed:
+        if not self.is_timed:
             return None, 0.0
         stamp = self._own_stamp[whole]
         began = int(stamp[0]) / SECOND + (self._began if stamp[0] < APART_FROM_1970 else 0.0)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.recording.import_formats.columns import Stream, ends
+from catenary.recording.import_formats.columns import Stream, arrays_of, ends
 from catenary.recording.import_formats.table_time import is_nameless
 
 # of geometry_msgs/Pose and Transform, and of what trackers' exports are read as
@@ -42,6 +42,7 @@ class PoseColumns(NamedTuple):
     doubt: str = ""  # about the orientation
     units: tuple[str, str] = ("m", "rad")  # of position and angles
     stream: str = ""
+    is_own: bool = False  # of the arm whose joints stand beside it under the same name: measured_x, measured_q1
 
     @property
     def name(self) -> str:
@@ -116,5 +117,9 @@ def _by_names(stream: Stream, taken: Collection[str]) -> list[PoseColumns]:
             new = not any(set(columns) & set(one.taken) for one in found)
             is_pose = turns or _TRACKERS.search(f"{stream.name} {stem}")
             if len(columns) == len(words) and new and is_pose and is_turn(columns[3:]):
-                found.append(PoseColumns(columns, columns, orientation, doubt))
+                own = stem != "" and any(re.match(rf"{re.escape(stem)}(q|jp|joint_?)[1-9]", name) for name in bare)
+                found.append(PoseColumns(columns, columns, orientation, doubt, is_own=own))
+    points = {base: columns for base, columns in arrays_of(stream).items() if len(columns) == 3}
+    for base in [base for base in points if _TRACKERS.search(base) and re.search("position|translation|xyz", base)]:
+        found.append(PoseColumns(tuple(points[base]), tuple(points[base])))
     return found

@@ -103,6 +103,11 @@ def propose(
         )
         if draft.ask("q_encoder", text, {encoder.references[0]: "they are", "none": "they are not"}) == "none":
             encoder = None
+    if nominal is not None and model is not None and len(nominal.columns) > model.n:
+        every = nominal.columns
+        nominal = _some_of(nominal, model.n, "q_nominal", f"are the joints of {model.name}", draft)
+        if encoder is not None and len(encoder.columns) == len(every):
+            encoder = encoder.part([encoder.columns[every.index(column)] for column in nominal.columns])
     if robot is not None:
         draft.top.append(f"robot = {_text(robot)}")
     if nominal is not None:
@@ -116,7 +121,8 @@ def propose(
         _further(found, nominal, draft)
     used = [one.stream for one in (nominal, encoder) if one is not None]
     if encoder is None:
-        tracked = _tracked(poses_of(sources.streams), model, nominal, draft)
+        poses = [pose for pose in poses_of(sources.streams) if not pose.is_own]
+        tracked = _tracked(poses, model, nominal, draft)
         used += [stream for stream in sources.streams if tracked is not None and stream.name == tracked.stream]
     _times({stream.name: stream for stream in used}, draft)
     for stream in sources.streams:
@@ -272,18 +278,22 @@ def _same_joints(nominal: Candidate, truth: Candidate, draft: _Draft) -> tuple[C
             {"in order": "the first is the first, and so on"},
         )
     count = min(len(truth.columns), len(nominal.columns))
-    if len(truth.columns) == len(nominal.columns):
-        return nominal, truth
-    more, fewer = (nominal, truth) if len(nominal.columns) > count else (truth, nominal)
-    about = "q_nominal.columns" if more is nominal else "q_encoder.columns"
-    first = ",".join(more.references[:count])
-    text = f"which {count} of the {len(more.columns)} columns of {more.name} go with {fewer.name}"
+    if len(nominal.columns) > count:
+        return _some_of(nominal, count, "q_nominal", f"go with {truth.name}", draft), truth
+    return nominal, _some_of(truth, count, "q_encoder", f"go with {nominal.name}", draft)
+
+
+def _some_of(one: Candidate, count: int, quantity: str, why: str, draft: _Draft) -> Candidate:
+    """Ask which of a group's columns are meant, where it has more."""
+    if len(one.columns) == count:
+        return one
+    about, first = f"{quantity}.columns", ",".join(one.references[:count])
+    text = f"which {count} of the {len(one.columns)} columns of {one.name} {why}"
     answer = draft.ask(about, text, {first: "as they stand below, or any others"}, is_free=True)
-    chosen = [place.column for reference in words_of(answer) for place in places_of(reference, [more.stream])]
-    if answer is not None and (len(chosen) != count or not set(chosen) <= set(more.columns)):
-        raise InputError(f"--answer {about}={answer}: expected {count} of {', '.join(more.references)}")
-    part = more.part(chosen or more.columns[:count])
-    return (part, truth) if more is nominal else (nominal, part)
+    chosen = [place.column for reference in words_of(answer) for place in places_of(reference, [one.stream])]
+    if answer is not None and (len(chosen) != count or not set(chosen) <= set(one.columns)):
+        raise InputError(f"--answer {about}={answer}: expected {count} of {', '.join(one.references)}")
+    return one.part(chosen or one.columns[:count])
 
 
 def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> None:
@@ -294,6 +304,8 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
         same = [one for one in of_kind if set(nominal.joints) <= set(one.joints) and all(nominal.joints)]
         parts = [one.part([one.columns[one.joints.index(joint)] for joint in nominal.joints]) for one in same]
         parts = parts or [one for one in of_kind if len(one.columns) == len(nominal.columns)]
+        if nominal.role != "commanded":
+            parts = [one for one in parts if one.role != "commanded"] or parts
         if len(parts) == 1 and parts[0].is_whole:
             its, scale = parts[0].stated_units(), parts[0].stated_scale()
             by = "by the names of the columns" if its or scale else ""

@@ -43,9 +43,7 @@ def raven_table() -> dict[str, Any]:
     return tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text())
 
 
-def read_raven(
-    paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = (), max_gap: float = 0.05
-) -> Synchronisation:
+def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = ()) -> Synchronisation:
     """Bring a RAVEN-II's encoders onto the stamps of its raven_state.
 
     A row is a raven_state message: `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
@@ -55,7 +53,6 @@ def read_raven(
     Args:
         paths: Journal, bags, or the published CSV.
         columns: Further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",).
-        max_gap: Between two samples that are interpolated between [s].
     """
     further = further_columns(columns, arm)
     is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
@@ -80,7 +77,7 @@ def read_raven(
         for name, (column, unit) in further.items()
     }
     content = mapping.model_dump(mode="json", exclude_unset=True)
-    content |= {"signals": content["signals"] | signals, "max_gap_s": max_gap}
+    content |= {"signals": content["signals"] | signals}
     return synchronise(sources, parse_settings(content, RecordingMapping, "raven2.toml"))
 
 

@@ -284,8 +284,7 @@ class _Problem:
     def starts(self, base: Pose | None, marker: Pose | None) -> list[Estimate]:
         """Return estimates to begin from: of 4,000 directions that the tracker may look from, a few that fit best.
 
-        With the turn of X known its place and the marker's are linear, and what these leave of the equations of the
-        positions is quadratic in the nine elements of the turn.
+        With the turn of X known its place and the marker's are linear.
         """
         from scipy.spatial.transform import Rotation
 
@@ -295,18 +294,14 @@ class _Problem:
         known = (frame.position + frame.rotation @ Z.position - X.position).ravel()  # R_X p + [x] - [R z] = this
         columns = [np.broadcast_to(np.eye(3), (M, 3, 3))] * (base is None) + [-frame.rotation] * (marker is None)
         A = np.concatenate(columns, axis=2).reshape(3 * M, -1)
-        of_turn = np.einsum("ab,ic->iabc", np.eye(3), t.position).reshape(3 * M, 9)
-        left_by = np.eye(3 * M) - A @ np.linalg.pinv(A, rcond=1e-6)
         drawn = Rotation.from_quat(np.random.default_rng(0).normal(size=(_LOOKS, 4))).as_matrix()
         looks = drawn if base is None else X.rotation[None]
-        flat = looks.reshape(-1, 9)
-        rest, b = left_by @ of_turn, left_by @ known
-        cost = ((flat @ (rest.T @ rest)) * flat).sum(axis=1) - 2.0 * flat @ (rest.T @ b)
+        rest = known[:, None] - np.einsum("kab,ib->iak", looks, t.position, optimize=True).reshape(3 * M, -1)
+        places = np.linalg.pinv(A, rcond=1e-6) @ rest
         found: list[Estimate] = []
-        for place in np.argsort(cost).tolist():
-            look = looks[place]
+        for i in np.argsort(((rest - A @ places) ** 2).sum(axis=0)).tolist():
+            look, x, turn = looks[i], places[:, i], Z.rotation
             if all(np.trace(look.T @ other.base.rotation) < 2.4 for other in found):  # 0.8 rad apart
-                x, turn = np.linalg.lstsq(A, known - of_turn @ flat[place], rcond=1e-6)[0], Z.rotation
                 if marker is None and t.rotation is not None:
                     turns = np.swapaxes(frame.rotation, 1, 2) @ look @ t.rotation
                     turn = Rotation.from_matrix(turns).mean().as_matrix()

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
 from catenary.arrays import Floats
-from catenary.documents import cut
+from catenary.documents import cut, reading
 from catenary.errors import FileFormatError, InputError
 from catenary.files import ADVICE, TEXT_ENDINGS, table_ending
 from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.import_formats.csv_files import Block, TextTable
 from catenary.recording.import_formats.tracker_files import is_tracker_file, read_tracker_file
-from catenary.recording.parquet_files import MOST_COLUMNS
+from catenary.recording.parquet_files import ARROW, MOST_COLUMNS
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (*TEXT_ENDINGS, ".parquet", ".npz", ".npy", ".mat")
@@ -174,7 +174,7 @@ def read_parquet_table(path: Path) -> Stream:
     file = open_parquet(path)
     columns: dict[str, NDArray[Any]] = {}
     names, left, notes = file.schema_arrow.names, list[str](), list[str]()
-    try:
+    with reading(path, "Parquet", ARROW):
         for name in names:
             kind, widths = file.schema_arrow.field(name).type, [0]
             is_list = pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
@@ -193,8 +193,6 @@ def read_parquet_table(path: Path) -> Stream:
                 plain = "time" if name == PANDAS_INDEX and "time" not in names else name
                 columns[plain] = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy()
                 notes.append(f"{plain}: holds stamps, read as nanoseconds")
-    except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
-        raise FileFormatError(f"{path}: cannot be read as Parquet: {cut(str(error))}") from error
     columns = {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}
     if left:
         notes.append(f"columns that hold no numbers were left out: {', '.join(map(cut, left[:10]))}")
@@ -205,14 +203,12 @@ def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
     """Read the arrays of numbers of a `.mat`; those within structs are called `struct.field`."""
     from scipy.io import loadmat, whosmat
 
-    try:
+    with reading(path, "a MATLAB file", (Exception,)):  # scipy raises of any kind over bytes that are no such file
         data = path.read_bytes()
         for _, shape, _ in whosmat(path):  # scipy makes room for as many cells as the file states
             if 8 * prod(shape) > max(MOST, RATIO * len(data)):
                 raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
         content = loadmat(path, simplify_cells=True, verify_compressed_data_integrity=True)
-    except Exception as error:  # what scipy raises over bytes that are no such file is of any kind
-        raise FileFormatError(f"{path}: cannot be read as a MATLAB file: {cut(str(error) or repr(error))}") from error
     arrays: dict[str, NDArray[Any]] = {}
     _collect({key: value for key, value in content.items() if not key.startswith("__")}, "", arrays)
     return arrays

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Literal, NamedTuple
 
 from catenary.documents import cut
@@ -203,6 +203,11 @@ def _names(
     if len(cells) == used and len(texts) >= used / 2:
         behind = [f" [{unit}]" * (unit not in ("", "-", "1")) for unit in units]
         return [name + unit * (not set(name) & set("[(")) for name, unit in zip(cells, behind, strict=True)], []
+    is_merged = cells[:1] == texts[:1] and 1 < len(texts) < len(cells) <= used  # cells of a spreadsheet
+    if is_merged and not any(text[-1].isdigit() for text in texts):  # q3 is of one column
+        begins = [i for i, cell in enumerate(cells) if cell] + [used]
+        return [f"{cells[a]}[{i}]" if b > a + 1 else cells[a] for a, b in pairwise(begins) for i in range(b - a)], []
+    cells = [cell for cell in cells if cell]
     few = f"{len(cells)} names for {used} columns ({', '.join(map(cut, cells[:5]))}, ...): none was taken"
     is_prose = COMMENT.match(said[-1]) and len(cells) < used / 2
     return [], [few] * (len(cells) > 1 and len(texts) == len(cells) and not is_prose)

@@ -12,9 +12,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from catenary.documents import cut
+from catenary.documents import cut, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream
+from catenary.recording.parquet_files import ARROW
 
 _HEAD = 16  # lines in which Motive's names stand, at most
 _METRES = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
@@ -61,10 +62,8 @@ def read_tracker_file(path: Path) -> Stream:
     names = [str(i) for i in range(len(head[axes_at]))]
     of_file = pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=axes_at + 1)
     numbers = pa.csv.ConvertOptions(column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted))
-    try:
+    with reading(path, "Motive's export", ARROW):
         table = pa.csv.read_csv(path, of_file, convert_options=numbers)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise FileFormatError(f"{path}: cannot be read as Motive's export: {cut(str(error))}") from error
     if not table.num_rows:
         raise FileFormatError(f"{path}: has no row with a pose")
     columns = {name: scale * table.column(i).to_numpy() for i, (name, scale) in wanted.items()}
