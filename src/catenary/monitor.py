@@ -11,7 +11,7 @@ from catenary.arrays import Floats
 from catenary.plant import OperatingState
 from catenary.sensing.vector import tilt_of
 from catenary.units import DISPLAY, in_words
-from catenary.visible import visible
+from catenary.visible import range_bar, visible
 
 NEAR_LIMIT = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
 STALE_GRAVITY = 0.1  # [s], as old as the gravity estimator lets a reading be before it calls it stale
@@ -232,11 +232,7 @@ def _is_known(values: Floats | None, head: str) -> bool:
 def _bar(shot: Snapshot, j: int) -> str:
     if shot.lower is None or shot.upper is None:
         return ""
-    low, high = shot.lower[j], shot.upper[j]
-    if not (np.isfinite(low) and np.isfinite(high) and np.isfinite(shot.q[j])):
-        return "no limits"
-    place = int(np.clip((shot.q[j] - low) / (high - low), 0.0, 1.0) * (BAR - 1) + 0.5)
-    return "[" + "." * place + "#" + "." * (BAR - 1 - place) + "]"
+    return range_bar(shot.q[j], shot.lower[j], shot.upper[j], BAR)
 
 
 def _state(shot: Snapshot) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.reader import CrtkReader, model_joints
+from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import DIALECTS, DialectName
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM_JOINTS, psm_topic
@@ -176,7 +176,7 @@ def _over_topics(robot: str, where: OverTopics) -> CrtkReader:
         dialect=dialect,
         arm="gold" if kind is None else kind.arm,
         namespace=namespace,
-        joints=None if is_raven else model_joints(load_robot(robot)),
+        joints=None if is_raven else load_robot(robot),
         simulated=where.simulated,
         gravity=where.gravity,
     )

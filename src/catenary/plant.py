@@ -182,6 +182,15 @@ class Joints(NamedTuple):
     joint_units: tuple[str, ...] = ()
 
 
+class JointRanges(NamedTuple):
+    """Joints, in order, and the ranges that they move in."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]  # rad or m
+    lower: Floats  # (n,) [rad|m]
+    upper: Floats  # (n,)
+
+
 def joints_text(joints: Jointed) -> str:
     """Return joints and their units as messages name them."""
     units = [f" [{unit}]" if unit else "" for unit in joints.joint_units] or [""] * len(joints.joint_names)

@@ -1,6 +1,7 @@
 """Text from files and messages as a terminal may be given it: nothing in it moves the cursor or turns writing round."""
 
 import re
+from math import isfinite
 from typing import Any
 
 # C0 but for tab and line feed, DEL, C1, marks and overrides of direction, line and paragraph separators
@@ -10,6 +11,14 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u20
 def visible(text: str) -> str:
     """Return text with control characters written out, as JSON does it."""
     return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def range_bar(value: float, low: float, high: float, characters: int) -> str:
+    """Return where a value stands between its limits, as text: [...#........]."""
+    if not all(map(isfinite, (value, low, high))):
+        return "no limits"
+    place = int(min(max((value - low) / (high - low), 0.0), 1.0) * (characters - 1) + 0.5)
+    return "[" + "." * place + "#" + "." * (characters - 1 - place) + "]"
 
 
 class ClosedOutput(BrokenPipeError):

@@ -81,7 +81,7 @@ def test_a_table_is_a_robot(tmp_path: Path) -> None:
 def test_a_model_is_known_by_what_it_holds(model: Path, tmp_path: Path, name: str) -> None:
     outcome = catenary("check", copy(model, tmp_path / name))
     assert "calibration model" in outcome.out
-    assert "run (sha256 " in outcome.out
+    assert "rows, sha256 " in outcome.out
 
 
 def test_facts_of_a_model_are_numbers_with_units(model: Path) -> None:

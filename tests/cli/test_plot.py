@@ -43,7 +43,6 @@ def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
     assert "--out" in refusal("plot", "raven2")
     assert 'ending ".npz": expected .png or .svg or .pdf' in refusal("plot", "raven2", "--out", tmp_path / "a.npz")
     assert "hide: x: expected some of" in refusal("plot", "raven2", "--hide", "x", "--out", tmp_path / "a.png")
-    assert "slides without limits" in refusal("plot", "dvrk_psm_motors", "--workspace", "--out", tmp_path / "a.png")
     assert "does not go with" in refusal(
         "plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1", "--out", "a.png"
     )

@@ -28,6 +28,7 @@ A_ZIGZAG_THAT_CANNOT_BE = {
     "--direction=J4": "direction: expected J1, J2",
     "--form=paper": "direction J2-J3 has one form, generator",
     "--form=newest --direction=J1-J2-J3": "expected generator, files or paper",
+    "--state-rate=0": "state rate: expected",
     "--sparsity=1/0": "'--sparsity': expected numbers",
     "--sparsity=1/2,many": "got 'many'",
 } | {f"--sparsity={value}": "sparsity: expected" for value in ("0", ",", "nan", "1e-9")}

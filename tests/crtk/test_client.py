@@ -10,8 +10,8 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
-from catenary.crtk.reader import RobotJoints
 from catenary.errors import InputError, NotReadyError, TransportError
+from catenary.plant import JointRanges
 from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS, CablePlant
 from catenary.workflows.robot.motion import pause
@@ -77,7 +77,7 @@ def test_robot_with_other_joints_is_refused() -> None:
 
 def test_robot_of_any_joints_is_taken_with_its_limits() -> None:
     setup = RobotOnLoopback(IdealPlant([0.1, 0.2], joint_names=("a", "b")), dialect="crtk")
-    joints = RobotJoints(("a", "b"), ("rad", "m"), np.array([-1.0, 0.0]), np.array([1.0, 0.5]))
+    joints = JointRanges(("a", "b"), ("rad", "m"), np.array([-1.0, 0.0]), np.array([1.0, 0.5]))
     client = CrtkClient(setup.transport, dialect="crtk", joints=joints)
     client.servo_jp([2.0, 0.3])
     client.wait()

@@ -11,7 +11,6 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import pose_message, pose_of
-from catenary.crtk.reader import model_joints
 from catenary.crtk.topic_names import crtk_topics
 from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import InputError, NotReadyError
@@ -75,7 +74,7 @@ class ServedPsm(TickingClock):
         publisher.close()
 
     def client(self):
-        return CrtkClient(self.transport, dialect="crtk", namespace="/PSM1", joints=model_joints(MODEL), simulated=True)
+        return CrtkClient(self.transport, dialect="crtk", namespace="/PSM1", joints=MODEL, simulated=True)
 
 
 @pytest.fixture

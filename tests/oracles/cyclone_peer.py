@@ -7,7 +7,7 @@ from cyclonedds.core import Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl import annotations as annotate
-from cyclonedds.idl.types import array, float64, int32, int64, sequence, uint8, uint32, uint64
+from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy
 from cyclonedds.sub import DataReader
@@ -76,23 +76,6 @@ class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
 @annotate.final
 class Text(IdlStruct, typename="std_msgs::msg::dds_::String_"):
     data: str = ""
-
-
-@dataclass
-@annotate.final
-class TriggerRequest(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Request_"):
-    guid: uint64 = 0
-    seq: int64 = 0
-    structure_needs_at_least_one_member: uint8 = 0
-
-
-@dataclass
-@annotate.final
-class TriggerResponse(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Response_"):
-    guid: uint64 = 0
-    seq: int64 = 0
-    success: bool = False
-    message: str = ""
 
 
 def discovery_type(gid_bytes: int) -> Any:

@@ -86,11 +86,6 @@ def test_it_draws_on_axes_and_on_figures_of_others() -> None:
         catenary.plot(load_robot("raven2"), on=Figure().add_subplot())
 
 
-def test_the_ends_of_two_arms_have_a_workspace_each() -> None:
-    (said,) = [told(catenary.plot(load_robot("dual_arm_19"), hide=PARTS, workspace=True))]
-    assert [text.split(",")[0] for text in said] == ["where left_hand can be", "where right_hand can be"]
-
-
 def test_several_poses_are_drawn_and_a_picture_is_written() -> None:
     arm = load_robot("two_link")
     figure = catenary.plot(arm, np.linspace([0.0, 0.0], [1.0, 2.0], 40))

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from catenary.calibration import calibration
-from catenary.plant import MotionLog
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.simulated_recording import record_simulated
 from oracles.cable_arms import homed_plant
@@ -44,15 +43,10 @@ def view(*arguments: object) -> Iterator[str]:
             program.wait()
 
 
-def recorded_motion() -> MotionLog:
-    """Two minutes of the nominal simulated RAVEN-II at random."""
-    motion = random_sinusoids(np.random.default_rng(0), 120.0)
-    return record_simulated(homed_plant("left"), motion, "two minutes", np.random.default_rng(1))
-
-
 def model_of_positions(path: Path) -> Path:
-    """Save a calibration model of that robot, linear in its positions."""
-    log = recorded_motion()
+    """Save a calibration model of the nominal simulated RAVEN-II, linear in its positions, of two minutes at random."""
+    motion = random_sinusoids(np.random.default_rng(0), 120.0)
+    log = record_simulated(homed_plant("left"), motion, "two minutes", np.random.default_rng(1))
     fitted = calibration.fit(log, model="linear", inputs=[f"q:{name}" for name in log.joint_names])
     fitted.save(path)
     return path

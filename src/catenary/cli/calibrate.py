@@ -153,14 +153,13 @@ def _this_command() -> str:
 
 
 def _conclude(result: "CalibrationResult", as_json: bool) -> None:
-    from catenary.reports.project import comparison_table
+    from catenary.reports.project import comparison_table, corrector_time
 
     title = "RMSE on a recording that no model saw (per cent of the fixed offset)"
     lines, deployed = [*result.advice], result.deployment
     if deployed is not None and deployed["compute_us"]:
         compute = deployed["compute_us"]
-        if (corrector := deployed["correction_us"]) is not None:
-            lines.append(f"the corrector takes {corrector['median']:.1f} us a tick (p99.9 {corrector['p999']:.0f} us)")
+        lines += corrector_time(deployed)
         overruns = "" if deployed["overruns"] is None else f", {deployed['overruns']} overruns"
         robot = "simulated robot" if deployed["simulated"] else "robot"
         lines.append(

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from catenary.calibration.model import CalibrationModel
     from catenary.crtk.reader import CrtkReader
     from catenary.nodes.calibrated_topics import CalibratedTopics, WireReport
-    from catenary.reports.page import Table
-    from catenary.workflows.project.deploy import Deployment
 
 
 def deploy(
@@ -90,6 +88,7 @@ def _too_slow(took: float, period: float) -> None:
 
 def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool) -> None:
     from catenary.config import plain_data
+    from catenary.reports.project import corrector_time, deployed_table
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot
@@ -105,26 +104,12 @@ def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real
     motion, _ = random_motion(opened, seconds, 1)
     with step_progress(f"{seconds:g} s at 1 kHz"):
         result = deploy_on_robot(plant, model, motion, real_time=real_time)
-    took = None if result.compute_us is None or not real_time else result.compute_us.median
-    spent = result.correction_us
-    lines = [] if spent is None else [f"the corrector takes {spent.median:.1f} us a tick (p99.9 {spent.p999:.0f} us)"]
-    print_result(as_json, plain_data(result), str(result.loop), *lines, _loop_table(result))
+    took = None if result.compute_us is None or not real_time else result.compute_us["median"]
+    content = plain_data(result)
+    table = deployed_table(content, title="RMSE while the loop ran")
+    print_result(as_json, content, str(result.loop), *corrector_time(content), table)
     if took is not None and took > 1e6 * plant.period:
         _too_slow(1e-6 * took, plant.period)
-
-
-def _loop_table(result: "Deployment") -> "Table":
-    from catenary.reports.page import Table, TableColumn
-
-    columns = [
-        TableColumn("joint", "name"),
-        TableColumn("unit", "unit"),
-        TableColumn("reported", "raw_rmse", ".3f"),
-        TableColumn("corrected", "rmse", ".3f"),
-    ]
-    if result.coverage_asked is not None:
-        columns.append(TableColumn(f"within intervals ({result.coverage_asked:.0%} asked)", "coverage", ".0%"))
-    return Table(columns, result.joints, "RMSE while the loop ran")
 
 
 _OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": "its inputs are back"}

@@ -174,6 +174,7 @@ def import_recording(
     Example: catenary import lab.bag --map q_nominal=/arm/joint_cmd.position --map q_encoder=/camera/joints.position@deg
     --units deg,deg,mm --out lab.parquet
     """
+    from catenary.plant import joints_text
     from catenary.recording.import_formats.proposal import answers_of
     from catenary.workflows.import_recording import import_to_file, known_layout, propose_mapping
 
@@ -207,7 +208,7 @@ def import_recording(
     }  # fmt: skip
     rows = f"{done.rows}{'' if done.seconds is None else f', {done.seconds:.1f} s'}"
     rows += f", {done.measured or 'none'} of them with q_encoder" + (", which a fit needs" * (not done.measured))
-    facts = [("joints:", ", ".join(f"{name} [{unit}]" for name, unit in joints.items())), ("rows:", rows)]
+    facts = [("joints:", joints_text(log)), ("rows:", rows)]
     facts += [*([] if delay is None else [("delay:", delay)]), ("log:", str(out))]
     notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
     print_result(as_json, report, facts, notes=notes)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from catenary.calibration.fit_recordings import FitResult
     from catenary.reports.page import Table
     from catenary.robots.model import RobotModel
+    from catenary.workflows.calibration_model import HeldAgainst
 
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
 ROBOT_OF_DATA = option("ROBOT", "Catalogue name or file of the robot: joint names and units.")
@@ -140,17 +141,29 @@ def fit(
         print_page(report, as_json)
 
 
+@group
+class HeldModel(ModelRecordingOptions):
+    """A model, and recordings that it is held against."""
+
+    model: Path = argument("MODEL", "A model that catenary fit or refresh wrote.")
+    data: Sequence[Path] = RECORDINGS
+    max_error: Numbers | None = MAX_ERROR
+    accept: Sequence[str] = ACCEPT
+    report: Path | None = REPORT
+
+    def against(self) -> "HeldAgainst":
+        """Read both."""
+        from catenary.workflows.calibration_model import held_against
+
+        return held_against(self.model, self.data, self.reading(), accept=self.accept, max_error=self.max_error)
+
+
 def evaluate(
-    recordings: ModelRecordingOptions,
-    model: Path = argument("MODEL", "A model that catenary fit wrote."),
-    data: Sequence[Path] = RECORDINGS,
+    held: HeldModel,
     window: float | None = option("S", "Length of a time window in s. [default: a tenth of the data]"),
-    max_error: Numbers | None = MAX_ERROR,
-    accept: Sequence[str] = ACCEPT,
     robot: str | None = option(
         "ROBOT", "Catalogue name or file of the robot: with --report, the error of its tip. [default: the model's]"
     ),
-    report: Path | None = REPORT,
     as_json: bool = AS_JSON,
 ) -> None:
     """Print a model's error on recordings, before and after.
@@ -162,33 +175,26 @@ def evaluate(
     from catenary.reports.calibration import write_calibration_report
     from catenary.reports.joint_errors import error_table, window_table
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.calibration_model import held_against
 
     arm = None if robot is None else load_robot(robot)
-    held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
-    result = held.evaluate(window)
+    result = held.against().evaluate(window)
     judged = result.evaluation
     tables = error_table(judged), _coverage(judged), window_table(judged)
     print_result(as_json, result.as_data(), *tables, notes=result.notes)
-    if report is not None:
+    if held.report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
         if result.seen_in_training:
             tested_on += f" (no test: the model was fitted to {', '.join(result.seen_in_training)})"
         write_calibration_report(
-            report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes,
+            held.report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes,
             unseen=not result.seen_in_training, robot=arm,
         )  # fmt: skip
-        print_page(report, as_json)
+        print_page(held.report, as_json)
 
 
 def refresh(
-    recordings: ModelRecordingOptions,
-    model: Path = argument("MODEL", "A model that catenary fit wrote."),
-    data: Sequence[Path] = RECORDINGS,
+    held: HeldModel,
     out: Path = option("MODEL", f"Refreshed model to write. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
-    max_error: Numbers | None = MAX_ERROR,
-    accept: Sequence[str] = ACCEPT,
-    report: Path | None = REPORT,
     as_json: bool = AS_JSON,
 ) -> None:
     """Bring a model up to date with minutes of a new day.
@@ -202,29 +208,23 @@ def refresh(
     """
     from catenary.calibration.model_file import save_model
     from catenary.reports.refresh import PROMISE, refresh_table, write_refresh_report
-    from catenary.workflows.calibration_model import held_against
 
-    result = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error).refresh()
+    result = held.against().refresh()
     save_model(result.model, result.card, out)
     content = {"model": str(out), "card": str(card_path(out)), **result.as_data()}
     table = refresh_table(result.refreshed.changes, len(result.data))
     files = f"{PROMISE}\nmoved: {result.moved}\nmodel: {out}\ncard:  {card_path(out)}"
     print_result(as_json, content, table, files, notes=result.notes)
-    if report is not None:
+    if held.report is not None:
         write_refresh_report(
-            report, result.refreshed, result.data, model=model.name, moved=result.moved, notes=result.notes
+            held.report, result.refreshed, result.data, model=held.model.name, moved=result.moved, notes=result.notes
         )
-        print_page(report, as_json)
+        print_page(held.report, as_json)
 
 
 def drift(
-    recordings: ModelRecordingOptions,
-    model: Path = argument("MODEL", "Model that catenary fit or refresh wrote."),
-    data: Sequence[Path] = RECORDINGS,
+    held: HeldModel,
     factor: float = option("K", "For a model without intervals: multiple of its card's error that is drift.", 2.0),
-    max_error: Numbers | None = MAX_ERROR,
-    accept: Sequence[str] = ACCEPT,
-    report: Path | None = REPORT,
     as_json: bool = AS_JSON,
 ) -> None:
     """Print errors over days, of a model or of cards.
@@ -237,21 +237,20 @@ def drift(
     """
     from catenary.calibration.model_drift import since_in_words
     from catenary.reports.drift import drift_tables, write_drift_report
-    from catenary.workflows.calibration_model import card_history, drift_summary, held_against
+    from catenary.workflows.calibration_model import card_history, drift_summary
 
-    if all(path.suffix == ".json" or (path.is_file() and MODEL.is_one(path)) for path in data):
-        if recordings != ModelRecordingOptions() or accept or max_error:
+    if all(path.suffix == ".json" or (path.is_file() and MODEL.is_one(path)) for path in held.data):
+        if held != HeldModel(**values_of(held, "model", "data", "report")):
             raise InputError("drift: options of recordings do not go with models and cards")
-        found, notes = card_history([model, *data], factor), list[str]()
+        found, notes = card_history([held.model, *held.data], factor), list[str]()
     else:
-        held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
-        found, notes = held.drift(factor)
+        found, notes = held.against().drift(factor)
     since = "\n".join(since_in_words(found)) or "no joint is beyond at the end"
     lines = f"beyond: {found.judged_by}", since
     print_result(as_json, drift_summary(found, notes), *drift_tables(found), *lines, notes=notes)
-    if report is not None:
-        write_drift_report(report, found, model=model.name, notes=notes)
-        print_page(report, as_json)
+    if held.report is not None:
+        write_drift_report(held.report, found, model=held.model.name, notes=notes)
+        print_page(held.report, as_json)
     if any(first is not None for first in found.since):
         raise typer.Exit(1)
 

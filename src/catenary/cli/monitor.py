@@ -68,7 +68,7 @@ def monitor(
 
             announce("preparing the robot ...")
             opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
-            motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
+            motion = random_motion(opened, 3600.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name
             observe = stack.enter_context(recorded(opened, record))
             samples = watch_robot(opened, model=model, every=1.0 / hertz, motion=motion, observe=observe)

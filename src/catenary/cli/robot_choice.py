@@ -24,17 +24,23 @@ SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the 
 
 
 @group
-class WatchedRobot:
-    """Options of a robot that is only read: which, and where it is."""
+class RobotPlace:
+    """Options of where a robot is: on ROS, or simulated here."""
 
-    robot: str = option("ROBOT", "raven2, raven2_right, another of the catalogue, or a robot file.", "raven2")
     ros: int | None = option("1|2", "The robot is on ROS 1 or 2. [default: simulated here]", joins_ros=True)
     dialect: str | None = DIALECT
     namespace: str | None = NAMESPACE
     name: str | None = replace(NODE_NAME, goes_with="ros")
     simulated: bool = option(None, "With --ros: the robot is simulated; no workspace to clear.", False, goes_with="ros")
-    base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, not_with="ros")
     robot_seed: int | None = replace(SIMULATED_SEED, not_with="ros")
+
+
+@group
+class WatchedRobot(RobotPlace):
+    """Options of a robot that is only read: which, and where it is."""
+
+    robot: str = option("ROBOT", "raven2, raven2_right, another of the catalogue, or a robot file.", "raven2")
+    base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, not_with="ros")
 
 
 @group

@@ -62,7 +62,9 @@ class JointOptions:
     def of(self, model: "RobotModel") -> "Floats":
         """Return them, (n,) in rad and m."""
         if (self.q is None) == (self.q_deg is None):
-            joints = _names_and_units(model)
+            from catenary.plant import joints_text
+
+            joints = joints_text(model)
             raise InputError(
                 f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): {joints}"
             )
@@ -90,28 +92,21 @@ def some_joint_values(
     """
     import numpy as np
 
+    from catenary.plant import Joints, joints_text
+
     option, values = ("--q", np.array(q)) if q_deg is None else ("--q-deg", np.array(q_deg))
     chosen = robot.joint_names[: len(values)] if names is None else tuple(names)
-    unknown = [name for name in chosen if name not in robot.joint_names]
+    unit_of = dict(zip(robot.joint_names, robot.joint_units, strict=True))
+    unknown = [name for name in chosen if name not in unit_of]
     if unknown:
-        raise InputError(f"--joints: {', '.join(unknown)}: expected some of {_names_and_units(robot)}")
+        raise InputError(f"--joints: {', '.join(unknown)}: expected some of {joints_text(robot)}")
+    units = tuple(unit_of[name] for name in chosen)
     if len(chosen) != len(values) or not np.isfinite(values).all():
-        raise InputError(
-            f"{option}: expected {len(chosen)} finite numbers for {_names_and_units(robot, chosen)}, "
-            f"got {values.tolist()}"
-        )
+        wanted = joints_text(Joints(chosen, units))
+        raise InputError(f"{option}: expected {len(chosen)} finite numbers for {wanted}, got {values.tolist()}")
     if q_deg is not None:
-        units = np.array([robot.joint_units[robot.joint_names.index(name)] for name in chosen])
-        values = np.where(units == "rad", np.deg2rad(values), values / 1000.0)
+        values = np.where(np.array(units) == "rad", np.deg2rad(values), values / 1000.0)
     return values, chosen
-
-
-def _names_and_units(robot: "Jointed", names: Sequence[str] | None = None) -> str:
-    return ", ".join(
-        f"{name} [{unit}]"
-        for name, unit in zip(robot.joint_names, robot.joint_units, strict=True)
-        if names is None or name in names
-    )
 
 
 def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:

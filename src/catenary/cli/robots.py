@@ -190,7 +190,6 @@ def plot(
     robot: str = replace(ROBOT, metavar="ROBOT|MODEL", help=f"{ROBOT.help} With LOG: a calibration model."),
     log: Path | None = argument("LOG", "A recording: draw the model's errors on it, one column wide.", None),
     joint: str | None = option("NAME", "With LOG: the joint to draw. [default: the first]", goes_with="log"),
-    workspace: bool = option(None, "Draw where the ends can be, too.", False),
     hide: Names | None = option("PART,...", "What not to draw, of frames, masses, gravity and torques."),
     out: Path = option("FILE", f"Picture to write, .png, .svg or .pdf. {NAMED_AS_TYPED}", REQUIRED, writes=PICTURE),
     as_json: bool = AS_JSON,
@@ -210,8 +209,8 @@ def plot(
     from catenary.reports.robot_plot import plot as draw
 
     if log is not None:
-        nothing = GivenGravity(), DescriptionOptions(), PayloadOptions(), JointOptions(), False, None
-        if (given, description, carried, joints, workspace, hide) != nothing:
+        nothing = GivenGravity(), DescriptionOptions(), PayloadOptions(), JointOptions(), None
+        if (given, description, carried, joints, hide) != nothing:
             raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
         _plot_errors(Path(robot), log, joint, recordings, out, as_json=as_json)
         return
@@ -225,7 +224,7 @@ def plot(
         links = ", ".join(model.missing_inertia)
         notes.append(f"no torques: the description gives no mass of {links}")
     print_notes([*notes, *given.doubts(gravity)])
-    figure = draw(model, pose, gravity=gravity, hide=hidden, workspace=workspace)
+    figure = draw(model, pose, gravity=gravity, hide=hidden)
     write_picture(figure, out, PICTURE.endings)
     content = {"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)}
     print_result(as_json, content, f"picture: {out}")

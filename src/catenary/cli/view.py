@@ -5,28 +5,20 @@ import sys
 import time
 import webbrowser
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, option
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_choice import (
-    DIALECT,
-    NAMESPACE,
-    NODE_NAME,
-    SIMULATED_SEED,
-    MovedRobot,
-    WatchedRobot,
-    chosen_robot,
-)
+from catenary.cli.robot_choice import MovedRobot, RobotPlace, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
 
 def view(
     recordings: ModelRecordingOptions,
+    place: RobotPlace,
     what: str | None = argument(
         "[ROBOT | PROJECT]",
         "raven2, another robot of the catalogue, a robot file, or the folder of a project. "
@@ -35,17 +27,11 @@ def view(
     ),
     model: Path | None = option("MODEL", "Calibration model: also show the calibrated arm."),
     log: Path | None = option("LOG", "Show a recording; other formats with --map.", not_with=("ros", "robot_seed")),
-    ros: int | None = option("1|2", "Watch a robot on ROS 1 or 2, read-only.", joins_ros=True),
-    dialect: str | None = DIALECT,
-    namespace: str | None = NAMESPACE,
     gravity: str | None = GRAVITY_TOPIC,
-    name: str | None = replace(NODE_NAME, goes_with="ros"),
     control: bool = option(None, "With --ros: buttons that move the robot while held.", False, goes_with="ros"),
-    simulated: bool = option(None, "With --control: simulated, no workspace.", False, goes_with="control"),
     yes: bool = option(None, "With --control: the workspace is clear; do not ask.", False, goes_with="control"),
     port: int = option(None, "Port on 127.0.0.1, or the next free one; from another machine use ssh -L.", 8080),
     browser: bool | None = option(None, "Open it in a browser. [default: on a screen]", flag="--open/--no-open"),
-    robot_seed: int | None = replace(SIMULATED_SEED, not_with="ros"),
     seconds: float | None = option(None, "Duration. [default: until Ctrl-C]"),
     as_json: bool = option(None, "Print the address of the page as a line of JSON.", False, flag="--json"),
 ) -> None:
@@ -60,7 +46,7 @@ def view(
     from catenary.view.page_process import PageProcess
 
     recorded = log is not None or (what is not None and _is_project(what))
-    if recorded and (ros is not None or robot_seed is not None):
+    if recorded and (place.ros is not None or place.robot_seed is not None):
         raise InputError("--ros and --robot-seed are of a robot; --log and a project show a recording")
     if not recorded and recordings != ModelRecordingOptions():
         raise InputError("--as-is goes with --log or a project, as other options of recordings do")
@@ -71,13 +57,13 @@ def view(
             if recorded:
                 announce(f"{page.url}: reading the recording ...")
                 title, runs = _recording(what, log, model, recordings)
-            elif ros is not None:
-                asked = WatchedRobot(what or "raven2", ros, dialect, namespace, name, simulated)
-                robot = MovedRobot(**vars(asked), yes=yes) if control else asked
+            elif place.ros is not None:
+                named: dict[str, Any] = {**vars(place), "robot": what or "raven2"}
+                robot = MovedRobot(**named, yes=yes) if control else WatchedRobot(**named)
                 title, runs = _on_ros(stack, robot, model, gravity)
             else:
                 announce(f"{page.url}: preparing the robot ...")
-                title, runs = what or "raven2", _simulated(what or "raven2", model, robot_seed)
+                title, runs = what or "raven2", _simulated(what or "raven2", model, place.robot_seed)
             url = page.open(runs.shown(f"catenary: {Path(title).name}"))
             if as_json:
                 print_json_line({"shown": title, "url": url})

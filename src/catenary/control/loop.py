@@ -155,7 +155,7 @@ def run_loop(
         limits = TorqueLimits(np.full(n, np.inf))
     limits.reset(state.tau)
     clock = RealTime(dt) if real_time or not plant.simulated else None
-    compute, outside = Durations(), np.zeros(n)
+    compute, correcting, outside = Durations(), Durations(), np.zeros(n)
     nominal, calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
     sensed = None if gravity is None else GravityTally()
     finite = FiniteTicks(plant.joint_names, state.q, give_up_after)
@@ -178,6 +178,7 @@ def run_loop(
             limited_ticks=limits.limited,
             not_finite_ticks=limits.not_finite,
             gravity=None if sensed is None else sensed.report(),
+            correction=correcting.timing(),
         )
 
     try:
@@ -190,7 +191,10 @@ def run_loop(
             if corrector is not None:
                 q, was_inside, interval = np.empty(n), inside, np.empty(n)
                 inside = np.empty(n, dtype=bool)
+                asked = time.perf_counter()
                 corrector.correct_state(state, q, inside, interval)
+                if number > 0:
+                    correcting.add(time.perf_counter() - asked)
                 if controller is not None:
                     left = fade.left_out(q - q_nominal, (inside != was_inside) | (number == 0))
                     q -= left

@@ -57,6 +57,7 @@ class LoopReport:
     limited_ticks: int  # in which the limits changed a torque
     not_finite_ticks: int  # in which a torque or position was NaN or infinite, and no torque sent for it
     gravity: GravityReport | None = None  # None without a source of gravity
+    correction: Timing | None = None  # [s] of the corrector in a tick; None without one
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]

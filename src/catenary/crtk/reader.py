@@ -9,7 +9,7 @@ hold a loop up: its silence shows in `measured_js`, which refuses a state older 
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,34 +24,19 @@ from catenary.crtk.raven_telemetry import RavenTelemetry
 from catenary.crtk.topic_names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, DialectName, find_topic
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import TransportError, UnsupportedCommandError
-from catenary.plant import Column, JointState, OperatingState, StateCommand
+from catenary.plant import Bounded, Column, JointRanges, JointState, OperatingState, StateCommand
 from catenary.raven2.topics import JOINTS, Arm
 from catenary.raven2.transmission import joint_torques
 from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
 
-class RobotJoints(NamedTuple):
-    """Joints of a robot, in the order of its messages."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]  # rad or m
-    lower: Floats  # (n,) [rad|m]
-    upper: Floats  # (n,) [rad|m]
-
-
-def raven_joints(arm: Arm = "gold") -> RobotJoints:
+def raven_joints(arm: Arm = "gold") -> JointRanges:
     """Return the seven joints of a RAVEN-II's arm; the tool's angle lies between the jaws, which have its limits."""
     model = load_robot("raven2_full" if arm == "gold" else "raven2_full_right")
     places = [model.joint_names.index("tool" if name.startswith("jaw") else name) for name in JOINTS]
     units = tuple(model.joint_units[place] for place in places)
-    return RobotJoints(JOINTS, units, model.lower[places], model.upper[places])
-
-
-def model_joints(model: RobotModel) -> RobotJoints:
-    """Return the joints of a model, for a robot whose messages have the same names."""
-    return RobotJoints(model.joint_names, model.joint_units, model.lower, model.upper)
+    return JointRanges(JOINTS, units, model.lower[places], model.upper[places])
 
 
 STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
@@ -99,7 +84,7 @@ class CrtkReader(NeverMoved):
         dialect: DialectName = "raven",
         arm: Arm = "gold",
         namespace: str | None = None,
-        joints: RobotJoints | None = None,
+        joints: Bounded | None = None,
         period: float = 0.001,
         gravity: str | None = None,
         stale_after: float = STALE_AFTER,
@@ -113,7 +98,7 @@ class CrtkReader(NeverMoved):
             dialect: `raven`, the public RAVEN-II software's, or `crtk`, the present convention.
             arm: Which one; the swap of the arms' topics is seen to.
             namespace: In front of the verbs, such as /PSM1, of a robot that speaks `crtk`; a RAVEN-II's when None.
-            joints: Names as in its messages, units and limits; a RAVEN-II's when None.
+            joints: Names as in its messages, units and limits, such as a model; a RAVEN-II's when None.
             period: Of a tick [s].
             gravity: Topic of `catenary gravity-node`; nominal gravity when None.
             stale_after: Age [s] at which a state is refused.
@@ -121,7 +106,7 @@ class CrtkReader(NeverMoved):
             simulated: The robot behind the topics is a simulation, which they do not say.
         """
         found = raven_joints(arm) if joints is None else joints
-        self.joint_names, self.joint_units = found.names, found.units
+        self.joint_names, self.joint_units = found.joint_names, found.joint_units
         self._lower, self._upper = found.lower, found.upper
         self.transport, self.dialect, self.arm, self.namespace = transport, dialect, arm, namespace
         self.period, self.stale_after, self.simulated = period, stale_after, simulated

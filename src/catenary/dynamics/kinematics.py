@@ -1,4 +1,4 @@
-"""Where the links and frames are, how they move with the coordinates, and what a frame can reach."""
+"""Where the links and frames are, and how they move with the coordinates."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -6,12 +6,9 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.recursion import place_links, place_tree, to_robot_columns
 from catenary.dynamics.vectors import add, cross, row, times
-from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import Pose
-
-AT_A_LIMIT = 0.3  # of the positions of each joint: else the edge of a workspace is hardly ever drawn
 
 
 class Configuration:
@@ -100,28 +97,6 @@ def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: A
         InputError: q or point has another shape or is not finite; no frame of that name.
     """
     return Configuration(model, q).jacobian(frame, point)
-
-
-def reachable_points(
-    model: RobotModel, frame: str | None = None, *, count: int = 4_000, rng: np.random.Generator
-) -> Floats:
-    """Return points that a frame's origin reaches, at random joint positions, (count, 3) in the base frame [m].
-
-    Each joint by itself is anywhere in its range, and at either end of it more often; one that turns without limits is
-    anywhere in a turn. Links may pass through each other and through the floor.
-    """
-    lower, upper = np.array(model.lower), np.array(model.upper)
-    open_ended = ~(np.isfinite(lower) & np.isfinite(upper))
-    turns = np.array(model.joint_units) == "rad"
-    if (open_ended & ~turns).any():
-        name = model.joint_names[int(np.flatnonzero(open_ended & ~turns)[0])]
-        raise InputError(f'robot "{model.name}": joint "{name}" slides without limits: no end to its workspace')
-    full_turn = open_ended | (turns & (upper - lower > 2.0 * np.pi))
-    lower[full_turn], upper[full_turn] = -np.pi, np.pi
-    at = rng.random((count, model.n))
-    ends = rng.random((count, model.n)) < AT_A_LIMIT
-    at = np.where(ends & ~full_turn, np.round(at), at)
-    return forward_kinematics(model, lower + at * (upper - lower), frame).position
 
 
 @compiled

@@ -16,7 +16,7 @@ begins anew, as its states belong to another motion. Where this program does not
 not later: of messages that have waited too long all go into the model, and the newest is published.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -51,25 +51,25 @@ WAIT = 0.05  # [s] for the next message
 LATE = 0.02  # [s] after it came, a message is published only where it is the newest
 
 
-@dataclass(frozen=True)
+@dataclass
 class WireReport:
     """Report of a model deployed beside a robot."""
 
-    seconds: float
-    messages: int  # that came
-    published: int
-    rate_hz: float | None  # of the robot's messages, by their stamps; None before two of them
-    latency: Timing | None  # [s] from a message's arrival until ours was handed over
-    late: int  # messages that were corrected, but not published: newer ones had come meanwhile
-    missed: int  # messages that came faster than they were corrected
-    silences: int  # times that nothing came for longer than the client's limit
-    longest_silence: float  # [s]
-    not_homed: int  # messages of a robot that was not homed
-    unreadable: int  # messages that held NaN or infinity, or other joints
-    stale: int  # messages that were corrected while another input was too old: published as not valid
-    outside: tuple[float, ...]  # share of published messages outside the valid range, per joint of the model
     joint_names: tuple[str, ...]
-    leaps: dict[str, int]  # by input: positions that play states did not follow
+    seconds: float = 0.0
+    messages: int = 0  # that came
+    published: int = 0
+    rate_hz: float | None = None  # of the robot's messages, by their stamps; None before two of them
+    latency: Timing | None = None  # [s] from a message's arrival until ours was handed over
+    late: int = 0  # messages that were corrected, but not published: newer ones had come meanwhile
+    missed: int = 0  # messages that came faster than they were corrected
+    silences: int = 0  # times that nothing came for longer than the client's limit
+    longest_silence: float = 0.0  # [s]
+    not_homed: int = 0  # messages of a robot that was not homed
+    unreadable: int = 0  # messages that held NaN or infinity, or other joints
+    stale: int = 0  # messages that were corrected while another input was too old: published as not valid
+    outside: tuple[float, ...] = ()  # share of published messages outside the valid range, per joint of the model
+    leaps: dict[str, int] = field(default_factory=dict)  # by input: positions that play states did not follow
 
     @property
     def keeps_up(self) -> bool:
@@ -135,18 +135,16 @@ class CalibratedTopics:
         self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
         self._begin = self._last = client.transport.steady()
         self.is_silent = False  # nothing has come from the robot for longer than the client allows
-        self._came = self._published = self._late = self._not_homed = self._silences = 0
-        self._unreadable = self._stale = 0
+        self._told = WireReport(model.joint_names)
         self.stale: tuple[str, ...] = ()  # inputs that are too old, in words
         # torques and the like come on other topics than positions; published torques go by gravity
         self._has_other_inputs = gravity_torque or any(not signal.startswith("q:") for signal in model.features.signals)
-        self._longest = 0.0
         self._outside = np.zeros(len(self._places))
         self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
 
     def step(self, timeout: float = 0.0) -> int:
         """Correct and publish what has come; wait for the first up to `timeout` [s]; return how many were published."""
-        before = self._published
+        before = self._told.published
         came = self._messages.take(timeout)
         for received in came:
             if self._note_silence(received.time):  # another motion begins, perhaps another robot's
@@ -154,10 +152,10 @@ class CalibratedTopics:
                 self._stamps = None
             self.is_silent = False
             self._last = received.time
-            self._came += 1
+            self._told.messages += 1
             self._correct(received, is_newest=received is came[-1])
         self._note_silence(self._client.transport.steady())
-        return self._published - before
+        return self._told.published - before
 
     def run(self, seconds: float) -> WireReport:
         """Go on for some time [s], or until Ctrl-C when that is infinite; robots may come and go."""
@@ -171,21 +169,13 @@ class CalibratedTopics:
         rate = None
         if self._stamps is not None and self._stamps[1] > self._stamps[0]:
             rate = self._stamps[2] * SECOND / (self._stamps[1] - self._stamps[0])
-        return WireReport(
+        return replace(
+            self._told,
             seconds=(self._client.transport.steady() - self._begin) / SECOND,
-            messages=self._came,
-            published=self._published,
             rate_hz=rate,
             latency=self._latency.timing(),
-            late=self._late,
             missed=self._messages.overflowed,
-            silences=self._silences,
-            longest_silence=self._longest,
-            not_homed=self._not_homed,
-            unreadable=self._unreadable,
-            stale=self._stale,
-            outside=tuple((self._outside / max(1, self._published)).tolist()),
-            joint_names=self._model.joint_names,
+            outside=tuple((self._outside / max(1, self._told.published)).tolist()),
             leaps=self._corrector.leaps,
         )
 
@@ -198,39 +188,39 @@ class CalibratedTopics:
     def _note_silence(self, now: int) -> bool:
         """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
         silence = (now - self._last) / SECOND
-        self._longest = max(self._longest, silence)
+        self._told.longest_silence = max(self._told.longest_silence, silence)
         if silence <= self._client.stale_after:
             return False
         if not self.is_silent:
-            self._silences += 1
+            self._told.silences += 1
             self.is_silent = True
         return True
 
     def _correct(self, received: Received, *, is_newest: bool) -> None:
         stamp, now = received.message.header.stamp, self._client.transport.steady
         if not self._is_homed():
-            self._not_homed += 1
+            self._told.not_homed += 1
             self._corrector.reset()
             return
         try:
             state = self._client.state_of(received.message)
         except CatenaryError:
-            self._unreadable += 1
+            self._told.unreadable += 1
             self._corrector.reset()
             return
         self.stale = self._client.stale_inputs() if self._has_other_inputs else ()
-        self._stale += bool(self.stale)
+        self._told.stale += bool(self.stale)
         first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
         self._stamps = (first, stamp, count + 1)
         self._corrector.correct_state(state, self._out, self._inside, self._interval)
         if not is_newest and now() - received.time > LATE * SECOND:
-            self._late += 1
+            self._told.late += 1
             return
         inside = self._inside[self._places]
         self._outside += ~inside
         is_valid = bool(inside.all()) and not self.stale
         self._publish(stamp, state, is_valid=is_valid)
-        self._published += 1
+        self._told.published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
 
     def _publish(self, stamp: int, state: JointState, *, is_valid: bool) -> None:

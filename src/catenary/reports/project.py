@@ -10,7 +10,7 @@ from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
-from catenary.reports.joint_errors import in_units, percent
+from catenary.reports.joint_errors import percent
 from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture
 from catenary.units import DISPLAY
 
@@ -52,7 +52,7 @@ def write_project_report(
     where = None
     if deployment is not None:
         where = _where(connection, any(s.simulated for s in evaluation.data.sources))
-        further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection, name)]
+        further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection)]
     opening += [Heading("Every model"), comparison_table(evaluations, inputs=inputs, beside_paper=where)]
     write_calibration_report(
         path, model, card, evaluation, tested_on=", ".join(log.name for log in test), notes=notes,
@@ -101,7 +101,7 @@ def _where(connection: str, simulated: bool) -> str:
     return f"simulated, over {network}" if simulated else f"robot over {network}"
 
 
-def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str) -> list[Block]:
+def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[Block]:
     if connection == "simulation":
         aside, reference = "the simulated arm's own step", "the joints' true positions"
     else:
@@ -111,14 +111,6 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
     in_tick = [
         TableColumn("time in each tick", "what"),
         *(TableColumn(f"{heading} [us]", key, ".1f") for key, heading in headings.items()),
-    ]
-    unit = in_units(joint["unit"] for joint in deployment["joints"])
-    of_joint = [
-        TableColumn("joint", "name"),
-        TableColumn("unit", "unit"),
-        TableColumn(f"raw RMSE {unit}", "raw_rmse", ".3f"),
-        TableColumn(f"{name} RMSE {unit}", "rmse", ".3f"),
-        TableColumn("outside [% of ticks]", "outside", ".1f", " %"),
     ]
     # nobody counts them where time is not kept by this loop
     overruns = "" if deployment["overruns"] is None else f", {deployment['overruns']} overruns"
@@ -131,15 +123,33 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
             "length: by how much the time from tick to tick differs from the one asked for."
         ),
         Table(in_tick, [{"what": what, **deployment[key]} for key, what in names.items() if deployment[key]]),
-        Text(f"Error against {reference} while the loop ran, as reported and as corrected in the tick:"),
-        Table(
-            of_joint, [{**joint, "outside": _percent(joint["outside_valid_range"])} for joint in deployment["joints"]]
-        ),
+        Text(f"RMS error against {reference} while the loop ran, as reported and as corrected in the tick:"),
+        deployed_table(deployment, outside=True),
     ]
 
 
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100.0 * share
+def corrector_time(deployment: Mapping[str, Any]) -> list[str]:
+    """Return a line on what a deployed model takes of each tick, where that was timed."""
+    took = deployment["correction_us"]
+    return [] if took is None else [f"the corrector takes {took['median']:.1f} us a tick (p99.9 {took['p999']:.0f} us)"]
+
+
+def deployed_table(deployment: Mapping[str, Any], *, title: str = "", outside: bool = False) -> Table:
+    """Return RMS errors of a deployed model's joints while the loop ran, and how often intervals held them.
+
+    `outside` adds the share of ticks outside the valid range.
+    """
+    columns = [
+        TableColumn("joint", "name"),
+        TableColumn("unit", "unit"),
+        TableColumn("reported", "raw_rmse", ".3f"),
+        TableColumn("corrected", "rmse", ".3f"),
+    ]
+    if outside:
+        columns.append(TableColumn("outside [% of ticks]", "outside_valid_range", ".1%"))
+    if deployment["coverage_asked"] is not None:
+        columns.append(TableColumn(f"within intervals ({deployment['coverage_asked']:.0%} asked)", "coverage", ".0%"))
+    return Table(columns, deployment["joints"], title)
 
 
 def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:

@@ -1,4 +1,4 @@
-"""A robot in a pose: its links, frames and centres of mass, gravity, what holds it still, and where its ends can be."""
+"""A robot in a pose: its links, frames and centres of mass, gravity, and what holds it still."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.kinematics import forward_kinematics, link_poses, reachable_points
+from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.reports.page import Picture, picture
@@ -25,7 +25,6 @@ Part = Literal["frames", "masses", "gravity", "torques"]
 PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
 AXIS_COLORS = {"x": "#c0392b", "y": "#2a7f4f", "z": "#1d6fb8"}
 MASS, GRAVITY = "#8a6d1f", "#7a3e9d"
-REACHED = ("#6f8fb8", "#b08a5a", "#7fa37f")  # by end
 LINK, TIP = "#4b6b94", "#d9622b"
 LEAST_EXTENT = 1.0  # [mm] of a picture
 APART = 1e-6  # [m] between points that are drawn as two
@@ -51,7 +50,6 @@ def plot(
     *,
     gravity: ArrayLike = LEVEL,
     hide: Sequence[Part] = (),
-    workspace: bool = False,
     on: Axes | Figure | None = None,
 ) -> Figure:
     """Draw a robot in its base frame, and the torques that hold it still.
@@ -66,7 +64,6 @@ def plot(
             poses: the first is drawn whole, some of the others as lines, and torques with their range over all.
         gravity: (3,) in base axes, down [m/s2].
         hide: What not to draw, of "frames", "masses", "gravity" and "torques".
-        workspace: Draw where the ends can be, too.
         on: Matplotlib's figure to draw on, an empty one; or axes of three dimensions, for the arm without torques. A
             new figure of no window when None.
 
@@ -74,8 +71,7 @@ def plot(
         The figure; `savefig` writes it.
 
     Raises:
-        InputError: q or gravity has another shape or is not finite; no such part; axes of two dimensions; a workspace
-            without end.
+        InputError: q or gravity has another shape or is not finite; no such part; axes of two dimensions.
     """
     rows, _ = as_batch("q", middle_pose(model) if q is None else q, model.n)
     down = as_array("gravity", gravity, (3,))
@@ -85,7 +81,7 @@ def plot(
     if len(rows) == 0:
         raise InputError("q: no pose, expected (n,) or (N, n) with N of 1 or more")
     axes, bars = _places(model, on, with_bars="torques" not in hide and not model.missing_inertia)
-    _draw_robot(axes, model, rows, down, hide, workspace=workspace)
+    _draw_robot(axes, model, rows, down, hide)
     if bars:
         draw_torque_bars(bars, model, rows[0], gravity_torque(model, rows, down))
         over = f"; lines: over all {len(rows)} poses" if len(rows) > 1 else ""
@@ -129,16 +125,12 @@ def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[A
     return on.add_subplot(grid[:, 0], projection="3d"), [on.add_subplot(grid[k, 1]) for k in range(len(groups))]
 
 
-def _draw_robot(
-    axes: Any, model: RobotModel, rows: Floats, gravity: Floats, hide: Sequence[Part], *, workspace: bool
-) -> None:
+def _draw_robot(axes: Any, model: RobotModel, rows: Floats, gravity: Floats, hide: Sequence[Part]) -> None:
     q = rows[0]
     rotations, origins = link_poses(model, q)
     points = [draw_links(axes, model, q)]
     for k in np.unique(np.linspace(0, len(rows) - 1, OTHER_POSES + 1).astype(int))[1:]:
         points.append(draw_links(axes, model, rows[k], width=1.2, alpha=0.3))
-    if workspace:
-        points += _draw_workspace(axes, model)
     middle, half = equal_axes(axes, np.vstack(points))
     size = TRIAD * half
     _draw_joints(axes, model, q, rotations, origins, half)
@@ -167,8 +159,6 @@ def _draw_legend(axes: Any) -> None:
     for handle in legend.legend_handles:
         if hasattr(handle, "set_sizes"):
             handle.set_sizes([60.0])
-        elif handle.get_marker() == ".":
-            handle.set(markersize=5.0, alpha=1.0)
 
 
 def _draw_triad(axes: Any, rotation: Floats, origin: Floats, size: float) -> None:
@@ -228,20 +218,6 @@ def _draw_gravity(axes: Any, gravity: Floats, middle: Floats, half: float) -> No
     start = middle + half * np.array([-0.8, 0.8, 0.7]) - 0.5 * along
     label = f"gravity, {size:.4g} m/s2"
     axes.quiver(*start, *along, color=GRAVITY, linewidth=2.0, arrow_length_ratio=0.25, label=label)
-
-
-def _draw_workspace(axes: Any, model: RobotModel) -> list[Floats]:
-    """Draw where the ends can be; return the corners of a box around."""
-    corners = []
-    for k, name in enumerate(end_frames(model)):
-        points = 1e3 * reachable_points(model, name, rng=np.random.default_rng(0))
-        far = float(np.linalg.norm(points, axis=1).max())
-        axes.plot(
-            *points.T, ".", color=REACHED[k % len(REACHED)], markersize=1.2, alpha=0.4, zorder=0,
-            label=f"where {name} can be, to {far:.0f} mm",
-        )  # fmt: skip
-        corners += [points.min(axis=0)[None], points.max(axis=0)[None]]
-    return corners
 
 
 def end_frames(model: RobotModel) -> list[str]:

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from textwrap import wrap
 
-import numpy as np
-
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError
 from catenary.plant import Plant
@@ -12,7 +10,8 @@ from catenary.robots.model import RobotModel
 from catenary.teleop.driver import TeleopDriver
 from catenary.teleop.key_motion import BACKWARD, FORWARD, RAMP, TIMEOUT
 from catenary.teleop.terminal import KeyReader, RawTerminal
-from catenary.visible import visible
+from catenary.units import in_words
+from catenary.visible import range_bar, visible
 
 BAR = 20  # characters of a joint's range
 _HELP = (
@@ -24,17 +23,6 @@ _MORE = (
     "Lower case moves, capitals change the robot's state. H twice within 2 s homes.",
     "Ctrl-C and Q hold the robot, then pause it; Ctrl-Z holds it meanwhile.",
 )
-
-
-def _number(value: float, unit: str) -> str:
-    return f"{np.rad2deg(value):.2f} deg" if unit == "rad" else f"{1e3 * value:.2f} mm"
-
-
-def _bar(value: float, low: float, high: float) -> str:
-    if not (np.isfinite(low) and np.isfinite(high)):
-        return "no limits"
-    place = int(np.clip((value - low) / (high - low), 0.0, 1.0) * (BAR - 1) + 0.5)
-    return "[" + "." * place + "#" + "." * (BAR - 1 - place) + "]"
 
 
 DRAW = 0.05  # [s] between two pictures
@@ -139,8 +127,8 @@ class TeleopSession:
             keys = f"{FORWARD[j]} {BACKWARD[j]}" if j < len(FORWARD) else ""
             mark = " LIMIT" if name in blocked else ""
             shown.append(
-                f"{keys:>4}  {name[:17]:<18}{_number(measured.q[j], unit):>11}{_number(setpoint[j], unit):>11}   "
-                f"{_bar(setpoint[j], lower[j], upper[j])}{mark}"
+                f"{keys:>4}  {name[:17]:<18}{in_words(measured.q[j], unit, 2):>11}{in_words(setpoint[j], unit, 2):>11}"
+                f"   {range_bar(setpoint[j], lower[j], upper[j], BAR)}{mark}"
             )
         if self._model is not None:
             x, y, z = 1e3 * forward_kinematics(self._model, measured.q[: self._model.n]).position

@@ -10,18 +10,18 @@ import time
 from collections.abc import Callable
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
+from select import select
 from typing import Self
 
 from catenary.errors import CatenaryError, InputError, MissingPackageError, to_install
 from catenary.view.shown import Change, Shown
-from catenary.view.state import SharedState, ViewState
+from catenary.view.state import ViewState, shortened
 from catenary.view.viser_page import ViserPage, open_server
 
 DRAW_HZ = 20.0
 WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of curves and paths
 START_WITHIN = 120.0  # [s]
 PORT = 8080
-_END = "end"
 _ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
 
 
@@ -42,7 +42,7 @@ class PageProcess:
         context = multiprocessing.get_context("spawn")
         self._pipe, self._theirs = context.Pipe()
         self._process = context.Process(target=_run_page, args=(self._theirs, port), daemon=True, name="catenary view")
-        self._state: SharedState | None = None
+        self._is_open = False
         self._url: str | None = None
 
     @property
@@ -55,10 +55,10 @@ class PageProcess:
     def open(self, shown: Shown) -> str:
         """Show an arm, and return the address of the page."""
         url = self.url
-        self._state = SharedState(shown.model.n)
         with contextlib.suppress(OSError):  # the answer says so
-            self._pipe.send((shown, self._state.name))
+            self._pipe.send(shown)
         self._answer()
+        self._is_open = True
         return url
 
     def _answer(self) -> str:
@@ -78,9 +78,13 @@ class PageProcess:
         return self._process.is_alive()
 
     def put(self, state: ViewState) -> None:
-        """Show a state, in place of the last one; nothing before `open`."""
-        if self._state is not None:
-            self._state.put(state)
+        """Show a state; nothing before `open`, nor while the page does not take what was sent before.
+
+        A socket that select calls writable has three quarters of its room free, a hundred thousand bytes and more.
+        """
+        if self._is_open and select([], [self._pipe], [], 0.0)[1]:
+            with contextlib.suppress(OSError):  # a page that is gone shows nothing
+                self._pipe.send(shortened(state))
 
     def changes(self) -> list[Change]:
         """Return what was changed on the page since the last call."""
@@ -93,15 +97,14 @@ class PageProcess:
     def close(self) -> None:
         """End the process."""
         with contextlib.suppress(OSError):
-            self._pipe.send(_END)
+            self._pipe.send(None)
         if self._process.pid is not None:
             self._process.join(3.0)
             if self._process.is_alive():
                 self._process.kill()
                 self._process.join(1.0)
+        self._is_open = False
         self._pipe.close()
-        if self._state is not None:
-            self._state.close()
 
     def __enter__(self) -> Self:
         self._process.start()
@@ -113,7 +116,7 @@ class PageProcess:
 
 
 def _run_page(pipe: Connection, port: int) -> None:
-    """Draw what is in the shared memory until the other side ends or is gone."""
+    """Draw the states that come until the other side ends or is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the program's, which then ends this process
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # viser prints a box
     lock = threading.Lock()
@@ -125,11 +128,10 @@ def _run_page(pipe: Connection, port: int) -> None:
     try:
         server, url = open_server(port)
         pipe.send((_ADDRESS, url))
-        received = pipe.recv()
-        if received == _END:
+        shown = pipe.recv()
+        if shown is None:
             server.stop()
             return
-        shown, name = received
         with lock:  # a browser that is there already tells nothing before the answer
             page = ViserPage(shown, server, tell)
             pipe.send((_SHOWN, ""))
@@ -138,24 +140,27 @@ def _run_page(pipe: Connection, port: int) -> None:
     except Exception as error:
         pipe.send((_FAILED, f"the view's page cannot be opened: {error}"))
         return
-    with SharedState(shown.model.n, name) as states:
-        draw_until(page, states, lambda: _ended(pipe))
+    with contextlib.suppress(EOFError, OSError):
+        draw(page, lambda: newest(pipe))
     page.close()
 
 
-def _ended(pipe: Connection) -> bool:
-    try:
-        return pipe.poll() and pipe.recv() == _END
-    except (EOFError, OSError):
-        return True
+def newest(pipe: Connection) -> ViewState | None:
+    """Return the newest state that has come, None where none has; the end, which is told as None, is an EOFError."""
+    state: ViewState | None = None
+    while pipe.poll():
+        state = pipe.recv()
+        if state is None:
+            raise EOFError
+    return state
 
 
-def draw_until(page: ViserPage, states: SharedState, ended: Callable[[], bool]) -> None:
+def draw(page: ViserPage, take: Callable[[], ViewState | None]) -> None:
     """Draw states as they come, DRAW_HZ times a second at most, and none while no browser is connected."""
     number = 0
-    while not ended():
+    while True:
         begin = time.monotonic()
-        state = states.take()
+        state = take()
         if state is not None and page.clients:
             page.draw(state)
             if number % WRITE_EVERY == 0:

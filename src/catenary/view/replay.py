@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import ConfigError, InputError
 from catenary.gravity.torque import gravity_torque
@@ -32,6 +33,7 @@ from catenary.view.shown import (
 from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.project.calibrate import RECOMMENDED, TEST, TRAIN
 from catenary.workflows.project.folder import project_settings
+from catenary.workflows.robot.snapshots import Corrected, corrected_rows
 
 SPEEDS = ("1/4", "1", "4", "16", "64")
 EVERY = 0.04  # [s] between two states
@@ -113,7 +115,7 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
     here = Joints(*(tuple(of[j] for j in named) for of in (robot.joint_names, robot.joint_units)))
     there = places_of(here, log, whose=f'recording "{log.name}"', of=f'robot "{robot.name}" has')
 
-    def of(values: Floats | None, missing: float = np.nan) -> Floats:
+    def of(values: Floats | Flags | None, missing: float = np.nan) -> Floats:
         rows = np.full((len(log), robot.n), missing)
         if values is not None:
             rows[:, named] = values[:, there]
@@ -121,7 +123,7 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
 
     q = of(log.q_nominal, 0.0)
     true = None if log.q_encoder is None else np.where(log.ok[:, None], log.q_encoder, np.nan)
-    calibrated, interval, inside = _calibrated(log, model)
+    calibrated, inside, interval = Corrected() if model is None else Corrected(*corrected_rows(log, model))
     absent = [j for j in range(robot.n) if j not in named]
     seen, said = of(true), of(calibrated)
     for values, known in ((seen, true), (said, calibrated)):
@@ -129,20 +131,6 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
             values[:, absent] = 0.0
     time = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(log.time), 0.0))])
     return RecordedArm(robot, time, q, seen, said, of(interval), of(inside), of(log.tau), log.simulated, tuple(named))
-
-
-def _calibrated(log: MotionLog, model: CalibrationModel | None) -> tuple[Floats | None, Floats | None, Floats | None]:
-    """Return calibrated joints, half-widths and flags, each (N, joints of the log); None without a model."""
-    if model is None:
-        return None, None, None
-    places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
-    calibrated, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
-    inside = np.ones(log.q_nominal.shape)
-    features, leaping, _ = model.features.rows(log)
-    correction, flags, widths = model.correct(features, log.q_nominal[:, places], leaping)
-    calibrated[:, places] += correction
-    interval[:, places], inside[:, places] = widths, flags
-    return calibrated, interval, inside
 
 
 class ShownProject(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
-from catenary.plant import Bounded
+from catenary.plant import Bounded, JointRanges
 from catenary.robots.model import RobotModel
 from catenary.view.curves import JointColumns
 from catenary.view.shapes import ArmShapes
@@ -129,18 +129,9 @@ def extent_of(shown: Shown) -> Extent:
     return Extent(centre, float(np.linalg.norm(every - centre, axis=1).max()))
 
 
-class FiniteRanges(NamedTuple):
-    """Joints and ranges to move them in: their limits, or so far to either side of zero where they have none."""
-
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    lower: Floats  # (n,) [rad|m]
-    upper: Floats  # (n,)
-
-
-def finite_ranges(limits: Bounded) -> FiniteRanges:
+def finite_ranges(limits: Bounded) -> JointRanges:
     """Return ranges of joints, all of them finite."""
     widest = np.array([WIDEST[unit] for unit in limits.joint_units])
     lower = np.where(np.isfinite(limits.lower), limits.lower, -widest)
     upper = np.where(np.isfinite(limits.upper), limits.upper, widest)
-    return FiniteRanges(limits.joint_names, limits.joint_units, lower, upper)
+    return JointRanges(limits.joint_names, limits.joint_units, lower, upper)

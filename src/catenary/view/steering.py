@@ -16,8 +16,13 @@ from catenary.trajectories.reference import InTurn, Reference, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
 from catenary.view.shown import finite_ranges
-from catenary.workflows.gravity.motions import make_motion
-from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY, check_motion, gentle_way
+from catenary.workflows.robot.motion import (
+    GENTLE_ACCELERATION,
+    GENTLE_VELOCITY,
+    check_motion,
+    gentle_way,
+    random_within,
+)
 
 STOP = 0.4  # [s] in which a motion that is left comes to rest
 
@@ -160,7 +165,7 @@ def random_motions(model: RobotModel, limits: Bounded, rng: np.random.Generator)
     def draw() -> Trajectory:
         if model.name in RAVEN_SIDES:
             return random_sinusoids(rng, SECONDS)
-        return make_motion("random", model, ranges, rng, seconds=SECONDS).trajectory
+        return random_within(ranges, SECONDS, rng)
 
     return _after_the_way(limits, draw)
 

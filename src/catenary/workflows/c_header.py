@@ -32,7 +32,7 @@ from catenary.files import write_atomically
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.c99 import c_comment, c_function, c_name, c_sines
 from catenary.kernels.tracing import evaluate
-from catenary.plant import Jointed
+from catenary.plant import Jointed, joints_text
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
@@ -210,4 +210,4 @@ def _values(numbers: Iterable[float]) -> str:
 
 
 def _joints(of: Jointed) -> str:
-    return ", ".join(f"{c_comment(name)} [{unit}]" for name, unit in zip(of.joint_names, of.joint_units, strict=True))
+    return c_comment(joints_text(of))

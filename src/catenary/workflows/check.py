@@ -33,7 +33,7 @@ from catenary.recording.import_formats.sources import is_bag, is_other_make
 from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
 from catenary.recording.mend import NOTHING, Mend, units_of
-from catenary.reports.calibration import delay_in_words, shortened
+from catenary.reports.calibration import card_facts, model_name
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -279,7 +279,7 @@ def _check_identification(path: Path) -> FileReport:
     found.tell("physically_consistent", result.phi is not None, "yes" if result.phi is not None else "no")
     found.facts |= {"condition": float(result.condition), "recordings": recordings}
     found.lines += lines
-    _tell_version(found, card)
+    found.tell("version", card["version"], ", ".join(f"{name} {number}" for name, number in card["version"].items()))
     found.faults += [
         *_copy_faults(path, card),
         *(f"fails on {one.log}" for one in result.tests if one.verdict == "fails"),
@@ -297,20 +297,12 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
     return [f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"]
 
 
-def _tell_version(found: FileReport, card: Card) -> None:
-    found.tell("version", card["version"], ", ".join(f"{name} {number}" for name, number in card["version"].items()))
-
-
 def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
     blocks = {one["joint"]: one for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]}
     last = {one["name"]: one for one in card["errors"]["held_out"] or []}
-    found, joints, on_blocks, on_last = (
-        FileReport("calibration model"),
-        list[Mapping[str, Any]](),
-        list[Line](),
-        list[Line](),
-    )
+    found, joints = FileReport("calibration model"), list[Mapping[str, Any]]()
+    on_blocks, on_last = list[Line](), list[Line]()
     found.faults += _copy_faults(path, card)
     for name, unit in zip(model.joint_names, model.joint_units, strict=True):
         shown = DISPLAY[unit][0]
@@ -328,24 +320,15 @@ def _check_model(path: Path) -> FileReport:
             error = f"RMSE {one['rmse']:.3f} {shown} on the last part of the recordings, which it did not see"
             on_last.append((f"{name}, held out", f"{error} (fixed offset {one['offset_rmse']:.3f})"))
         joints.append(joint)
-    seed, inputs = card["run"]["seed"], model.features.names
-    found.facts["preset"] = model.preset
-    found.tell("model", model.kind, model.kind + (f", preset {model.preset}" if model.preset else ""), called="kind")
-    found.tell("robot", card["robot"], card["robot"] or "not stated")
-    for key, text in {key: card.get(key) for key in ("instrument", "tool", "recorded")}.items():
-        found.facts[key] = text
-        found.lines += [(key, text)] if text else []
-    found.facts["delay_s"] = clock_delay(card)
-    found.lines += [("delay", text) for text in [delay_in_words(card)] if text]
-    found.tell("simulated", card["simulated"], "yes: fitted to simulated recordings" if card["simulated"] else "no")
-    found.tell("joints", joints, joints_text(model))
-    found.tell("inputs", inputs, f"{len(inputs)}: {shortened(inputs)}")
-    found.tell("target", model.target)
-    fitted_to = [{"name": one["name"], "sha256": one["sha256"]} for one in card["data"]]
-    found.tell("fitted_to", fitted_to, ", ".join(f"{o['name']} (sha256 {str(o['sha256'])[:12]})" for o in fitted_to))
-    found.tell("rows", card["rows"])
-    found.tell("seed", seed, "none" if seed is None else str(seed))
-    _tell_version(found, card)
+    found.facts |= {
+        "model": model.kind, "preset": model.preset, "target": model.target, "joints": joints,
+        "inputs": model.features.names, "delay_s": clock_delay(card), "seed": card["run"]["seed"],
+        "fitted_to": [{"name": one["name"], "sha256": one["sha256"]} for one in card["data"]],
+        **{key: card.get(key) for key in ("robot", "instrument", "tool", "recorded", "simulated", "rows", "version")},
+    }  # fmt: skip
+    simulated = "yes: fitted to simulated recordings" if card["simulated"] else "no"
+    found.lines += [("kind", model_name(model)), ("robot", card["robot"] or "not stated"), ("simulated", simulated)]
+    found.lines += [("joints", joints_text(model)), *card_facts(card)]
     found.lines += [*on_blocks, *on_last]
     found.remarks += card["notes"]
     return found

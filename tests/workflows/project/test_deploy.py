@@ -58,7 +58,7 @@ def test_the_correction_takes_no_longer_than_the_ticks_that_it_is_part_of(deploy
     assert part is not None
     assert whole is not None
     # the correction of each tick is within it, so is every quantile; histogram bins are 1 % wide
-    assert all(0.0 < vars(part)[key] <= 1.02 * most for key, most in vars(whole).items())
+    assert all(0.0 < part[key] <= 1.02 * most for key, most in whole.items())
 
 
 def test_the_model_helps_while_the_loop_runs(deployment: Deployment) -> None:

@@ -3,7 +3,6 @@ from typing import Any
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.reader import model_joints
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState, StateCommand
 from catenary.robots.catalog import load_robot
@@ -82,7 +81,7 @@ def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
     setup = RobotOnLoopback(plant, dialect="crtk")
     person = Person()
     found = homed(setup, person, **CRTK)
-    assert found.joint_names == model_joints(TWO_LINK).names
+    assert found.joint_names == TWO_LINK.joint_names
     assert found.state == ("PAUSED", True, False)
     assert found.external_encoders is None
     assert len(person.asked) == 1  # the workspace; there is no button

@@ -12,7 +12,7 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.errors import InputError, LimitError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import SampledTrajectory, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 
 # a third of what a setpoint may do, and there in half a second
@@ -88,21 +88,11 @@ def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Tra
     yield _AlongRows(path, go_to([0.0], [1.0], max_velocity=[fastest], max_acceleration=[soonest]))
 
 
-class _AlongRows:
+class _AlongRows(SampledTrajectory):
     """Runs along a path over [0, 1] from rest to rest."""
 
     def __init__(self, path: CubicSpline, share: Trajectory) -> None:
-        self._path, self._share = path, share
-
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-        return self._share.duration
-
-    def __call__(self, t: float) -> Reference:
-        """Return the reference at a time [s]."""
-        q, qd, qdd = self.sample([t])
-        return Reference(q[0], qd[0], qdd[0])
+        self._path, self._share, self.duration = path, share, share.duration
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times, each (N, n)."""

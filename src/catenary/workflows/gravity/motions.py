@@ -13,8 +13,7 @@ from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
 from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.workflows.robot.motion import GENTLE_VELOCITY, gentle_way
+from catenary.workflows.robot.motion import gentle_way, random_within, range_of
 
 MOTIONS = ("cartesian", "random", "poses")
 # where the published sinusoids of 3.1 inch find room to every side [rad, rad, m]
@@ -58,18 +57,11 @@ def make_motion(
     if name not in MOTIONS:
         raise InputError(f'motion "{name}": expected one of {", ".join(MOTIONS)}')
     if name == "random":
-        lower, upper = _range(limits)
-        middle, half = 0.5 * (lower + upper), 0.25 * (upper - lower)
-        fastest = np.array([GENTLE_VELOCITY[unit] for unit in limits.joint_units])
-        trajectory = random_sinusoids(
-            rng, seconds, lower=middle - half, upper=middle + half, turning_band=0.25 * half,
-            slowest=0.4 * fastest, fastest=fastest,
-        )  # fmt: skip
-        return Motion(trajectory, None)
+        return Motion(random_within(limits, seconds, rng), None)
     start = start_pose(model, limits) if q_start is None else as_array("q_start", q_start, (model.n,))
     if name == "cartesian":
         return Motion(CartesianSinusoids(model, start, amplitude=amplitude, axes=axes), None)
-    lower, upper = _range(limits)
+    lower, upper = range_of(limits)
     edge = 0.05 * (upper[0] - lower[0])
     return poses_along(limits, 0, np.linspace(lower[0] + edge, upper[0] - edge, POSES), start)
 
@@ -97,12 +89,5 @@ def start_pose(model: RobotModel, limits: Bounded, raven: tuple[float, ...] = RA
     """Return where an arm starts, (n,) [rad|m]: a RAVEN-II at `raven`, others in the middle of their ranges."""
     if model.closed_form == "raven2" and model.n == len(raven):
         return np.array(raven)
-    lower, upper = _range(limits)
+    lower, upper = range_of(limits, "; give --q")
     return 0.5 * (lower + upper)
-
-
-def _range(limits: Bounded) -> tuple[Floats, Floats]:
-    lower, upper = limits.lower, limits.upper
-    for j in np.flatnonzero(~(np.isfinite(lower) & np.isfinite(upper))):
-        raise InputError(f'joint "{limits.joint_names[j]}": has no limits to move within; give --q')
-    return lower, upper

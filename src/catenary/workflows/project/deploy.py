@@ -1,7 +1,5 @@
 """Run a calibration model in the 1 kHz loop of a robot, and measure its latency and error there."""
 
-import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -9,31 +7,19 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.evaluate import rms
 from catenary.calibration.model import CalibrationModel
 from catenary.config import IN_FILES
 from catenary.control.loop import Tick, run_loop
-from catenary.control.realtime import Durations, Timing
 from catenary.crtk.client import CrtkClient
-from catenary.plant import JointState
 from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.trajectories.reference import Embedded, Trajectory
 from catenary.units import DISPLAY
 from catenary.workflows.robot.motion import check_motion, move_to
 
 Known = float | None  # None where the encoders said nothing
-
-
-@dataclass(frozen=True)
-class Microseconds:
-    """Durations of a loop."""
-
-    median: Known
-    p99: Known
-    p999: Known
-    max: Known
+Microseconds = dict[str, float]  # of a loop's durations
 
 
 @dataclass(frozen=True)
@@ -83,7 +69,7 @@ def deploy_on_robot(
         InputError: The robot lacks a joint or an input of the model.
     """
     places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
-    corrector = TimedCorrector(Corrector(model))
+    corrector = Corrector(model)
     # refuses before anything moves
     corrector.prepare(plant.joint_names, plant.joint_units, 1.0 / plant.period)
     joints = [plant.joint_names[j] for j in places]
@@ -120,43 +106,13 @@ def deploy_on_robot(
         simulated=plant.simulated,
         ticks=report.ticks,
         rate_hz=report.rate_hz,
-        compute_us=_in_us(report.compute),
-        jitter_us=_in_us(report.jitter),
-        correction_us=_in_us(corrector.timing()),
+        compute_us=report.compute and report.compute.in_us(),
+        jitter_us=report.jitter and report.jitter.in_us(),
+        correction_us=report.correction and report.correction.in_us(),
         overruns=report.overruns,
         real_time_priority=report.has_priority,
-        leaps=corrector.corrector.leaps,
+        leaps=corrector.leaps,
         coverage_asked=None if model.intervals is None else model.intervals.level,
         joints=deployed,
         loop=report,
     )
-
-
-def _in_us(timing: Timing | None) -> Microseconds | None:
-    return None if timing is None else Microseconds(**timing.in_us())
-
-
-class TimedCorrector:
-    """A corrector that times what it does in each tick but the first, as the loop times whole ticks."""
-
-    def __init__(self, corrector: Corrector) -> None:
-        self.corrector = corrector
-        self._durations = Durations()
-        self._started = False
-
-    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
-        """Get ready for a robot; forget all previous ticks."""
-        self.corrector.prepare(joint_names, joint_units, rate_hz)
-        self._durations, self._started = Durations(), False
-
-    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
-        """Write calibrated positions (n,) [rad|m], whether each is inside the valid range, and half-widths [rad|m]."""
-        begin = time.perf_counter()
-        self.corrector.correct_state(state, out, inside, interval)
-        if self._started:
-            self._durations.add(time.perf_counter() - begin)
-        self._started = True
-
-    def timing(self) -> Timing | None:
-        """Return how long it took; None when there were no ticks."""
-        return self._durations.timing()

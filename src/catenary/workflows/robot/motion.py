@@ -12,6 +12,7 @@ from catenary.errors import CatenaryError, InputError, LimitError, NotFiniteErro
 from catenary.plant import Bounded, JointState, Plant, require_ready, state_in_words
 from catenary.side_by_side import Progress, silent
 from catenary.trajectories.reference import Reference, Rest, Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
 
 HOLD_TICKS = 20  # during which a robot is told to stay where it is
@@ -131,6 +132,25 @@ def gentle_way(
     velocity = [GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
     acceleration = [GENTLE_ACCELERATION[u] for u in units] if max_acceleration is None else max_acceleration
     return go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)
+
+
+def range_of(limits: Bounded, remedy: str = "") -> tuple[Floats, Floats]:
+    """Return lower and upper limits, (n,) each [rad|m]; refuse joints without, with a remedy."""
+    lower, upper = limits.lower, limits.upper
+    for j in np.flatnonzero(~(np.isfinite(lower) & np.isfinite(upper))):
+        raise InputError(f'joint "{limits.joint_names[j]}": has no limits to move within{remedy}')
+    return lower, upper
+
+
+def random_within(limits: Bounded, seconds: float, rng: np.random.Generator) -> Trajectory:
+    """Return a random motion of so many seconds, each joint by itself over half of its range, gently."""
+    lower, upper = range_of(limits)
+    middle, half = 0.5 * (lower + upper), 0.25 * (upper - lower)
+    fastest = np.array([GENTLE_VELOCITY[unit] for unit in limits.joint_units])
+    return random_sinusoids(
+        rng, seconds, lower=middle - half, upper=middle + half, turning_band=0.25 * half,
+        slowest=0.4 * fastest, fastest=fastest,
+    )  # fmt: skip
 
 
 def move_to(

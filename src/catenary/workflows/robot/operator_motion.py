@@ -30,6 +30,7 @@ from catenary.workflows.robot.motion import (
     at_rest_afterwards,
     check_motion,
     move_to,
+    random_within,
     run_trajectory,
 )
 from catenary.workflows.robot.operated_robot import OperatedRobot
@@ -38,7 +39,6 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
 # way to the start of a file that is gone without being asked twice
 NEAR = {"rad": np.deg2rad(60.0), "m": 0.15}  # [rad], [m]
-MIDDLE = 0.3  # share of the range, to either side of its middle, in which other robots than RAVEN-II move at random
 
 
 @dataclass(frozen=True)
@@ -134,16 +134,7 @@ def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Genera
     """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges."""
     if robot.model.name in RAVEN_SIDES or robot.name in RAVEN_SIDES:
         return random_sinusoids(rng, seconds)
-    k = robot.model.n
-    lower, upper = robot.plant.lower[:k], robot.plant.upper[:k]
-    if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
-        raise InputError(f"{robot.name}: random motion needs joint limits, and some joints have none")
-    middle, half = 0.5 * (lower + upper), MIDDLE * (upper - lower)
-    gentle = np.array([GENTLE_VELOCITY[unit] for unit in robot.plant.joint_units[:k]])
-    return random_sinusoids(
-        rng, seconds, lower=middle - half, upper=middle + half, turning_band=0.3 * half,
-        slowest=0.25 * gentle, fastest=gentle,
-    )  # fmt: skip
+    return random_within(robot.model, seconds, rng)
 
 
 def run_random(

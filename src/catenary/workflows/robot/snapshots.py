@@ -19,9 +19,9 @@ from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
 from catenary.crtk.transport import Latest
 from catenary.errors import InputError, TransportError
 from catenary.monitor import EventRate, Snapshot
-from catenary.plant import JointState, MotionLog, fault_of, places_of
+from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
 from catenary.raven2.transmission import CALIBRATED
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import InTurn, Trajectory
 from catenary.workflows.robot.motion import gentle_way
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
@@ -29,7 +29,7 @@ EVERY = 0.04  # [s] between two samples: 25 a second
 FIRST_STATE = 5.0  # [s] for the first one to be heard in time, while the machine is busy with starting
 
 
-class _Corrected(NamedTuple):
+class Corrected(NamedTuple):
     """What a model makes of a state; None for what is not known."""
 
     q: Floats | None = None  # (n,) [rad|m]
@@ -51,8 +51,8 @@ class _Calibrated:
     def take(self, state: JointState) -> None:
         self._corrector.correct_state(state, self._q, self._inside, self._interval)
 
-    def latest(self) -> "_Corrected":
-        return _Corrected(self._q.copy(), self._inside.copy(), self._interval.copy())
+    def latest(self) -> Corrected:
+        return Corrected(self._q.copy(), self._inside.copy(), self._interval.copy())
 
 
 class _Deployed:
@@ -68,18 +68,18 @@ class _Deployed:
         self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
         self._intervals = Latest(client.transport, f"{place}/interval", JOINT_STATE)
 
-    def latest(self) -> _Corrected:
+    def latest(self) -> Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
         message = self._positions.message()
         if message is None:
-            return _Corrected()
+            return Corrected()
         inside: Flags = np.ones(len(self._names), dtype=bool)
         if self._positions.age() > self._patience:
-            return _Corrected(np.full(len(self._names), np.nan), inside)
+            return Corrected(np.full(len(self._names), np.nan), inside)
         valid = self._valid.message()
         # the topic tells of the model's joints together
         inside[: self._judged] = valid is None or bool(valid.data)
-        return _Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
+        return Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
 
     def _half_widths(self) -> Floats | None:
         """Return half-widths (n,) [rad|m], NaN for joints without; None where the model publishes none."""
@@ -106,7 +106,7 @@ def watch_robot(
 
     Args:
         model: Calibration model to run beside it.
-        motion: What a simulated robot does meanwhile, again and again.
+        motion: What a simulated robot does meanwhile.
         observe: Called after each tick, as a recorder is; returns a line to show.
 
     Raises:
@@ -120,7 +120,11 @@ def watch_robot(
         corrected = _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
     elif isinstance(plant, CrtkReader):
         corrected = _Deployed(plant)
-    path = None if motion is None else _ThereAndBack(robot, motion)
+    path: Trajectory | None = None
+    if motion is not None:
+        start = motion(0.0).q
+        k = len(start)
+        path = InTurn([gentle_way(plant.setpoint_js().q[:k], start, plant.joint_units[:k]), motion])
     states, late = EventRate(), EventRate()
     prepared, patience = False, clock() + FIRST_STATE
     seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
@@ -129,7 +133,7 @@ def watch_robot(
         silent = None
         try:
             if path is not None:
-                path.drive(begun)
+                _follow(plant, path, begun)
             plant.wait()
             begun += plant.period
             state = plant.measured_js()
@@ -160,7 +164,7 @@ def watch_robot(
         if now < next_sample:
             continue
         next_sample = now + every
-        latest = _Corrected() if corrected is None else corrected.latest()
+        latest = Corrected() if corrected is None else corrected.latest()
         yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
             latest.q, latest.inside, latest.interval, tau=state.tau,
@@ -203,14 +207,12 @@ def watch_log(
         raise InputError(f"--speed: expected more than 0, got {speed}")
     steps = np.diff(log.time)
     spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    corrected = None if model is None else _CalibratedLog(model, log, 1.0 / spacing)
+    corrected = None if model is None else corrected_rows(log, model)
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
             # another recording begins at once
             played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
-        if corrected is not None:
-            corrected.take(row)
         if played - shown < every and row < len(log) - 1:
             continue
         shown = played
@@ -218,7 +220,7 @@ def watch_log(
         if ahead > 0.0:
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
-        latest = _Corrected() if corrected is None else corrected.latest()
+        latest = Corrected() if corrected is None else Corrected(*(values[row] for values in corrected))
         yield Snapshot(
             float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
             latest.q, latest.inside, latest.interval, encoder=encoder,
@@ -226,52 +228,21 @@ def watch_log(
         )  # fmt: skip
 
 
-class _CalibratedLog:
-    """A model in a loop of a recording's rate; inputs come from all that the recording holds."""
-
-    def __init__(self, model: CalibrationModel, log: MotionLog, rate_hz: float) -> None:
-        """Find the model's joints and inputs in the recording."""
-        self._corrector, self._log, self._starts = (Corrector(model, rate_hz=rate_hz), log, frozenset(log.starts))
-        whose = f'recording "{log.name}"'
-        self._places = places_of(model, log, whose=whose, of="the model is for")
-        self._signals, n = model.features.signal_rows(log), len(self._places)
-        self._q, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
-        self._row = 0
-
-    def take(self, row: int) -> None:
-        """Take the next row; joints that the model is not of pass through."""
-        if row in self._starts:
-            self._corrector.reset()
-        q = self._log.q_nominal[row, self._places]
-        self._corrector.correct(q, self._signals[row], self._q, self._inside, self._interval)
-        self._row = row
-
-    def latest(self) -> _Corrected:
-        q = self._log.q_nominal[self._row].copy()
-        inside, interval = np.ones(len(q), dtype=bool), np.full(len(q), np.nan)
-        places = self._places
-        q[places], inside[places], interval[places] = self._q, self._inside, self._interval
-        return _Corrected(q, inside, interval)
+def corrected_rows(log: MotionLog, model: CalibrationModel) -> tuple[Floats, Flags, Floats]:
+    """Return what a model makes of a recording, as `Corrected`, (N, n); other joints are as they were reported."""
+    places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
+    q, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
+    inside = np.ones(q.shape, dtype=bool)
+    features, leaping, _ = model.features.rows(log)
+    correction, inside[:, places], interval[:, places] = model.correct(features, q[:, places], leaping)
+    q[:, places] += correction
+    return q, inside, interval
 
 
-class _ThereAndBack:
-    """A motion that is repeated forwards and backwards, after a gentle way to its start."""
-
-    def __init__(self, robot: OperatedRobot, motion: Trajectory) -> None:
-        self._plant, self._motion = robot.plant, motion
-        start = motion(0.0).q
-        k = len(start)
-        self._approach = gentle_way(robot.plant.setpoint_js().q[:k], start, robot.plant.joint_units[:k])
-
-    def drive(self, time: float) -> None:
-        """Send the setpoint of a time [s] since the beginning; nothing to a robot that is not enabled."""
-        state = self._plant.operating_state()
-        if state.state != "ENABLED" or not state.is_homed or state.is_busy:
-            return
-        length = self._motion.duration
-        there = (time - self._approach.duration) % (2.0 * length)
-        ahead = time < self._approach.duration
-        reference = self._approach(time) if ahead else self._motion(min(there, 2.0 * length - there))
-        q = np.array(self._plant.setpoint_js().q)
-        q[: len(reference.q)] = reference.q
-        self._plant.servo_jp(q)
+def _follow(plant: Plant, path: Trajectory, time: float) -> None:
+    """Send the setpoint of a path's first joints at a time [s]; nothing to a robot that is not to be moved."""
+    state = plant.operating_state()
+    if state.state == "ENABLED" and state.is_homed and not state.is_busy:
+        q, moved = np.array(plant.setpoint_js().q), path(time).q
+        q[: len(moved)] = moved
+        plant.servo_jp(q)
