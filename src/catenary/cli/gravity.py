@@ -146,9 +146,9 @@ def gravity(
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    gravity = given.told()
     model = carried.on(description.load(robot))
     model.require_masses()
+    gravity = given.told(model)
     if latex:
         from catenary.gravity.compact_regressor import gravity_latex
 

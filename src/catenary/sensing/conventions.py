@@ -47,7 +47,7 @@ DRIVERS: dict[str, Driver] = {
     "mpu6050": Driver(("g", "deg/s"), "flu"),  # as most sketches print it
     "livox": Driver(("g", "rad/s"), "flu"),  # Mid-360, Avia; ROS's driver passes g on
     "realsense": Driver(("m/s2", "rad/s"), "optical"),  # D435i, camera_imu_optical_frame
-    "zed": Driver(("m/s2", "deg/s"), "flu"),  # SDK; ROS's wrapper gives rad/s
+    "zed": Driver(("m/s2", "deg/s"), "optical"),  # SDK, its COORDINATE_SYSTEM::IMAGE; ROS's wrapper gives rad/s, flu
     "x-io": Driver(("g", "deg/s"), "flu", "Accelerometer X (g), Gyroscope X (deg/s)"),  # x-IMU3, NGIMU
 }
 
