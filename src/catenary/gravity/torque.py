@@ -11,22 +11,12 @@ from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kinematics import link_poses
 from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import gravity_recursion, place_tree, to_robot
-from catenary.dynamics.robot_kernels import DynamicQuantity, gravity_kernel
+from catenary.dynamics.robot_kernels import DynamicQuantity
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import LEVEL
-
-__all__ = [
-    "center_of_mass",
-    "center_of_mass_jacobian",
-    "gravity_delta",
-    "gravity_kernel",
-    "gravity_torque",
-    "potential_energy",
-    "unseen_torque",
-]
 
 
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats, frozen
+from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
@@ -37,7 +37,6 @@ class Driver(NamedTuple):
     columns: str = ""  # what it calls the accelerometer's x and the gyroscope's x in its files
 
 
-SI = Convention(frozen(np.eye(3)), frozen(np.eye(3)))
 # manuals and sources of these drivers; a driver that can be set otherwise as it comes
 DRIVERS: dict[str, Driver] = {
     "xsens": Driver(("m/s2", "rad/s"), "flu", "Acc_X, Gyr_X"),  # MT Manager; as ROS's driver
