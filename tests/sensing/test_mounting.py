@@ -46,7 +46,7 @@ def test_what_a_sensor_distorts_the_mounting_puts_right(rng):
 
 def test_a_mounting_file_gives_back_what_was_written(tmp_path):
     path = tmp_path / "mounting.toml"
-    save_mounting(path, TURNED, TumbleSection(readings=12, residual_m_s2=0.01, remarks=('say "so"',)))
+    save_mounting(path, TURNED, TumbleSection(readings=12, residual_m_s2=0.01))
     read = load_mounting(path)
     for name, value in vars(TURNED).items():
         assert_array_equal(getattr(read, name), value, err_msg=name)

@@ -121,7 +121,6 @@ class TumbleSection(Settings):
     readings: int
     residual_m_s2: float | None = None
     rotation_residual_deg: float | None = None
-    remarks: tuple[str, ...] = ()
 
 
 class MountingFile(Settings):
