@@ -51,6 +51,28 @@ def test_a_reading_is_corrected_and_turned_by_its_mounting_file(tmp_path: Path) 
     assert "with commas" in refusal("gravity", *POSE, "--imu-reading", "0", "0", "9.8")
 
 
+def test_a_sensor_on_a_base_link_that_is_turned_from_the_world_gives_what_holds_the_arm(tmp_path: Path) -> None:
+    # 2 kg half a metre out on a joint about the world's x; the sensor is turned about two axes from a turned base_link
+    arm, file = tmp_path / "arm.urdf", tmp_path / "m.toml"
+    arm.write_text("""<robot name="arm"><link name="world"/><link name="base_link"/><link name="imu_link"/>
+      <link name="rod"><inertial><origin xyz="0 0.5 0"/><mass value="2"/>
+        <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="stand" type="fixed"><parent link="world"/><child link="base_link"/><origin rpy="1.2 0 0"/></joint>
+      <joint name="glue" type="fixed"><parent link="base_link"/><child link="imu_link"/>
+        <origin xyz="0.1 0 0" rpy="0 0.4 0"/></joint>
+      <joint name="turn" type="revolute"><parent link="world"/><child link="rod"/><axis xyz="1 0 0"/>
+        <limit lower="-3" upper="3" effort="99" velocity="9"/></joint></robot>""")
+    on_base = Rotation.from_rotvec([0.0, 0.4, 0.0])
+    save_mounting(file, Mounting(rotation=on_base.as_matrix(), base="base_link"))
+    up = (Rotation.from_rotvec([1.2, 0.0, 0.0]) * on_base).inv().apply(-DOWN)
+    line = ("gravity", arm, "--q", "0", "--imu-reading", ",".join(map(str, up)))
+    for place in (("--imu-frame", "imu_link"), ("--mounting", file)):
+        content = catenary(*line, *place, "--json").json
+        assert_allclose(content["gravity"], DOWN, atol=1e-9)
+        assert_allclose(content["tau"], [2.0 * 9.81 * 0.5], atol=1e-9)
+    assert "it moves with rod" in refusal(*line, "--imu-frame", "rod")
+
+
 def test_gravity_takes_degrees_and_millimetres() -> None:
     shown = catenary("gravity", "raven2", "--q-deg", "0,90,320", "--json").json
     assert_allclose(shown["tau"], [1.5120, -0.1962, 2.1879], atol=1e-4)  # published for the mechanism

@@ -1,7 +1,9 @@
+import ast
 import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -48,6 +50,38 @@ def test_every_command_has_help_in_80_columns_and_json(command: str, monkeypatch
     assert re.findall(r"<\w+", outcome.out) == []  # one style: FILE, N, NAME
     assert len(re.findall(r"^  Example: ", outcome.out, re.MULTILINE)) == outcome.out.count("Example:")
     assert catenary(command, "-h") == outcome
+
+
+def options_of(command: str) -> set[str]:
+    asked = Commands()[command].params
+    return {"--help", *(name for option in asked for name in (*option.opts, *option.secondary_opts))}
+
+
+def named_options(text: str) -> set[str]:
+    """Options that a text names, but for those of a command that it names with them."""
+    return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", re.sub(r"catenary [a-z-]+ [^`;,.]*", "", text)))
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_has_every_option_that_its_help_and_its_own_messages_name(command: str) -> None:
+    asked = Commands()[command]
+    said = [asked.help or "", *(getattr(option, "help", None) or "" for option in asked.params)]
+    module = import_module(f"catenary.cli.{next(m[command] for m in GROUPS.values() if command in m)}")
+    for node in ast.parse(Path(str(module.__file__)).read_text()).body:
+        if isinstance(node, ast.FunctionDef) and node.name == command.replace("-", "_"):
+            said += [str(n.value) for s in node.body for n in ast.walk(s) if isinstance(n, ast.Constant)]
+    assert {text: new for text in said if (new := named_options(text) - options_of(command))} == {}
+
+
+def test_every_option_that_a_message_names_is_one_of_some_command() -> None:
+    of_others = {"--ros-args", "--remap", "--disable-external-lib-logs", "--csv"}  # ROS's, and ros2 topic echo's
+    known = set().union(*map(options_of, COMMANDS)) | of_others | {"--version", "--show-completion"}
+    wrong = {}
+    for path in sorted((Path(__file__).parents[2] / "src").rglob("*.py")):
+        texts = [n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant)]
+        found = set().union(*(named_options(text) for text in texts if isinstance(text, str))) - known
+        wrong |= {path.name: found} if found else {}
+    assert wrong == {}
 
 
 @pytest.mark.parametrize("command", COMMANDS)

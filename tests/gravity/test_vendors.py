@@ -50,3 +50,7 @@ def test_a_universal_robots_controller_has_a_base_of_its_own():
     ur10e, gravity = load_robot("ur10e"), tilted_gravity(0.2, 0.3)
     np.testing.assert_allclose(in_controller_base("ur", ur10e, gravity), gravity * [-1.0, -1.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(in_controller_base("kortex", ur10e, gravity), gravity)
+    for base, signs in (("base", 1.0), ("left_base_link", [-1.0, -1.0, 1.0])):
+        np.testing.assert_allclose(in_controller_base("ur", base, gravity), gravity * signs)
+    with pytest.raises(InputError, match=r'axes of "world", expected base or base_link'):
+        in_controller_base("ur", "world", gravity)

@@ -33,7 +33,7 @@ class World:
         mailbox = Mailbox()
         topic = GravityTopic(self.node_transport, "/imu", type_name, mailbox, points_down=points_down)
         source = SensedGravity(mailbox, mounting, angular=type_name == IMU, feed=topic.feed, **options)
-        self.node = GravityNode(self.node_transport, source, urscript="/script", arm=arm)
+        self.node = GravityNode(self.node_transport, source, urscript=None if mounting else "/script", arm=arm)
         self.joints = self.sensor.publisher("/joint_states", "sensor_msgs/JointState")
         self.deltas = listener.subscribe("/gravity/delta", "sensor_msgs/JointState")
         self.scripts = listener.subscribe("/script", "std_msgs/String")

@@ -86,7 +86,7 @@ def test_nothing_is_told_of_a_base_at_rest_nor_of_one_that_turns_about_the_verti
 
 
 def test_a_gyroscope_that_was_wrong_is_wrong_until_a_turn_shows_that_it_agrees(rng):
-    watch, clock = AgreementWatch(SensorRules()), 0.0
+    watch, clock = AgreementWatch(SensorRules(), np.zeros(3)), 0.0
     said = []
     # x negated, which rocking about y does not show; then all of it right
     x, y, wrong = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), np.diag([-1.0, 1.0, 1.0])
@@ -102,4 +102,4 @@ def test_a_gyroscope_that_was_wrong_is_wrong_until_a_turn_shows_that_it_agrees(r
 
 
 def test_nothing_was_found_before_anything_was_heard():
-    assert AgreementWatch(SensorRules()).found.fault is Fault.NONE
+    assert AgreementWatch(SensorRules(), np.zeros(3)).found.fault is Fault.NONE

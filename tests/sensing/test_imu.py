@@ -438,8 +438,7 @@ def test_a_sensor_away_from_the_origin_is_live_where_its_lever_is_known(axis, ra
         readings.append(base.source.read(now))
     live = np.array([r.status is ReadingStatus.LIVE for r in readings])
     off = np.linalg.norm([r.gravity for r in readings] - true, axis=1)
-    # without a gyroscope a turn is known once gravity moves by it: of 6 m/s2 it may miss the first, upright all
-    assert off[live & (t > 0.5)].max() < (0.5 if angular else 1.0 if axis[2] < 1.0 else 3.0)
+    assert off[live & (t > 0.5)].max() < 0.5
     assert live[(t > 0.5) & (t < 1.0)].all()
     if angular and math.radians(rate) < base.source._rules.max_rate:
         assert live[-30:].all()
@@ -516,8 +515,7 @@ GYROSCOPES = {
 
 
 ON_AXIS, OFF_AXIS = ((1.0, 0.4, 0.0), (0.0, 0.0, 0.0)), ((1.0, 0.4, 0.8), (0.1, 0.0, 0.2))  # axis and place
-# off the axis a wrong scale or delay is as large as what the lever does, for a second
-TURNED = [(name, ON_AXIS) for name in GYROSCOPES] + [(name, OFF_AXIS) for name in list(GYROSCOPES)[:7]]
+TURNED = [(name, mounted) for mounted in (ON_AXIS, OFF_AXIS) for name in GYROSCOPES]
 
 
 @pytest.mark.parametrize("rest", [0.0, 1.5])
@@ -536,21 +534,24 @@ def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_seco
     O, A, late = omega * along, alpha * along, isinstance(wrong, float)
     sensed = level - np.cross(A, place) - np.cross(O, np.cross(O, place))
     said = np.outer(list(moved(t - wrong))[1] if late else omega, along) + 9e-4 * rng.normal(size=(len(t), 3))
-    readings, base = [], Base(angular=True, rules=None, mounting=Mounting(position=np.array(place)))
-    for k, now in enumerate(t.tolist()):
-        base.mailbox.put(now, said[k] if late else said[k] @ wrong.T, Kind.ANGULAR_RATE)
-        base.mailbox.put(now, sensed[k] + 0.04 * rng.normal(size=3), Kind.FREE_FALL)
-        readings.append(base.source.read(now))
-    gravity, rates = np.array([r.gravity for r in readings]), np.array([r.base_rates for r in readings])
+    sensed += 0.04 * rng.normal(size=(len(t), 3))
+    found = []
+    for angular in (True, False):
+        base = Base(angular=angular, rules=None, mounting=Mounting(position=np.array(place)))
+        for k, now in enumerate(t.tolist()):
+            base.mailbox.put(now, said[k] if late else said[k] @ wrong.T, Kind.ANGULAR_RATE)
+            base.mailbox.put(now, sensed[k], Kind.FREE_FALL)
+            reading = base.source.read(now)
+            found.append((reading.gravity, *reading.base_rates))
+    (gravity, *rates), (blind, *no_rates) = np.array(found).reshape(2, len(t), 3, 3).swapaxes(1, 2)
     q, still = np.tile([0.3, -0.9, 1.1, -0.7, -1.5, 0.2], (len(t), 1)), np.zeros((len(t), 6))
     true, alone, used = (
         inverse_dynamics(arm, q, still, still, g, BaseMotion(*turning))
         for g, turning in (
-            (level, (O, A)), (gravity, still.reshape(-1, 2, 3).swapaxes(0, 1)),
-            (gravity, rates.swapaxes(0, 1)),
+            (level, (O, A)), (blind, no_rates), (gravity, rates),
         )
     )  # fmt: skip
     for part in ((t >= rest + 0.2 * (rest == 0.0)) & (t < rest + 1.0), t >= rest + 1.0):
         off, without = (np.sqrt(np.mean((tau[part] - true[part]) ** 2)) for tau in (used, alone))
-        assert off < 1.02 * without
+        assert off < 1.03 * without
     assert name != "right" or off < 0.35 * without

@@ -4,6 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import ConfigError, FileFormatError, InputError
+from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import Mounting, TumbleSection, load_mounting, save_mounting
 from catenary.sensing.vector import Kind
 
@@ -25,6 +26,17 @@ def test_a_sensor_with_its_x_axis_up_reads_gravity_there():
     assert_allclose(gravity, [0.0, 0.0, -9.81])
 
 
+def test_a_mounting_that_leads_to_another_frame_of_the_base_is_seen_from_the_base():
+    arm, at_base = load_robot("ur10e"), Mounting(position=np.array([0.1, 0.2, 0.3]), base="base")
+    seen = at_base.in_base_of(arm)  # its controller's base is turned by half a turn from base_link
+    assert_allclose(seen.position, [-0.1, -0.2, 0.3], atol=1e-12)
+    assert_allclose(seen.rotation, np.diag([-1.0, -1.0, 1.0]), atol=1e-12)
+    assert seen.base == arm.base == "base_link"
+    assert seen.in_base_of(arm) is seen
+    elsewhere = Mounting(base="cart")
+    assert elsewhere.in_base_of(arm) is elsewhere
+
+
 def test_what_a_sensor_distorts_the_mounting_puts_right(rng):
     gravity, rate = rng.normal(size=(2, 5, 3))
     reading = (-gravity @ TURNED.rotation) * TURNED.scale + TURNED.bias
@@ -34,7 +46,7 @@ def test_what_a_sensor_distorts_the_mounting_puts_right(rng):
 
 def test_a_mounting_file_gives_back_what_was_written(tmp_path):
     path = tmp_path / "mounting.toml"
-    save_mounting(path, TURNED, TumbleSection(readings=12, residual_m_s2=0.01, remarks=('say "so"',)))
+    save_mounting(path, TURNED, TumbleSection(readings=12, residual_m_s2=0.01))
     read = load_mounting(path)
     for name, value in vars(TURNED).items():
         assert_array_equal(getattr(read, name), value, err_msg=name)

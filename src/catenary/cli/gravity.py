@@ -53,6 +53,7 @@ class Conditions:
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.")
     simulated_imu: bool = option(None, "Measure gravity with a simulated IMU; so do all options of sensors.", False)
     sensor_bias: Triple | None = option("X,Y,Z", "Residual bias of the simulated accelerometer, in m/s2.")
+    imu_frame: str | None = option("FRAME", "Frame of the robot that the simulated IMU is at. [default: its base]")
     seed: int | None = SIMULATED_SEED
 
     def as_data(self) -> dict[str, Any]:
@@ -86,14 +87,15 @@ class Conditions:
 
     def gravity(self, arm: "SimulatedArm", sensing: SensingOptions) -> "SensedGravity | None":
         """Return a simulated unit on the base as a source of gravity; None where gravity is as it truly is."""
-        if not (self.simulated_imu or self.sensor_bias is not None or sensing != SensingOptions()):
+        asked = self.simulated_imu or self.sensor_bias is not None or self.imu_frame is not None
+        if not asked and sensing == SensingOptions():
             return None
         from catenary.workflows.gravity.simulated_arm import base_sensor
 
         bias = self.sensor_bias or (0.0, 0.0, 0.0)
         sensor, told = base_sensor(
             self.base(), start=arm.plant.measured_js().time, bias=bias, noise=sensing.sensor_noise,
-            seed=self.seed or 0,
+            seed=self.seed or 0, at=None if self.imu_frame is None else (arm.model, self.imu_frame),
         )  # fmt: skip
         return sensing.source(sensor.mailbox, told, angular=True, feed=sensor.advance)
 
@@ -146,9 +148,9 @@ def gravity(
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    gravity = given.told()
     model = carried.on(description.load(robot))
     model.require_masses()
+    gravity = given.told(model)
     if latex:
         from catenary.gravity.compact_regressor import gravity_latex
 

@@ -13,6 +13,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.robots.model import RobotModel
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.conventions import Convention
     from catenary.sensing.imu import SensedGravity
@@ -36,14 +37,13 @@ IMU_READING = option("AX,AY,AZ", "Instead of --gravity: accelerometer's reading 
 MOUNTING_FILE = option("FILE", "Sensor's mounting file.")
 
 
-def gravity_of_reading(reading: Triple, mounting: Path | None = None) -> "Floats":
-    """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting file."""
+def gravity_of_reading(reading: Triple, told: "Mounting | None" = None) -> "Floats":
+    """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting."""
     from catenary.arrays import as_array
-    from catenary.sensing.mounting import Mounting, load_mounting
+    from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import Kind
 
-    told = Mounting() if mounting is None else load_mounting(mounting)
-    return told.gravity(as_array("--imu-reading", reading, (3,)), Kind.SPECIFIC_FORCE)
+    return (told or Mounting()).gravity(as_array("--imu-reading", reading, (3,)), Kind.SPECIFIC_FORCE)
 
 
 @group
@@ -54,17 +54,24 @@ class GivenGravity:
     vector: Triple | None = replace(GRAVITY, flag="--gravity", not_with=("base_tilt_deg", "imu_reading"))
     imu_reading: Triple | None = replace(IMU_READING, not_with="base_tilt_deg")
     mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu_reading")
+    imu_frame: str | None = option(
+        "FRAME", "Frame of the sensor in the robot's description.", goes_with="imu_reading", not_with="mounting"
+    )
 
-    def told(self) -> "Floats":
-        """Return gravity, (3,) in base axes [m/s2]."""
+    def told(self, model: "RobotModel") -> "Floats":
+        """Return gravity, (3,) in axes of a robot's base [m/s2]."""
         import numpy as np
 
         from catenary.arrays import as_array
+        from catenary.sensing.mounting import Mounting, load_mounting
         from catenary.sensing.vector import tilted_gravity
         from catenary.spatial import LEVEL
 
         if self.imu_reading is not None:
-            return gravity_of_reading(self.imu_reading, self.mounting)
+            told = Mounting() if self.mounting is None else load_mounting(self.mounting).in_base_of(model)
+            return gravity_of_reading(
+                self.imu_reading, told if self.imu_frame is None else told.at(model, self.imu_frame)
+            )
         if self.base_tilt_deg is not None:
             roll, pitch = np.deg2rad(self.base_tilt_deg)
             return tilted_gravity(float(roll), float(pitch))
@@ -121,13 +128,7 @@ class ReadingOptions:
         robot, colon, name = self.imu_frame.rpartition(":")
         if not colon:
             raise InputError(f'--imu-frame "{self.imu_frame}": expected ROBOT:FRAME, as arm.urdf:imu_link')
-        model = load_robot(robot)
-        frame = model.frame(name)
-        if frame.link >= 0:
-            raise InputError(
-                f'--imu-frame "{name}": it moves with {model.link_names[frame.link]}; expected one on the base'
-            )
-        return replace(told, rotation=frame.pose.rotation, position=frame.pose.position, base=model.base)
+        return told.at(load_robot(robot), name)
 
 
 GRAVITY_TOPIC = option(

@@ -248,8 +248,10 @@ def gravity_node(
             print_notes([f"{heard.topic}: waiting for {kind}"])
             feed, angular, counts = heard.feed, imu is not None, heard.tally
         angular = angular and not no_gyroscope
-        source = sensing.source(mailbox, told, angular=angular, feed=feed)
         arm = None if delta_of is None else LevelBaseArm(load_robot(delta_of), joints)
+        if arm is not None and (mounting or reading.imu_frame):
+            told = told.in_base_of(arm.model)  # whose axes its torques are of
+        source = sensing.source(mailbox, told, angular=angular, feed=feed)
         node = GravityNode(
             transport, source, topic=topic, frame_id=frame, urscript=urscript, arm=arm, link=lambda: asdict(counts)
         )

@@ -214,8 +214,8 @@ def plot(
             raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
         _plot_errors(Path(robot), log, joint, recordings, out, as_json=as_json)
         return
-    gravity = given.told()
     model = carried.on(description.load(robot))
+    gravity = given.told(model)
     values = joints.given(model)
     pose = middle_pose(model) if values is None else values
     notes = beyond_limits(model, pose) if values is not None else []

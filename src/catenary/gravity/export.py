@@ -105,23 +105,19 @@ def _traced(
 ) -> tuple[Line, tuple[int, ...], str]:
     """Return a quantity as a line, its shape, and the name of the output."""
     n, links = model.n, len(model.link_names)
-    if quantity == "forward_kinematics":
-        return forward_kinematics_line(model, frame), (3, 4), "pose"
-    if quantity in WITH_LOADS:
-        forward = quantity == "forward_dynamics"
-        traced = forward_dynamics_line if forward else feedforward_line
-        return traced(model, loads), (n,), "qdd" if forward else "tau"
-    if quantity == "gravity_regressor":
-        return gravity_regressor_line(model), (n, 4 * links), "Z"
     if quantity == "compact_regressor":
         regressor = compact_regressor(model)
         return regressor.line(), (n, len(regressor.labels)), "Z"
-    traces: dict[str, Callable[[RobotModel], Line]] = {
-        "gravity": gravity_line,
-        "holding": holding_line,
-        "mass_matrix": mass_matrix_line,
-        "inverse_dynamics": partial(inverse_dynamics_line, moving_base=False),
-        "inverse_dynamics_on_moving_base": inverse_dynamics_line,
+    table: dict[str, tuple[Callable[[RobotModel], Line], tuple[int, ...], str]] = {
+        "gravity": (gravity_line, (n,), "tau"),
+        "holding": (holding_line, (n,), "tau"),
+        "mass_matrix": (mass_matrix_line, (n, n), "M"),
+        "inverse_dynamics": (partial(inverse_dynamics_line, moving_base=False), (n,), "tau"),
+        "inverse_dynamics_on_moving_base": (inverse_dynamics_line, (n,), "tau"),
+        "feedforward": (partial(feedforward_line, loads=loads), (n,), "tau"),
+        "forward_dynamics": (partial(forward_dynamics_line, loads=loads), (n,), "qdd"),
+        "forward_kinematics": (partial(forward_kinematics_line, frame=frame), (3, 4), "pose"),
+        "gravity_regressor": (gravity_regressor_line, (n, 4 * links), "Z"),
     }
-    square = quantity == "mass_matrix"
-    return traces[quantity](model), (n, n) if square else (n,), "M" if square else "tau"
+    traced, shape, result = table[quantity]
+    return traced(model), shape, result

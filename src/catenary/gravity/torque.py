@@ -8,24 +8,15 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.kinematics import link_poses
 from catenary.dynamics.lines import gravity_line
-from catenary.dynamics.recursion import first_moments, gravity_recursion, place_tree, to_robot
-from catenary.dynamics.robot_kernels import DynamicQuantity, gravity_kernel
+from catenary.dynamics.recursion import gravity_recursion, place_tree, to_robot
+from catenary.dynamics.robot_kernels import DynamicQuantity
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import LEVEL
-
-__all__ = [
-    "center_of_mass",
-    "center_of_mass_jacobian",
-    "gravity_delta",
-    "gravity_kernel",
-    "gravity_torque",
-    "potential_energy",
-    "unseen_torque",
-]
 
 
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
@@ -121,8 +112,9 @@ def _total_mass(model: RobotModel) -> float:
 
 def _first_moments(model: RobotModel, rows: Floats) -> Floats:
     """Return the first moment of all moving links about the base's origin (N, 3) [kg m]."""
-    moments = np.empty((len(rows), 3))
-    _first_moment_rows(model.tree, model.coupling, model.offset, rows, moments)
+    rotation, position = link_poses(model, rows)
+    centers = position + np.einsum("Nkab,kb->Nka", rotation, model.tree.com)
+    moments: Floats = np.einsum("k,Nka->Na", model.tree.mass, centers)
     return moments
 
 
@@ -139,18 +131,6 @@ def _gravity_torque_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats
         g = (row[0], row[1], row[2])
         gravity_recursion(tree, rotation, position, g, mass, moment, link_gravity, torque)
         to_robot(coupling, torque, out[k])
-
-
-@compiled
-def _first_moment_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, out: Floats) -> None:
-    n = len(tree.parent)
-    work = np.empty((3, n))
-    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    mass, moment = np.empty(n + 1), np.empty((n + 1, 3))
-    for k in range(len(q)):
-        place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        first_moments(tree, rotation, position, mass, moment)
-        out[k] = moment[n]
 
 
 def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:

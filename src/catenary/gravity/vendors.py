@@ -21,7 +21,8 @@ class Vendor(NamedTuple):
 
 
 VENDORS: dict[str, Vendor] = {
-    # [Universal Robots, 7th axis gravity settings: (0, 0, 9.82) at rest, (4.91, 0, 9.82) accelerated along x by 0.5 g]
+    # [Universal Robots, 7th axis gravity settings: (0, 0, 9.82) at rest, (4.91, 0, 9.82) accelerated along x by 0.5 g;
+    # its ROS 2 driver's gravity_update_controller: "anti-gravity (away from Earth)", in `base`]
     "ur": Vendor(
         -1.0,
         "set_gravity([{:.4f}, {:.4f}, {:.4f}])",
@@ -29,14 +30,16 @@ VENDORS: dict[str, Vendor] = {
         "in a secondary program (sec ... end) it runs beside another, twice a second; keep the joints still while "
         "the base accelerates",
     ),
-    # [Kinova: "by default ... the gravity vector is 0, 0, -9.81"; after each start it must be sent again]
+    # [Kinova's kortex_api, GravityVector: "in terms of the robot base frame ... defaults to (0, 0, -9.81)"; after each
+    # start it must be sent again]
     "kortex": Vendor(
         1.0,
         "control_config.SetGravityVector(ControlConfig_pb2.GravityVector(gravity_x={:.4f}, gravity_y={:.4f}, "
         "gravity_z={:.4f}))",
         "points down; a setting and no stream: the arm at rest, and again after each start",
     ),
-    # [franka_ros, issue 327: "You cannot change the gravity vector on the real robot"; subtract its own, add yours]
+    # [libfranka, control_types.h: torques are "without gravity and friction", and O_ddP_O is "hardcoded for now to
+    # {0, 0, -9.81}"; franka_ros, issue 327: "You cannot change the gravity vector on the real robot"]
     "franka": Vendor(
         0.0,
         "",
@@ -53,13 +56,20 @@ def vendor_of(name: str) -> Vendor:
     return VENDORS[name]
 
 
-def in_controller_base(name: str, model: RobotModel, gravity: ArrayLike) -> Floats:
-    """Return gravity (3,) in axes of a vendor's own base frame, of gravity in those of a model's base.
+def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) -> Floats:
+    """Return gravity (3,) in axes of a vendor's own base frame, of gravity in those of a model's base, or a named one.
 
     A Universal Robot's controller has the frame `base`, which its description turns by half a turn from `base_link`.
     """
     vector = as_array("gravity", gravity, (3,))
-    own = model.frames.get("base") if name == "ur" else None
+    if isinstance(base, str):
+        if name == "ur" and not base.endswith(("base", "base_link")):
+            raise InputError(
+                f'gravity for {name}: it is in axes of "{base}", expected base or base_link, as by a mounting file or '
+                "--imu-frame tf:base:imu_link"
+            )
+        return vector * [-1.0, -1.0, 1.0] if name == "ur" and base.endswith("base_link") else vector
+    own = base.frames.get("base") if name == "ur" else None
     turned: Floats = vector if own is None or own.link >= 0 else vector @ own.pose.rotation
     return turned
 

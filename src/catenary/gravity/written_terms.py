@@ -196,26 +196,25 @@ def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) 
 
 def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | None]:
     """Write what the mass that a prismatic joint carries asks of each coordinate; None for what is too long."""
-    axis = model.tree.axis[link]
-    x, sign = angle_atom("q", model.coupling[link])
-    offset = float(model.offset[link])
-    way = way_to(model, link)
+    axis, way = model.tree.axis[link], way_to(model, link)
+    down, slides = constant_vector(gravity), constant_vector(way.end @ axis)
+    ahead = [*_before_turns(way, down, of_base=True), down][0]  # where the first turn, if any, starts from
+    seen = [*_before_turns(way, slides, of_base=False), slides][0]
     entries: list[Terms | None] = []
     for row, moment in enumerate(moment_entries(model, link, axis, gravity)):
-        factor = float(model.coupling[link, row])
         try:
-            total = sum_of(scaled(multiplied(_short(moment), x), sign), scaled(_short(moment), offset))
-            if factor != 0.0 and way.turns:
-                down = _before_turns(way, constant_vector(gravity), of_base=True)[0]
-                seen = _before_turns(way, constant_vector(way.end @ axis), of_base=False)[0]
-                own = dotted(_short(down), _short(seen))
-                total = sum_of(total, scaled(own, -factor))
-            elif factor != 0.0:
-                total = sum_of(total, cleaned({(): -factor * float(gravity @ (way.end @ axis))}))
-            entries.append(total)
+            own = dotted(_short(ahead), _short(seen)) if model.coupling[link, row] else {}
+            entries.append(_of_mass(model, row, link, _short(moment), own))
         except TooLongError:
             entries.append(None)
     return entries
+
+
+def _of_mass(model: RobotModel, row: int, link: int, arm: Terms, own: Terms) -> Terms:
+    """Return what a joint's mass asks of a coordinate, by what a moment along its axis asks, and gravity along that."""
+    x, sign = angle_atom("q", model.coupling[link])
+    turning = sum_of(scaled(multiplied(arm, x), sign), scaled(arm, float(model.offset[link])))
+    return sum_of(turning, scaled(own, -float(model.coupling[link, row])))
 
 
 def _short(written: Written | None) -> Written:
@@ -282,13 +281,8 @@ class SharedTerms:
         moment = self._moment(row, link)
         if along != CARRIED_MASS:
             return moment[along]
-        tree = self._model.tree
-        axis = tree.axis[link]
-        arm = weighted(axis, moment)
-        x, sign = angle_atom("q", self._model.coupling[link])
-        turning = sum_of(scaled(multiplied(arm, x), sign), scaled(arm, float(self._model.offset[link])))
-        sliding = weighted(axis, self._gravity_at(link))
-        return sum_of(turning, scaled(sliding, -float(self._model.coupling[link, row])))
+        axis = self._model.tree.axis[link]
+        return _of_mass(self._model, row, link, weighted(axis, moment), weighted(axis, self._gravity_at(link)))
 
     def _gravity_at(self, link: int) -> SymbolicVector:
         if link < 0:

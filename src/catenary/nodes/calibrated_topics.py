@@ -34,8 +34,8 @@ from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM_JOINTS
+from catenary.dynamics.robot_kernels import gravity_kernel
 from catenary.errors import CatenaryError, InputError, TransportError
-from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, OverTopics, kind_with_joints, open_robot
 from catenary.plant import JointState
 from catenary.raven2.topics import JOINTS, ROBOT

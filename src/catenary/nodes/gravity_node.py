@@ -12,7 +12,7 @@ from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
 from catenary.crtk.transport import Latest, Publisher, Transport
 from catenary.dynamics.robot_kernels import gravity_kernel, holding_kernel
-from catenary.gravity.vendors import vendor_command
+from catenary.gravity.vendors import in_controller_base, vendor_command
 from catenary.robots.model import RobotModel
 from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
@@ -111,6 +111,8 @@ class GravityNode:
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")
         self._status = transport.publisher(f"{topic}/status", "crtk_msgs/StringStamped", latch=True)
         self._script = None if urscript is None else transport.publisher(urscript, "std_msgs/String")
+        if urscript is not None:
+            in_controller_base("ur", source.mounting.base, LEVEL)  # refuses axes that it cannot bring there
         self._scripted, self._scripted_at = np.zeros(3), -np.inf
         self._arm, self.complaint = arm, ""  # why nothing is told of an arm
         if arm is not None:
@@ -163,7 +165,8 @@ class GravityNode:
         if moved < SCRIPT_FROM or time - self._scripted_at < SCRIPT_EVERY:
             return
         self._scripted, self._scripted_at = reading.gravity, time
-        program = f"sec catenary_gravity():\n  {vendor_command('ur', reading.gravity)}\nend\n"
+        command = vendor_command("ur", in_controller_base("ur", self.source.mounting.base, reading.gravity))
+        program = f"sec catenary_gravity():\n  {command}\nend\n"
         script.publish(message_class("std_msgs/String")(program))
 
     def status(self, seconds: float) -> GravityStatus:

@@ -23,8 +23,8 @@ from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName, console_topics, crtk_topics
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import psm_topic, psm_topics
+from catenary.dynamics.robot_kernels import gravity_kernel
 from catenary.errors import InputError
-from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
 from catenary.plant import Column, JointState, OperatingState, Plant
 from catenary.raven2.topics import ROBOT

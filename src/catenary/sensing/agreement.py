@@ -185,14 +185,30 @@ def judge(
 
 
 def compare(
-    pieces: Sequence[Piece], limit: float, doubted: NDArray[np.bool_] | None = None, *, rested: bool = False
+    pieces: Sequence[Piece],
+    limit: float,
+    doubted: NDArray[np.bool_] | None = None,
+    *,
+    rested: bool = False,
+    place: Floats | None = None,
 ) -> Agreement:
-    """Compare a gyroscope with an accelerometer over pieces of time, as those between the rests of a tumble."""
+    """Compare a gyroscope with an accelerometer over pieces of time, as those between the rests of a tumble.
+
+    One that helps does so also at the base's origin, from which the sensor is at `place` (3,) [m] in its own axes: what
+    a wrong scale and a lever make together may look right at the sensor.
+    """
     span = sum(float(times[-1] - times[0]) for times, *_ in pieces)
     if not span > 0.0:
         return Agreement(Fault.NONE, agrees=False)
     total = sum((evidence(*piece) for piece in pieces), np.zeros((_SIZE, _SIZE)))
     found = judge(total, span, limit, doubted, rested=rested)
+    if place is not None:
+        moved = np.eye(_SIZE)
+        moved[_AXIS, _GRAVITY] = place
+        there = judge(moved.T @ total @ moved, span, limit, doubted, rested=rested)
+        if found.fits and there.fits is False:
+            found = found._replace(fits=False)
+        found = found._replace(beaten=max(found.beaten, there.beaten))
     if found.fault is Fault.RATE_CONTRADICTS and all(_is_upright(*piece) for piece in pieces):
         return Agreement(Fault.NONE, agrees=False)
     if not found.may_be_late or span < _LATE_FROM:
@@ -227,9 +243,9 @@ class AgreementWatch:
     SPANS = (0.8, 4.0)  # [s] over which: the first finds what is new soon, the other what is small
     GAP = 0.2  # [s] without samples, after which both begin anew
 
-    def __init__(self, rules: SensorRules, *, checked: bool = False) -> None:
-        """Take rules, and whether the gyroscope was found right before."""
-        self._rules = rules
+    def __init__(self, rules: SensorRules, place: Floats, *, checked: bool = False) -> None:
+        """Take rules, the sensor's place as `compare` does, and whether the gyroscope was found right before."""
+        self._rules, self._place = rules, place if place.any() else None
         self.found = Agreement(Fault.NONE, agrees=False)
         self._gravity, self._angles = (deque[Row](maxlen=int(self.SPANS[-1] / _APART) + 1) for _ in range(2))
         self._angle, self._rate, self._rate_stamp = np.zeros(3), np.zeros(3), -math.inf
@@ -264,7 +280,8 @@ class AgreementWatch:
                 fitted = False
                 continue
             piece = late[:, 0], late[:, 1:], turned[:, 0], turned[:, 1:]
-            found = compare([piece], accelerations(self._rules, span), self.found.readings, rested=self.rested)
+            limit = accelerations(self._rules, span)
+            found = compare([piece], limit, self.found.readings, rested=self.rested, place=self._place)
             fitted &= found.fits is True
             self._proven &= found.beaten < _AS_WELL
             self.may_be_used = self._proven or found.fits is None

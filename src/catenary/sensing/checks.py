@@ -353,12 +353,8 @@ def explain(gravity: Floats, wanted: Floats) -> Fault:
     if 5.0 * norm(gravity + wanted) < off:
         return Fault.WRONG_SIGN
     a, b = np.abs(gravity), np.abs(wanted)
-    if 5.0 * norm(np.sort(a) - np.sort(b)) < off:
-        # magnitudes agree in some order: each axis holds another one's number, or the wrong sign of it
-        for order in _ORDERS:
-            if 5.0 * norm(a[order] - b) < off:
-                return Fault.AXES_SWAPPED
-    return Fault.NONE
+    # magnitudes agree in some order: each axis holds another one's number, or the wrong sign of it
+    return Fault.AXES_SWAPPED if any(5.0 * norm(a[order] - b) < off for order in _ORDERS) else Fault.NONE
 
 
 def norm(v: Floats) -> float:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats, frozen
+from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
@@ -37,7 +37,6 @@ class Driver(NamedTuple):
     columns: str = ""  # what it calls the accelerometer's x and the gyroscope's x in its files
 
 
-SI = Convention(frozen(np.eye(3)), frozen(np.eye(3)))
 # manuals and sources of these drivers; a driver that can be set otherwise as it comes
 DRIVERS: dict[str, Driver] = {
     "xsens": Driver(("m/s2", "rad/s"), "flu", "Acc_X, Gyr_X"),  # MT Manager; as ROS's driver
@@ -47,7 +46,7 @@ DRIVERS: dict[str, Driver] = {
     "mpu6050": Driver(("g", "deg/s"), "flu"),  # as most sketches print it
     "livox": Driver(("g", "rad/s"), "flu"),  # Mid-360, Avia; ROS's driver passes g on
     "realsense": Driver(("m/s2", "rad/s"), "optical"),  # D435i, camera_imu_optical_frame
-    "zed": Driver(("m/s2", "deg/s"), "flu"),  # SDK; ROS's wrapper gives rad/s
+    "zed": Driver(("m/s2", "deg/s"), "optical"),  # SDK, its COORDINATE_SYSTEM::IMAGE; ROS's wrapper gives rad/s, flu
     "x-io": Driver(("g", "deg/s"), "flu", "Accelerometer X (g), Gyroscope X (deg/s)"),  # x-IMU3, NGIMU
 }
 

@@ -15,7 +15,7 @@ from catenary.sensing.fallback import FALLBACKS, SlowAttitude, SmoothTransfer
 from catenary.sensing.gyro_prediction import PredictedGravity, RestRate
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
-from catenary.spatial import LEVEL, cross
+from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross
 
 # how fast gravity, angular velocity and acceleration of the base may change as measured [m/s3, rad/s2, rad/s3]:
 # ten times what rocking by 10 degrees at 1 Hz takes; and how fast they come back from a fault
@@ -28,11 +28,11 @@ _FORGET = 1.0  # [s] without samples, after which a sensor is met anew
 _EASED = 0.3  # [m/s2] by which a reading that is live may be off, by its way from a fallback and by turning
 _CHECKED = 0.1  # [rad] of turning about the vertical, by rates that nothing else can check, while gravity stands still
 _SLOW = 0.05  # [rad/s] that bias and noise may be of it
-_BEGINS = 0.2  # [s] in which a base may have begun to turn as fast as gravity shows
+_BEGINS = 0.04  # [s] in which a base may have begun to turn as fast as gravity shows
+_RECENT = 0.2  # [s] in which gravity's own change tells turning, where no gyroscope does
 _DOUBTED = 0.1  # [s] over which a doubt goes
 _SLOPE = 16.0  # by which a filter's slope is off where its value is behind, times the window
 _SWINGS = 2.0  # [rad/s2] of angular acceleration that noise may be
-_OWN_HZ = 4.0  # for the turning that gravity's own change tells, which noise would hide at its cut-off
 _FOLLOWS = 0.02  # [s] over which noise averages out of what readings are ahead of the filter
 
 
@@ -111,9 +111,9 @@ class SensedGravity:
         self._raw_rate = RawCheck(r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED))
         self._check, self._check_rate = GravityCheck(r), RateCheck(r)
         self._predicted, self._rest_rate = PredictedGravity(r), RestRate(r.still_rate)
-        self._agreement = AgreementWatch(r, checked=m.checked)
+        self._agreement = AgreementWatch(r, m.position @ m.rotation, checked=m.checked)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
-        self._own_turning = DelayFreeFilter(min(cutoff, _OWN_HZ))  # of gravity, across it, without a gyroscope
+        self._recent, self._changed = LEVEL, 0.0  # gravity of late, and how far it has moved from there [m/s2]
         self._sudden = self._doubted = 0.0  # [m/s2] that a lever may have made, of the newest reading and of late
         # of its filter: rates of late [rad/s], and so how far its slope, angular acceleration, may be off [rad/s2]
         self._rate_ahead, self._slope_error = np.zeros(3), 0.0
@@ -215,7 +215,8 @@ class SensedGravity:
         fault = self._check.fault(stamp, gravity, expected, rate, max(0.0, swing))
         if fault is Fault.NONE and self._check.reference is not None:
             self._agreement.add_gravity(stamp, in_sensor)
-            if self._predicted.compare(stamp, gravity):
+            known = rate is not None and self._rate_is_known
+            if self._predicted.compare(stamp, gravity + self._lever(*self._turning(stamp)) if known else gravity):
                 return Fault.DISAGREEMENT
             dt = stamp - self._force.newest
             if dt > 0.5 * self._force.window:
@@ -227,9 +228,10 @@ class SensedGravity:
             if norm(self._ahead) > self._ahead_limit:
                 self._seen[Fault.NOT_FOLLOWED] = stamp
             self._attitude.add(stamp, gravity)
-            if rate is None and self._force.span > 0.6 * self._force.window:
-                now, change = self._force.at(stamp)
-                self._own_turning.add(stamp, cross(change, now) / float(now @ now))
+            moved = self._force.at(stamp)[0] - self._recent
+            self._recent = self._recent + (1.0 - math.exp(-dt / _RECENT)) * moved
+            # a lever and a turn may undo each other for a moment
+            self._changed = max(norm(moved), self._changed * math.exp(-dt / (2.0 * _RECENT))) if dt < _PAUSE else 0.0
         return fault
 
     def _meet_anew(self, stamp: float) -> None:
@@ -338,8 +340,9 @@ class SensedGravity:
     def _doubt(self, time: float, turning: bool) -> float:
         """Return how far gravity may be off by a turn that is not, or not yet, accounted for [m/s2]."""
         if not self._rate_is_fresh(time) or self._rate.span < 0.6 * self._rate.window:
-            own = norm(self._own_turning.at(self._own_turning.newest)[0])
-            return self._sudden + norm(self.mounting.position) * (own * own + own / _BEGINS)
+            # what moved it may be the lever alone, as of a turn about the vertical, or a turn with what it does to that
+            own = self._changed / (STANDARD_GRAVITY * _RECENT)
+            return self._sudden + min(1.25 * self._changed, norm(self.mounting.position) * (own * own + own / _BEGINS))
         # rates that nothing checked yet, and are not used, may be right
         unused = 0.0 if turning else norm(self._lever(*self._turning(time)))
         return self._sudden + unused + norm(self.mounting.position) * self._slope_error

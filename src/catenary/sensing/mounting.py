@@ -1,7 +1,7 @@
 """How a sensor is mounted and what it reads wrong: the mounting file."""
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from catenary.arrays import Floats, as_array, frozen
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, InputError
 from catenary.files import write_atomically
+from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST, check_within
 from catenary.sensing.vector import Kind
 from catenary.spatial import as_rotation
@@ -67,6 +68,22 @@ class Mounting:
         turned: Floats = (reading - self.rate_bias) @ self.rotation.T
         return turned
 
+    def at(self, model: RobotModel, name: str) -> "Mounting":
+        """Return it placed and turned as a robot's description has a frame, which must be fixed to the base."""
+        frame = model.frame(name)
+        if frame.link >= 0:
+            raise InputError(f'frame "{name}": it moves with {model.link_names[frame.link]}; expected one on the base')
+        return replace(self, rotation=frame.pose.rotation, position=frame.pose.position, base=model.base)
+
+    def in_base_of(self, model: RobotModel) -> "Mounting":
+        """Return it seen from a robot's base, where it leads to another frame that is fixed to that base."""
+        frame = model.frames.get(self.base)
+        if self.base == model.base or frame is None or frame.link >= 0:
+            return self
+        rotation, position = frame.pose
+        place = position + rotation @ self.position
+        return replace(self, rotation=rotation @ self.rotation, position=place, base=model.base)
+
 
 class SensorSection(Settings):
     """Name and ranges of the sensor."""
@@ -104,7 +121,6 @@ class TumbleSection(Settings):
     readings: int
     residual_m_s2: float | None = None
     rotation_residual_deg: float | None = None
-    remarks: tuple[str, ...] = ()
 
 
 class MountingFile(Settings):

@@ -47,7 +47,7 @@ class Mailbox:
         """Make room for `size` samples, which are turned from a convention to SI where one is given."""
         # append, popleft and len of a deque are atomic
         self._samples: deque[SensorSample] = deque(maxlen=size)
-        self._size, self._convention = size, convention
+        self._convention = convention
         self.dropped = 0
 
     def put(self, stamp: float, vector: Sequence[float] | Floats, kind: Kind) -> None:
@@ -56,7 +56,7 @@ class Mailbox:
             matrix = self._convention.rate if kind is Kind.ANGULAR_RATE else self._convention.force
             vector = matrix @ np.asarray(vector, dtype=float)
         x, y, z = vector
-        if len(self._samples) >= self._size:
+        if len(self._samples) == self._samples.maxlen:
             self.dropped += 1
         self._samples.append(SensorSample(float(stamp), (float(x), float(y), float(z)), kind))
 

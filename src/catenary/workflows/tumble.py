@@ -115,10 +115,7 @@ def _outcome(
     """Return a mounting, with the rates at rest as the gyroscope's bias, and how well it is known."""
     rates = [s.rate for s in still if s.rate is not None]
     section = TumbleSection(
-        readings=len(still),
-        residual_m_s2=None if np.isnan(residual) else residual,
-        rotation_residual_deg=degrees,
-        remarks=tuple(faults),
+        readings=len(still), residual_m_s2=None if np.isnan(residual) else residual, rotation_residual_deg=degrees
     )
     known = replace(mounting, rate_bias=np.mean(rates, axis=0)) if rates else mounting
     return TumbleOutcome(known, section, tuple(faults))

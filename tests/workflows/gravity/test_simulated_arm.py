@@ -6,7 +6,8 @@ import pytest
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
 from catenary.sensing.imu import SensedGravity
-from catenary.simulation.base_motion import SwayingBase, Wave
+from catenary.sensing.vector import tilted_gravity
+from catenary.simulation.base_motion import FixedBase, SwayingBase, Wave
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import base_sensor, rigid_arm, simulated_arm, with_gains
@@ -70,3 +71,12 @@ def test_an_arm_on_a_deck_is_held_ten_times_better_by_sensed_gravity_than_by_a_l
         assert not result.gravity.faults
         largest[name] = float(result.rms_error[:3].max())
     assert largest["dg"] < 0.1 * largest["sg"] < 0.1 * largest["pd"]
+
+
+def test_a_unit_at_a_frame_of_the_robot_tells_gravity_at_the_base_origin() -> None:
+    # a Universal Robot's controller has a base that is turned by half a turn from base_link
+    sensor, told = base_sensor(FixedBase(0.2, -0.1), noise=0.01, at=(load_robot("ur10e"), "base"))
+    source = SensedGravity(sensor.mailbox, told, feed=sensor.advance)
+    readings = [source.read(0.01 * k) for k in range(100)]
+    np.testing.assert_allclose(readings[-1].gravity, tilted_gravity(0.2, -0.1), atol=0.05)
+    assert (readings[-1].status.value, told.base) == ("live", "base_link")

@@ -88,7 +88,9 @@ def read_imu(
         try:
             told = time_of(stream, (column,) if column else (), unit or None, None)
         except InputError as error:
-            raise InputError(f"{error}; here --time COLUMN@UNIT") from error
+            # an import has a mapping and a rate of rows, which are not there for this
+            plain = re.sub(r"time_unit, or |their rate in its place \(.*?\), or ", "", str(error))
+            raise InputError(f"{plain.replace('--map time=', '--time ')} (--time COLUMN@UNIT)") from error
         if told is None:
             raise InputError(
                 f"{path}: no column of time, such as time or t_us: --time; it has {listed(list(stream.columns))}"

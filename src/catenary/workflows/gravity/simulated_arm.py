@@ -195,11 +195,13 @@ def base_sensor(
     noise: float | None = None,
     fault: InjectedFault | None = None,
     seed: int = 0,
+    at: tuple[RobotModel, str] | None = None,
 ) -> tuple[SimulatedSensor, Mounting]:
-    """Put a cheap inertial unit, 200 Hz, at the origin of a base; return it and the mounting that is told of it.
+    """Put a cheap inertial unit, 200 Hz, on a base; return it and the mounting that is told of it.
 
-    It begins at `start` [s] of the plant. Of the accelerometer's bias (3,) [m/s2], left by a calibration, the mounting
-    knows nothing. Noise is the standard deviation of an axis of a reading [m/s2]; an MPU-6050's when None.
+    It is at the base's origin, or where a robot has a frame (`at`), and begins at `start` [s] of the plant. Of the
+    accelerometer's bias (3,) [m/s2], left by a calibration, the mounting knows nothing. Noise is the standard deviation
+    of an axis of a reading [m/s2]; an MPU-6050's when None.
     """
     model = SensorModel()
     if noise is not None:
@@ -207,7 +209,7 @@ def base_sensor(
             raise InputError(f"sensor noise: expected 0 or more m/s2, got {noise}")
         # white up to half the sampling rate
         model = replace(model, noise=noise / float(np.sqrt(0.5 * model.rate_hz)))
-    told = model.mounting
+    told = model.mounting if at is None else model.mounting.at(*at)
     true = replace(told, bias=as_array("sensor bias", bias, (3,)))
     faults = () if fault is None else (fault,)
     sensor = SimulatedSensor(base, Mailbox(), replace(model, mounting=true), faults=faults, seed=seed, start=start)
