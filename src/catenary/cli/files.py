@@ -206,9 +206,9 @@ def import_recording(
         "joints": joints, "not_used": done.not_used, "notes": done.notes, "doubts": doubts, "delay": delay,
     }  # fmt: skip
     rows = f"{done.rows}{'' if done.seconds is None else f', {done.seconds:.1f} s'}"
-    rows += f", {done.measured or 'none'} of them with q_encoder"
-    rows += "" if done.measured else "; a fit needs it: --map q_encoder=COLUMNS"
+    rows += f", {done.measured or 'none'} of them with q_encoder" + (", which a fit needs" * (not done.measured))
     facts = [("joints:", ", ".join(f"{name} [{unit}]" for name, unit in joints.items())), ("rows:", rows)]
     facts += [*([] if delay is None else [("delay:", delay)]), ("log:", str(out))]
     notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
+    notes += ["if columns hold measured joints, name them: --map q_encoder=COLUMNS"] * (not done.measured)
     print_result(as_json, report, facts, notes=notes)

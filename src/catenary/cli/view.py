@@ -41,7 +41,7 @@ def view(
     gravity: str | None = GRAVITY_TOPIC,
     name: str | None = replace(NODE_NAME, goes_with="ros"),
     control: bool = option(None, "With --ros: buttons that move the robot while held.", False, goes_with="ros"),
-    simulated: bool = option(None, "With --control: the robot is simulated.", False, goes_with="control"),
+    simulated: bool = option(None, "With --control: simulated, no workspace.", False, goes_with="control"),
     yes: bool = option(None, "With --control: the workspace is clear; do not ask.", False, goes_with="control"),
     port: int = option(None, "Port on 127.0.0.1, or the next free one; from another machine use ssh -L.", 8080),
     browser: bool | None = option(None, "Open it in a browser. [default: on a screen]", flag="--open/--no-open"),
