@@ -3,7 +3,7 @@
 import inspect
 import pickle
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 import catenary
 from catenary.arguments import expected, explained, fits
+from catenary.calibration.calibration import MotionArrays
 from catenary.errors import CatenaryError, InputError
 from catenary.robots.model import RobotModel
 from recordings import recording
@@ -25,6 +26,11 @@ MODEL = catenary.fit(LOG, model="linear", folds=0)
 POSE = {"model": ARM, "q": Q}
 ROWS = {"q_nominal": LOG.q_nominal, "q_encoder": LOG.q_encoder}
 GAINS = {"kp": [100.0, 100.0], "kd": [1.0, 1.0]}
+MOTION = catenary.go_to(Q, Q + 0.1, max_velocity=[1.0, 1.0], max_acceleration=[1.0, 1.0])
+PLANT = catenary.MujocoPlant(ARM, start=Q)
+ROW = {"model": ARM, "q": Q[None], "tau": ZERO[None], "gravity": DOWN}
+EXTERNAL = catenary.external_torque(**ROW, qd=ZERO[None], qdd=ZERO[None], deviation=[0.1, 0.1])
+STATE = catenary.JointState(0.0, Q, ZERO, ZERO, Q, np.array(DOWN), 0.0)
 # what a call that succeeds is given; one argument after the other is then another thing
 CALLS: dict[str, dict[str, Any]] = {
     "gravity_torque": {**POSE, "gravity": DOWN},
@@ -65,24 +71,81 @@ CALLS: dict[str, dict[str, Any]] = {
     "MotionLog": {
         "name": "a", "joint_names": ("a",), "joint_units": ("rad",), "q_nominal": np.zeros((5, 1)), "ok": np.ones(5, bool),
     },
+    "ElasticPD": {"model": ARM, "stiffness": [1e3, 1e3], **GAINS},
+    "EstimatedGravityPD": {"estimator": catenary.GravityEstimator(ARM, **GAINS), **GAINS},
+    "refresh": {"model": MODEL, **ROWS},
+    "forward_dynamics": {**POSE, "qd": ZERO, "tau": ZERO, "gravity": DOWN},
+    "BaseMotion": {},
+    "MomentumObserver": {"model": ARM},
+    "external_torque": {**ROW, "qd": ZERO[None], "qdd": ZERO[None], "deviation": [0.1, 0.1]},
+    "external_wrench": {"model": ARM, "q": Q[None], "external": EXTERNAL},
+    "locate_load": {**ROW, "noise": [0.1, 0.1]},
+    "cut_arm": {"model": ARM, "base": next(iter(ARM.frames)), "tip": ARM.tip},
+    "lock_joints": {"model": ARM, "locked": {ARM.joint_names[0]: 0.1}},
+    "propose_mapping": {"sources": "none.csv"},
+    "record_simulated": {"plant": PLANT, "trajectory": MOTION, "name": "a", "rng": RNG},
+    "fit_wrist_tool": {name: RNG.normal(size=(30, 3)) for name in ("force", "torque", "gravity")},
+    "run_loop": {"plant": PLANT, "controller": catenary.JointPD(**GAINS), "trajectory": MOTION, "duration": 0.01},
 }  # fmt: skip
-WRONG = [None, "abc", 1j, {"a": 1}, object(), [[1.0, 2.0], [3.0]]]
+# records whose fields are theirs, or what needs ROS, a recording's identification, or a folder to write to
+NOT_CALLED = {
+    "Calibration", "CatenaryError", "CrtkClient", "DataError", "JointState", "Reference", "RobotModel", "estimate_payload",
+    "plot", "write_parquet", "__version__",
+}  # fmt: skip
+OBJECTS = [
+    MODEL, LOG, ARM, catenary.Corrector(MODEL), catenary.GravityPD(ARM, **GAINS, gravity=DOWN), catenary.JointPD(**GAINS),
+    catenary.GravityEstimator(ARM, **GAINS), catenary.MomentumObserver(ARM), MOTION,
+]  # fmt: skip
+RIGHT = {
+    "q": Q, "qd": ZERO, "tau": ZERO, "gravity": DOWN, **ROWS, "motion": LOG.q_nominal, "time": 0.1, "t": 0.1, "state": STATE,
+    "reference": MOTION(0.0), "first": 0, "last": 10, "dt": 0.001,
+}  # fmt: skip
+WRONG = [
+    None, "abc", b"x", 1j, True, 0, -1, 1.5, np.nan, np.inf, [], (), [1.0], ["a"], [np.nan] * 3, [[1.0, 2.0], [3.0]], {"a": 1},
+    {1}, np.zeros((2, 2, 2)), np.array(["a"]), object(), print,
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CALLS)
-def test_a_wrong_argument_is_no_error_of_python_or_numpy(name: str) -> None:
-    call = getattr(catenary, name)
+def raw_errors(call: Callable[..., Any], right: Mapping[str, Any]) -> list[tuple]:
+    """Give one argument after the other wrongly; return what was answered by an error of Python's or NumPy's."""
     raw = []
-    parameters = inspect.signature(call).parameters.values()
-    for argument in [one.name for one in parameters if one.kind is not one.VAR_KEYWORD]:
+    arguments = [one.name for one in inspect.signature(call).parameters.values() if one.kind is not one.VAR_KEYWORD]
+    if "arrays" in inspect.signature(call).parameters:  # each is an argument of its own
+        arguments += MotionArrays.__annotations__
+    for argument in arguments:
         for wrong in WRONG:
             try:
-                call(**{**CALLS[name], argument: wrong})
+                call(**{**right, argument: wrong})
             except CatenaryError:
                 pass
             except Exception as error:
-                raw.append((argument, wrong, error))
-    assert raw == []
+                if not re.search("missing .* required", str(error)):
+                    raw.append((argument, wrong, error))
+    return raw
+
+
+def test_every_public_name_is_called_wrongly_or_left_out_on_purpose() -> None:
+    assert {*CALLS, *NOT_CALLED} == set(catenary.__all__)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_wrong_argument_is_no_error_of_python_or_numpy(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert raw_errors(getattr(catenary, name), CALLS[name]) == []
+
+
+@pytest.mark.parametrize("one", OBJECTS, ids=lambda one: type(one).__name__)
+def test_a_wrong_argument_of_a_method_is_no_error_of_python_or_numpy(
+    one: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # "abc" is a place to save to
+    for name, method in inspect.getmembers(one, inspect.ismethod):
+        if name[0] != "_" or name == "__call__":
+            right = {**RIGHT, "q": np.zeros(3)} if isinstance(one, catenary.Corrector) else RIGHT
+            known = {each: right[each] for each in inspect.signature(method).parameters if each in right}
+            assert raw_errors(method, known) == [], name
 
 
 def test_the_message_says_which_argument_what_it_was_and_what_was_expected() -> None:
@@ -121,6 +184,7 @@ def test_an_error_that_no_argument_explains_stays_as_it_is() -> None:
         (tuple[str, int], (("a", 1),), (("a",), ("a", "b"), ["a", 1]), "tuple"),
         (Mapping[str, int], ({"a": 1},), ({"a": "b"}, [("a", 1)]), "Mapping"),
         (Callable[[float], None], (print,), (1,), "Callable"),
+        (Iterable[Mapping[str, int]], ([], ({"a": 1},), iter([3])), ("ab", {"a": 1}, [1.0], None), "Iterable"),
         (str | Path, ("a", Path("a")), (1, None), "str or Path"),
     ],
 )

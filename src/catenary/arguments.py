@@ -4,7 +4,7 @@ import contextlib
 import functools
 import inspect
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Annotated, Any, ForwardRef, Literal, TypeVar, Union, Unpack, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -104,12 +104,14 @@ def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: 
             given |= given.pop(name, {})
             hints |= get_type_hints(get_args(hint)[0], include_extras=True)
     for name, value in given.items():
-        if name in hints and not fits(value, hints[name]):
+        is_negative_seed = name == "seed" and isinstance(value, int | np.integer) and value < 0
+        if name in hints and (is_negative_seed or not fits(value, hints[name])):
             shown = repr(value)
             cut = f"{shown[:LONGEST]}..." if len(shown) > LONGEST else shown
             wants_robot = getattr(hints[name], "__name__", "") == "RobotModel" and isinstance(value, str)
             hint = f'; catenary.load_robot("{value}") may make one' if wants_robot else ""
-            return f"{name}: expected {expected(hints[name])}, got {type(value).__name__} {cut}{hint}"
+            wanted = expected(hints[name]) + (", not negative" if is_negative_seed else "")
+            return f"{name}: expected {wanted}, got {type(value).__name__} {cut}{hint}"
     return None
 
 
@@ -173,14 +175,14 @@ def expected(hint: Any) -> str:
 
 
 def _fits_container(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:
-    if not isinstance(value, origin) or (origin is Sequence and isinstance(value, str)):
+    if not isinstance(value, origin) or (origin in (Sequence, Iterable) and isinstance(value, str | bytes)):
         return False
     if issubclass(origin, Mapping):
         return all(fits(key, parts[0]) and fits(each, parts[1]) for key, each in value.items())  # type: ignore[attr-defined]
     if origin is tuple and Ellipsis not in parts:
         return len(value) == len(parts) and all(fits(each, part) for each, part in zip(value, parts, strict=True))  # type: ignore[arg-type, call-overload]
-    if origin in (tuple, list, Sequence):
-        return all(fits(each, parts[0]) for each in value)  # type: ignore[attr-defined]
+    if isinstance(value, Collection) and origin in (tuple, list, Sequence, Iterable):  # not what is read once
+        return all(fits(each, parts[0]) for each in value)
     return True
 
 

@@ -46,7 +46,7 @@ REFUSALS = {
     **{f"{command} none": "is no project" for command in ("record", "extract", "deploy {model}")},
     "deploy none.npz {begun}": "none.npz",
     "deploy model.npz p --ros 1": "PROJECT: does not go with --ros",
-    "deploy model.npz": "folder of a project",
+    "deploy model.npz": "its project's folder",
     "deploy model.npz --ros 1 --arm left": "expected gold or green",
     "deploy model.npz --ros 1 --seconds 0": "more than 0",
     "extract {begun} --bag ros9": "ros1 or mcap",

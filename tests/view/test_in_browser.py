@@ -13,12 +13,13 @@ import pytest
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.topic_names import JOINT_STATE, find_topic
 from catenary.sensing.vector import tilted_gravity
+from catenary.view.page_process import PageProcess
 from dds import Network
 from patience import until
 from ros import COMMAND, PATIENT_COMMAND, Program
 from view.browser import PATIENCE, SIZE, LookedAtPage, looked_at, looked_at_empty
 from view.command import model_of_positions, view
-from view.connected import page_of_an_arm
+from view.connected import page_of_an_arm, shown_arm
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -113,6 +114,16 @@ class OtherPage(BaseHTTPRequestHandler):
 
     def log_message(self, *_: object) -> None:
         pass
+
+
+def test_a_narrow_window_says_what_is_prepared_and_then_gives_most_of_its_room_to_the_arm() -> None:
+    with PageProcess(port=18545) as page, looked_at_empty({"width": 900, "height": 700}) as looked:
+        looked.page.goto(page.url, timeout=PATIENCE)
+        looked.wait_for_text("Preparing the robot")
+        page.open(shown_arm())
+        canvas = looked.page.locator("canvas").first
+        looked.wait_until(lambda: 500.0 < canvas.bounding_box()["width"] < 900.0)  # curves folded away, controls not
+        assert "Preparing" not in looked.words()
 
 
 def test_other_pages_and_names_of_this_machine_reach_nothing() -> None:

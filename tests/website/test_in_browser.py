@@ -29,6 +29,12 @@ SEARCHES = {
     "export to C": QUESTIONS + "how-do-i-export-to-c",
     "which model": QUESTIONS + "which-model",
     "how to cite": "cite.html",
+    "joystick": "tools.html#keyboard-catenary-teleop",
+    "MATLAB file": QUESTIONS + "how-do-i-use-my-bag-or-a-matlab-file",
+    "IMU on a ship": "tutorials/ship.html",
+    "emergency stop": "safety.html#run-levels-and-the-emergency-stop",
+    "install": "start.html#install",
+    "how much data": "calibration.html",
 }
 PAGES = (
     "index",

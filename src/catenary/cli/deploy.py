@@ -41,7 +41,7 @@ def deploy(
     longer than a tick in the median.
     """
     if ros is None and project is None:
-        raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
+        raise InputError("deploy: expected a model and its project's folder, or a model and --ros 1 or 2")
     if ros is not None and seconds is not None and not seconds > 0.0:
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     from catenary.calibration.model_file import load_model

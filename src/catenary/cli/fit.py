@@ -229,9 +229,9 @@ def drift(
 ) -> None:
     """Print errors over days, of a model or of cards.
 
-    Of a model on recordings, from homing to homing. Recordings come in the order of time. Where DATA are models, or
-    their .card.json, it prints errors, delays and zeros by date. The exit code is 1 where a joint is beyond at the end,
-    or where something is wrong with a recording, which is no drift.
+    Give a model and recordings in the order of time: errors from homing to homing. Or give several models or their
+    .card.json: errors, delays and zeros by date. The exit code is 1 if a joint's errors at the end are beyond what the
+    model promises, or if a recording has a fault other than drift.
 
     Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """

@@ -138,7 +138,7 @@ def gravity(
 ) -> None:
     """Print the torques that hold an arm still under gravity.
 
-    On a base that is tilted, or under any vector, and on a level base.
+    On a tilted base, or under any gravity vector, next to those on a level base.
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """

@@ -148,7 +148,7 @@ class SensingOptions:
     fallback: str = option("hold|fade|static|stop", "What gravity becomes when samples stop.", "fade")
     stale_after: float = option("S", "Age from which the newest sample is stale.", 0.05)
     age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
-    attitude_time: float | None = option("S", "Averaging time of where fade converges. [default: by --mounting-on]")
+    attitude_time: float | None = option("S", "Averaging time of the direction of fade. [default: by --mounting-on]")
     start_limit: float = option("S", "With --fallback stop: stop if no valid sample came by then.", 1.0)
 
     def rules(self) -> "SensorRules":

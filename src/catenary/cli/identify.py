@@ -128,7 +128,7 @@ def payload(
     unloaded: Sequence[Path] = option("LOG", "A recording of the same day without payload; may be repeated."),
     external: Path | None = option(
         "FILE",
-        "In place of a payload: torques that something outside asks of the joints, row by row, as .csv.",
+        "In place of a payload: write the external joint torques, row by row, as .csv.",
         writes=EXTERNAL,
         not_with=("at", "wrist_sensor"),
     ),

@@ -40,7 +40,7 @@ class PayloadOptions:
     payload_on: str | None = option("FRAME", "Frame it is fixed to. [default: the tip]", goes_with="payload")
     payload_at: Triple = option("X,Y,Z", "Its centre of mass there, in m.", (0.0, 0.0, 0.0), goes_with="payload")
     payload_inertia: Six | None = option(
-        "XX,XY,XZ,YY,YZ,ZZ", "Its inertia about there, in kg m2. [default: a point mass]", goes_with="payload"
+        "XX,XY,XZ,YY,YZ,ZZ", "Its inertia about that point, in kg m2. [default: a point mass]", goes_with="payload"
     )
 
     def on(self, model: "RobotModel") -> "RobotModel":

@@ -39,7 +39,8 @@ FROM_NOW = "s from now"
 SKY = 2.0  # light from above and below, in addition to viser's own
 LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
 PLOT_ASPECT = 1.6
-CURVES_WIDTH, MAIN_WIDTH = 220, 300  # pixels, so that the arm gets the room in a window of 900
+CURVES_WIDTH, MAIN_WIDTH, NARROW = 220, 300, 1000  # pixels; a window below the last has the curves folded away
+PREPARING = "**Preparing the robot.** It is compiled (the first time up to a minute) and homed, then appears here."
 
 
 class ViserPage:
@@ -140,7 +141,7 @@ class ViserPage:
         self._roots: dict[str, Any] = {}
         self._arms = {name: self._add_arm(name) for name in ARMS}
         # next to the arm in the camera's view; it turns with the base but does not move
-        corner = extent.centre + extent.radius * np.array([-0.75, -1.05, 0.75])
+        corner = extent.centre + extent.radius * np.array([-0.75, -0.8, 0.75])
         self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
         empty = np.zeros((1, 2, 3), np.float32)
         self._path_nodes = {
@@ -215,6 +216,7 @@ class ViserPage:
 
     def _build_panels(self) -> None:
         gui, shown = self._server.gui, self._shown
+        gui.reset()
         gui.set_panel_label(shown.title)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(MAIN_WIDTH)
@@ -232,6 +234,7 @@ class ViserPage:
         plots.set_width(CURVES_WIDTH)
         with plots.add_tab("Curves"):
             self._add_plots()
+        self._server.on_client_connect(lambda one: plots.minimize() if one.camera.image_width < NARROW else None)
 
     def _add_tab(self, tab: ControlTab) -> None:
         if tab.text:
@@ -296,6 +299,7 @@ def open_server(port: int) -> tuple[Any, str]:
     require_gate(HOST, server.get_port(), token)
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
     server.gui.set_panel_label("catenary: preparing ...")
+    server.gui.add_markdown(PREPARING)
     return server, f"http://{HOST}:{server.get_port()}/{token}/"
 
 

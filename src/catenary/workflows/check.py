@@ -42,6 +42,7 @@ from catenary.verdict.finding import Finding
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.file_report import FileReport, Line
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
+from catenary.workflows.project.folder import SETTINGS
 from catenary.workflows.recording_screen import TypedRecording, check_recording, recording_report
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".json")
@@ -77,7 +78,8 @@ def check_file(
     if is_other_make(path) or (is_bag(path) and not (path.is_dir() and _is_no_recording(path))):
         return _check_other_make(source, reading.mend, robot, max_error)
     if path.is_dir():
-        raise FileFormatError(f"{path}: is a folder, expected a file or a bag")
+        hint = "; of a project `catenary view` shows the results" if (path / SETTINGS).is_file() else ""
+        raise FileFormatError(f"{path}: is a folder, expected a file or a bag{hint}")
     if path.suffix.lower() in ROBOT_ENDINGS:
         return check_robot(load_robot(source))
     # a model may have any name; a recording's says what it is

@@ -144,7 +144,7 @@ def _cured(
 def _without_measurement(log: MotionLog, source: TypedRecording) -> str:
     robot = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
     if log.tau is None:
-        return "measure the joints beside the robot (a camera, encoders), and bring that in as q_encoder"
+        return "measure the joints by a camera or encoders, and import that too: --map q_encoder=COLUMNS"
     return source.command("identify", robot, "_arm.npz")
 
 
