@@ -33,7 +33,7 @@ help:
 	@echo "make truth       hold what commands claim against the truth, on recordings spoilt in 17 ways (minutes); rewrites tests/truth/table.md"
 	@echo "make docs        the documentation site into build/site: open build/site/index.html"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
-	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
+	@echo "make refit       fit the RAVEN-II with friction to a paper and a recording again (15 minutes); rewrites its data file"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -97,7 +97,8 @@ docs: $(VENV)/.documentation
 	@echo "open build/site/index.html"
 
 refit: $(VENV)/.package
-	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
+	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2_friction.toml \
+		$(CATENARY_DATA)/raven2_recorded_state/raven_state_circle.npz
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }
