@@ -15,7 +15,7 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.transmission.cable_coupling import winding_of
 
 Floats = NDArray[np.float64]
-ROBOTS = (RAVEN2, "raven2_friction.toml")  # data files of RAVEN-IIs
+ROBOTS = ("raven2.toml", "raven2_friction.toml")  # data files of RAVEN-IIs
 HOME = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
 
 

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import ConfigError
-from catenary.simulation.cable_parameters import RAVEN2, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_parameters import load_cable_arm, right_arm, varied
 from oracles.cable_arms import ROBOTS
 
 
@@ -51,7 +51,7 @@ def test_drawn_arms_spread_as_declared():
 
 
 def test_a_robot_laid_over_another_has_its_own_numbers_and_the_others():
-    plain, laid = load_cable_arm(RAVEN2), load_cable_arm("raven2_friction.toml")
+    plain, laid = (load_cable_arm(robot) for robot in ROBOTS)
     assert (laid.cable.node_friction > 0.0).all()
     assert not plain.cable.node_friction.any()
     assert_array_equal(laid.cable.tool_ratio, plain.cable.tool_ratio)

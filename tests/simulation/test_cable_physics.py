@@ -201,6 +201,17 @@ def test_a_held_joint_feels_nothing_until_its_cable_slides_over_the_idlers(share
     assert_allclose(ends[-1], [2.0 * stiffness * slides - friction, 2.0 * stiffness * slides], atol=1e-9)
 
 
+def test_idlers_rub_the_same_however_slowly_their_cable_slides():
+    cable = cable_arms.with_linear_cables(CABLE).replace(damping=np.zeros(3), node_friction=[0.4, 0.0, 0.0])
+    slides, felt = 0.4 * 0.5 / cable.stiffness[0], []
+    for steps in (7, 500):
+        state, ends = ArmState(), np.empty((steps, 2))
+        for way in (3.0, -1.5, 0.5, -4.0):
+            wind_up(cable, state, way * slides, 0.0, ends)
+            felt.append(ends[-1].copy())
+    assert_allclose(felt[:4], felt[4:], atol=1e-9)
+
+
 def test_idlers_out_of_round_move_the_joint_as_their_cable_winds():
     cable = cable_arms.with_linear_cables(CABLE).replace(idler_runout=[1e-3, 0.0, 0.0], idler_turns=[8.0, 1.0, 1.0])
     ratio, ends = cable.ratio[0] * (1.0 + cable.ratio_error[0]), np.empty((1, 2))
