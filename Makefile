@@ -34,7 +34,7 @@ help:
 	@echo "make docs        the documentation site into build/site: open build/site/index.html"
 	@echo "make pictures    the pictures of docs/images, of today's demo and view (minutes; needs Chromium)"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
-	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
+	@echo "make refit       fit the RAVEN-II with friction to a paper and a recording again (15 minutes); rewrites its data file"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -101,7 +101,8 @@ pictures: $(VENV)/.development demo
 	PYTHONPATH=tests $(BIN)/python -m tests.pictures demo docs/images
 
 refit: $(VENV)/.package
-	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
+	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2_friction.toml \
+		$(CATENARY_DATA)/raven2_recorded_state/raven_state_circle.npz
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

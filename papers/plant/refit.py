@@ -1,13 +1,12 @@
-"""Fit the simulated RAVEN-II's free parameters to two papers' results, once; then they are frozen.
+"""Fit the simulated RAVEN-II to two papers and a recording, once; then its numbers are frozen.
 
-In three steps, each nearly independent of the next: friction to joint 1's share of PD torque in the static gravity
-test; ratios, coupling, run-out, hysteresis and stiffness to nine errors of table I; rates of set to the six-hour drift.
-Targets and bounds: targets.py. Run it with `make refit`; it rewrites simulation/data/raven2.toml, prints what was
-reached. Every target, fitted or only checked, is shown by `python -m papers plant-targets` afterwards.
+Tools first, to how they follow their setpoints in the recording of 2018; then the arm, to its friction and following
+errors there and to the calibration paper's errors (targets.py). What may move, and how far, stands in the data file,
+which is rewritten: numbers of origin "fitted" between `least` and `most`. Run it with `make refit`.
 """
 
 import argparse
-import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,148 +14,89 @@ from scipy.optimize import lsq_linear
 
 from catenary.arrays import Floats
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from papers.plant.evaluation import mean_errors, six_hours
-from papers.plant.pd_share import pd_share
-from papers.plant.targets import DRIFT, FITTED, FREE, FRICTION, LAST_HOUR, PD_SHARE, PRIOR, TARGETS, Free, with_factors
-from papers.results_files import markdown
+from papers.plant.circles import Circles, Followed, drawn_by, followed, read_circles
+from papers.plant.evaluation import mean_errors
+from papers.plant.targets import TARGETS, Free, free_numbers, shares_of, with_shares
 
-FRICTION_STEPS, DRIFT_STEPS = 4, 4  # evaluations
-NEAR = 0.03  # relative error at which a step stops
-LOSS_TRIED = 5.0  # times the rate at which cables lose stiffness
-
-
-def fit_friction(arm: CableArm) -> float:
-    """Return the factor on friction at which PD has its target share of joint 1's torque, on a level base."""
-    bound = np.log(FRICTION[0].factor)
-    tried: list[tuple[float, float]] = []  # logarithms of factor, and of share over target
-    log = 0.0
-    for _ in range(FRICTION_STEPS):
-        share = pd_share(with_factors(arm, FRICTION, np.exp([log])), 0.0, sensed=True).share[0]
-        print(f"  friction x {np.exp(log):.3f}: PD share of joint 1 {share:.1f} %", flush=True)
-        tried.append((log, float(np.log(share / PD_SHARE))))
-        if abs(tried[-1][1]) < NEAR:
-            break
-        slope = 0.7 if len(tried) == 1 else (tried[-1][1] - tried[-2][1]) / (tried[-1][0] - tried[-2][0])
-        log = float(np.clip(log - tried[-1][1] / max(slope, 0.2), -bound, bound))
-        if log in [before for before, _ in tried]:
-            break
-    return float(np.exp(min(tried, key=lambda pair: abs(pair[1]))[0]))
+PRIOR = 0.15  # weight of staying where a number started, in shares of its range, against relative errors
+STEP = 0.05  # of the finite differences, in shares of the range
+# of relative errors, about one over how well the papers determine them
+WEIGHTS = {"raw": 3.0, "fixed offset": 3.0, "linear": 2.0, "polynomial": 1.0}
+FIT_SECONDS = 600.0  # of each test motion
+Misses = Callable[[CableArm], Floats]
 
 
-def fit_table_1(arm: CableArm, rounds: int) -> Floats:
-    """Return the factors of FREE at which the nine errors meet their targets: Gauss-Newton on logarithms.
-
-    A step away from where the parameters started costs PRIOR. The Jacobian is taken once by finite differences and
-    kept up to date by Broyden's rule, since an evaluation is an hour of motion.
-    """
-
-    def misses(logs: Floats) -> Floats:
-        reached = mean_errors(with_factors(arm, FREE, np.exp(logs)))
-        shown = {key: np.round(value, 3).tolist() for key, value in reached.items()}
-        print(f"  {json.dumps(shown)}", flush=True)
-        return np.concatenate([np.log(reached[key] / np.array(TARGETS[key])) for key in TARGETS])
-
-    n = len(FREE)
-    bound = np.log([free.factor for free in FREE])
-    logs, jacobian = np.zeros(n), None
-    here = misses(logs)
+def fitted(arm: CableArm, free: list[Free], misses: Misses, rounds: int) -> CableArm:
+    """Return the arm whose misses are least: Gauss-Newton between the bounds, kept up to date by Broyden's rule."""
+    start = shares_of(arm, free)
+    shares = start.copy()
+    here = misses(arm)
+    steps = STEP * np.where(shares > 0.5, -1.0, 1.0)
+    jacobian = np.column_stack([(misses(with_shares(arm, free, shares + e)) - here) / e.sum() for e in np.diag(steps)])
+    best, damping = arm, PRIOR
     for _ in range(rounds):
-        if np.abs(here).max() < NEAR:
-            break
-        if jacobian is None:
-            steps = np.diag([free.step for free in FREE])
-            jacobian = np.column_stack([(misses(logs + step) - here) / step.sum() for step in steps])
-        left = np.concatenate([-here, -PRIOR * logs])
-        step = lsq_linear(np.vstack([jacobian, PRIOR * np.eye(n)]), left, (-bound - logs, bound - logs)).x
-        there = misses(logs + step)
+        n = len(free)
+        system = np.vstack([jacobian, PRIOR * np.eye(n), damping * np.eye(n)])
+        wanted = np.concatenate([-here, PRIOR * (start - shares), np.zeros(n)])
+        step = lsq_linear(system, wanted, (-shares - 1e-12, 1.0 - shares + 1e-12)).x
+        there = misses(with_shares(arm, free, np.clip(shares + step, 0.0, 1.0)))
+        print(f"  {here @ here:.4f} -> {there @ there:.4f}, a step of {np.abs(step).max():.3f}", flush=True)
         jacobian = jacobian + np.outer(there - here - jacobian @ step, step) / (step @ step)
         if there @ there < here @ here:
-            logs, here = logs + step, there
-    factors: Floats = np.exp(logs)
-    return factors
+            shares, here, damping = np.clip(shares + step, 0.0, 1.0), there, 0.5 * damping
+            best = with_shares(arm, free, shares)
+        else:
+            damping = 3.0 * max(damping, 0.05)
+    return best
 
 
-def fit_drift(arm: CableArm) -> Floats:
-    """Return the factors of DRIFT at which the linear model's error in the last of six hours meets its target.
+def tool_misses(circles: Circles, real: Followed) -> Misses:
+    """Return how far tools are from the recording's: relative errors of what they miss, and of its correlations."""
 
-    A set shifts a joint's error, in proportion to its rate but for the largest set, and leaves its spread: so the
-    shift that is wanted is known, and the rate follows by secants. Each joint by itself; the coupling's share comes
-    right on the way.
-    """
-    most = DRIFT[0].factor
-    factors = np.ones(len(DRIFT))
-    tried: list[tuple[Floats, Floats, Floats]] = []  # factors, shift, misses
-    for _ in range(DRIFT_STEPS):
-        last = six_hours(with_factors(arm, DRIFT, factors))[1]
-        print(f"  set rates x {np.round(factors, 3).tolist()}: {np.round(last.linear, 3).tolist()}", flush=True)
-        spread = np.square(last.linear) - np.square(last.shift)
-        wanted = np.sign(last.shift) * np.sqrt(np.maximum(np.square(LAST_HOUR) - spread, 0.0))
-        tried.append((factors, last.shift, np.abs(last.linear / LAST_HOUR - 1.0)))
-        if tried[-1][2].max() < NEAR:
-            break
-        slope = last.shift / factors
-        if len(tried) > 1:
-            moved = factors - tried[-2][0]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                secant = (last.shift - tried[-2][1]) / moved
-            usable = (np.abs(moved) > 1e-3) & (secant * slope > 0.0)
-            slope = np.where(usable, secant, slope)
-        factors = np.clip(factors + (wanted - last.shift) / slope, 1.0 / most, most)
-    return min(tried, key=lambda entry: float(entry[2].max()))[0]
+    def misses(arm: CableArm) -> Floats:
+        here = drawn_by(arm, circles)
+        return np.concatenate([np.log(here.error[3:] / real.error[3:]), here.likeness - real.likeness])
+
+    return misses
 
 
-def loss_effect(arm: CableArm) -> Floats:
-    """Return the relative change of the last hour's error when cables lose stiffness faster, (3,)."""
-    faster = arm._replace(cable=arm.cable.replace(loss_rate=LOSS_TRIED * arm.cable.loss_rate))
-    effect: Floats = six_hours(faster)[1].linear / six_hours(arm)[1].linear - 1.0
-    return effect
+def arm_misses(circles: Circles, real: Followed) -> Misses:
+    """Return how far an arm is from its targets, as logarithms."""
+
+    def misses(arm: CableArm) -> Floats:
+        here, errors = drawn_by(arm, circles), mean_errors(arm, FIT_SECONDS)
+        print("  " + "; ".join(f"{name} {np.round(values, 3)}" for name, values in errors.items()), flush=True)
+        missed = [WEIGHTS[name] * np.log(errors[name] / np.array(TARGETS[name])) for name in TARGETS]
+        missed += [np.log(here.friction / real.friction), np.log(here.error[:3] / real.error[:3])]
+        return np.concatenate(missed)
+
+    return misses
 
 
 def write_arm(arm: CableArm, path: Path) -> None:
     """Write the fitted numbers into the data file, leaving everything else as it stands."""
     lines = path.read_text(encoding="utf-8").splitlines()
-    table = ""
+    written = {(each.table, each.field) for each in free_numbers(arm)}
+    table = field = ""
     for i, line in enumerate(lines):
         if line.startswith("["):
-            table = line.strip("[]")
-        name = table.removeprefix("cable.")
-        if line.startswith("value =") and table.startswith("cable.") and name in FITTED:
-            numbers = ", ".join(repr(float(f"{value:.6g}")) for value in getattr(arm.cable, name))
+            table, _, field = line.strip("[]").partition(".")
+        if line.startswith("value =") and (table, field) in written:
+            numbers = ", ".join(repr(float(f"{value:.6g}")) for value in getattr(arm, table)[field])
             lines[i] = f"value = [{numbers}]"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def parameters(friction: float, table_1: Floats, drift: Floats) -> list[list[str]]:
-    """Return every free parameter, what it was fitted to, its factor and its bounds."""
-    groups: tuple[tuple[str, tuple[Free, ...], Floats], ...] = (
-        ("static gravity test", FRICTION, np.full(len(FRICTION), friction)),
-        ("table I", FREE, table_1),
-        ("six-hour drift", DRIFT, drift),
-    )
-    return [
-        [free.field, f"J{free.joint + 1}", to, f"{factor:.3f}", f"{1 / free.factor:.2f} to {free.factor:.2f}"]
-        for to, group, factors in groups
-        for free, factor in zip(group, factors, strict=True)
-    ]
-
-
-def main(path: Path, rounds: int) -> None:
-    """Refit, rewrite the data file, and print the parameters."""
-    arm = load_cable_arm(path)
-    friction = fit_friction(arm)
-    arm = with_factors(arm, FRICTION, np.array([friction]))
-    table_1 = fit_table_1(arm, rounds)
-    arm = with_factors(arm, FREE, table_1)
-    drift = fit_drift(arm)
-    arm = with_factors(arm, DRIFT, drift)
+def main(path: Path, recording: Path, rounds: int) -> None:
+    """Refit, and rewrite the data file."""
+    circles, arm = read_circles(recording), load_cable_arm(path)
+    real = followed(arm.firmware, circles)
+    free = free_numbers(arm)
+    tools = [each for each in free if each.field.startswith("tool_")]
+    arm = fitted(arm, tools, tool_misses(circles, real), rounds)
     write_arm(arm, path)
-    header = ["parameter", "joint", "fitted to", "factor", "allowed"]
-    print(markdown({"header": header, "rows": parameters(friction, table_1, drift)}))
-    changes = ", ".join(f"{share:+.1%}" for share in loss_effect(arm))
-    print(
-        f"\nThe rate of stiffness loss is not fitted: with {LOSS_TRIED:.0f} times the rate, the linear model's error "
-        f"of the last hour changes by {changes} (J1, J2, J3). The drift does not tell it; it stays assumed."
-    )
+    arm = fitted(arm, [each for each in free if each not in tools], arm_misses(circles, real), rounds)
+    write_arm(arm, path)
 
 
 if __name__ == "__main__":
@@ -164,6 +104,7 @@ if __name__ == "__main__":
         prog="python -m papers.plant.refit", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument("data", type=Path, help="the robot's data file, which is rewritten")
-    parser.add_argument("rounds", nargs="?", type=int, default=4, help="of fitting table I; by default 4")
+    parser.add_argument("recording", type=Path, help="raven_state_circle.npz of the recording of 2018")
+    parser.add_argument("rounds", nargs="?", type=int, default=8, help="of fitting; by default 8")
     asked = parser.parse_args()
-    main(asked.data, asked.rounds)
+    main(asked.data, asked.recording, asked.rounds)

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
-from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
+from catenary.simulation.cable_parameters import RAVEN2, Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step, unstretched_rotors
 from catenary.simulation.cable_plant import CablePlant
 from catenary.transmission.cable_coupling import winding_of
 
 Floats = NDArray[np.float64]
+ROBOTS = ("raven2.toml", "raven2_friction.toml")  # data files of RAVEN-IIs
 HOME = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
 
 
@@ -26,6 +27,10 @@ def without_runout(cable: Cable) -> Cable:
     return _without(cable, "capstan_runout", "pulley_runout", "idler_runout")
 
 
+def without_wear(cable: Cable) -> Cable:
+    return _without(cable, "set_rate", "set_wander", "loss_rate")
+
+
 def without_friction(cable: Cable) -> Cable:
     parts = ("rotor", "node", "link")
     return _without(cable, *(f"{part}_{kind}" for part in parts for kind in ("friction", "load_friction")))
@@ -33,7 +38,7 @@ def without_friction(cable: Cable) -> Cable:
 
 def with_linear_cables(cable: Cable) -> Cable:
     """Springs and dampers and nothing else: no hysteresis, creep, backlash, run-out, set, wear or friction."""
-    plain = _without(without_friction(without_runout(cable)), "slow_share", "backlash", "set_rate", "loss_rate")
+    plain = _without(without_wear(without_friction(without_runout(cable))), "slow_share", "backlash")
     return plain.replace(elastic_share=1.0)
 
 
@@ -43,8 +48,8 @@ def linear_arm() -> CableArm:
 
 
 @cache
-def _homed(**options: Any) -> CablePlant:
-    plant = CablePlant(**options)
+def _homed(robot: str = RAVEN2, **options: Any) -> CablePlant:
+    plant = CablePlant(load_cable_arm(robot), **options)
     plant.home()
     return plant
 

@@ -7,8 +7,10 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
+from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.spatial import Pose
 from oracles.random_trees import Floats
+from papers.plant.circles import followed, read_circles
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +43,12 @@ def test_recorded_configurations_are_recovered_from_their_poses(circle: tuple[Fl
     for q in joints:
         pose = forward_kinematics(model, q)
         assert_allclose(inverse_kinematics(model, Pose(*pose), q), q, atol=1e-9)
+
+
+def test_following_errors_are_those_that_were_measured_on_another_clock(recordings: Path) -> None:
+    path = recordings / "raven2_recorded_state" / "raven_state_circle.npz"
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    found = followed(load_cable_arm().firmware, read_circles(path))
+    assert_allclose(found.error[:3], [0.185, 0.304, 0.358], rtol=0.08)  # deg, deg, mm; rows come in bursts
+    assert_allclose(found.likeness, [0.57, -0.28, 0.94, 0.12, 0.52, -0.01], atol=0.06)

@@ -4,10 +4,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import ConfigError
 from catenary.simulation.cable_parameters import load_cable_arm, right_arm, varied
+from oracles.cable_arms import ROBOTS
 
 
-def test_every_number_says_where_it_comes_from():
-    file = load_cable_arm().file
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_every_number_says_where_it_comes_from(robot):
+    file = load_cable_arm(robot).file
     for table in (file.cable, file.firmware, file.rig):
         for name, entry in table.items():
             assert entry.unit, name
@@ -48,12 +50,38 @@ def test_drawn_arms_spread_as_declared():
     assert_allclose(ratio, 0.01, rtol=0.15)
 
 
+def test_a_robot_laid_over_another_has_its_own_numbers_and_the_others():
+    plain, laid = (load_cable_arm(robot) for robot in ROBOTS)
+    assert (laid.cable.node_friction > 0.0).all()
+    assert not plain.cable.node_friction.any()
+    assert_array_equal(laid.cable.tool_ratio, plain.cable.tool_ratio)
+    assert laid.firmware == plain.firmware
+
+
+def test_fitted_numbers_with_friction_are_plausible_and_say_why():
+    file = load_cable_arm("raven2_friction.toml").file
+    own = [entry for table in (file.cable, file.rig) for entry in table.values() if entry.least is not None]
+    assert len(own) > 10
+    for entry in own:
+        assert entry.note
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_one_robot_drawn_twice_differs_in_phases_and_friction(robot):
+    arm = load_cable_arm(robot)
+    one, two = (varied(arm, np.random.default_rng(seed)).cable for seed in (1, 2))
+    for name in ("capstan_phase", "idler_phase", "rotor_friction", "tool_friction"):
+        assert (one[name] != two[name]).all()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("[cable.damping]", "[cable.dampnig]", "missing damping; unknown dampnig"),
         ("value = [1.5, 0.6, 60.0]", "value = [1.5, 0.6]", "damping: expected 3 numbers, got 2"),
         ('origin = "datasheet-memory"', 'origin = "hearsay"', "origin"),
+        ("value = [1.5, 0.6, 60.0]", "value = [1.5, 0.6, 60.0]\nmost = [1.4, 1.0, 90.0]", "damping: .* plausible are"),
+        ("value = [1.5, 0.6, 60.0]", "value = [1.5, 0.6, 60.0]\nleast = [1.4]", "damping: expected 3 numbers, got 1"),
     ],
 )
 def test_damaged_files_are_refused_by_name(tmp_path, old, new, message):

@@ -92,13 +92,16 @@ def energy_balance(cable, step, seconds=0.5):
     return turned_over, work - kinetic - potential - np.sum(elastic) - lost
 
 
-NO_RUNOUT = cable_arms.without_runout(CABLE).replace(set_rate=np.zeros(3), loss_rate=np.zeros(3))
+NO_RUNOUT, FRICTION = (
+    cable_arms.without_wear(cable_arms.without_runout(load_cable_arm(robot).cable)) for robot in cable_arms.ROBOTS
+)
 BALANCED = {
     "springs": cable_arms.with_linear_cables(CABLE).replace(damping=np.zeros(3), rotor_damping=np.zeros(3)),
     "linear cables": cable_arms.with_linear_cables(CABLE),
     "idlers": cable_arms.with_linear_cables(CABLE).replace(node_friction=[0.3, 0.3, 3.0]),
     "hysteresis, creep, backlash": cable_arms.without_friction(NO_RUNOUT),
     "everything": NO_RUNOUT,
+    "everything, more friction": FRICTION,
 }
 
 
@@ -145,15 +148,17 @@ def creep_deg_per_s(plant, seconds):
     return (np.abs(plant.state.q - before) * [np.rad2deg(1.0), np.rad2deg(1.0), 1e3]).max() / seconds
 
 
-def test_arm_that_holds_still_does_not_creep():
-    plant = cable_arms.homed_plant()
+@pytest.mark.parametrize("robot", cable_arms.ROBOTS)
+def test_arm_that_holds_still_does_not_creep(robot):
+    plant = cable_arms.homed_plant(robot=robot)
     row = np.full((1, 7), np.nan)
     plant.run(np.repeat(row, 300_000, axis=0))  # five slow times: only what never ends is left
     assert creep_deg_per_s(plant, 2.0) < 1e-4
 
 
-def test_arm_on_its_brakes_does_not_creep():
-    plant = cable_arms.homed_plant()
+@pytest.mark.parametrize("robot", cable_arms.ROBOTS)
+def test_arm_on_its_brakes_does_not_creep(robot):
+    plant = cable_arms.homed_plant(robot=robot)
     plant.state_command("disable")
     creep_deg_per_s(plant, 2.0)
     assert creep_deg_per_s(plant, 2.0) < 1e-4
@@ -194,6 +199,17 @@ def test_a_held_joint_feels_nothing_until_its_cable_slides_over_the_idlers(share
     assert_allclose(ends[-1], [friction + 2.0 * stiffness * slides, 2.0 * stiffness * slides], rtol=1e-9)
     wind_up(cable, state, -2.0 * slides, 0.0, ends)  # and back: friction has to turn round before the joint feels it
     assert_allclose(ends[-1], [2.0 * stiffness * slides - friction, 2.0 * stiffness * slides], atol=1e-9)
+
+
+def test_idlers_rub_the_same_however_slowly_their_cable_slides():
+    cable = cable_arms.with_linear_cables(CABLE).replace(damping=np.zeros(3), node_friction=[0.4, 0.0, 0.0])
+    slides, felt = 0.4 * 0.5 / cable.stiffness[0], []
+    for steps in (7, 500):
+        state, ends = ArmState(), np.empty((steps, 2))
+        for way in (3.0, -1.5, 0.5, -4.0):
+            wind_up(cable, state, way * slides, 0.0, ends)
+            felt.append(ends[-1].copy())
+    assert_allclose(felt[:4], felt[4:], atol=1e-9)
 
 
 def test_idlers_out_of_round_move_the_joint_as_their_cable_winds():

@@ -6,9 +6,9 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.raven2.topics import CHANNELS, raven_topics
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cable_telemetry import COLUMNS, PER_AXIS, telemetry_of
+from catenary.simulation.cable_telemetry import COLUMNS, PER_AXIS, of_both_arms, telemetry_of
 from catenary.simulation.firmware import TickLog
-from oracles.cable_arms import homed_plant, smooth_motion
+from oracles.cable_arms import ROBOTS, homed_plant, smooth_motion
 
 TICKS = 500
 
@@ -53,3 +53,21 @@ def test_the_pose_is_that_of_the_reported_joints(run) -> None:
     assert_allclose(telemetry["pos"][-1, 3 * arm : 3 * arm + 3], here, atol=1e-12)  # metres, rounding
     rotation = telemetry["ori"][-1, 9 * arm : 9 * arm + 9].reshape(3, 3)
     assert_allclose(rotation, base.rotation.T @ pose.rotation, atol=1e-12)
+
+
+def test_an_arm_that_runs_beside_another_fills_its_own_channels_and_pose() -> None:
+    arms = [homed_plant(side) for side in ("left", "right")]
+    logs = [plant.run(smooth_motion(plant.setpoint_js().q, 0.1)) for plant in arms]
+    both = of_both_arms(arms[0], logs[0], arms[1], logs[1])
+    alone = [telemetry_of(plant, log) for plant, log in zip(arms, logs, strict=True)]
+    for name in PER_AXIS:
+        assert_array_equal(both[name], np.where(np.arange(16) < 8, alone[0][name], alone[1][name]))
+    assert_array_equal(both["pos"], np.hstack([alone[0]["pos"][:, :3], alone[1]["pos"][:, 3:]]))
+    assert_array_equal(both["ext_jpos"], alone[0]["ext_jpos"])  # the rig is at the arm that moves
+
+
+def test_positions_and_torques_have_the_digits_that_the_robot_reports() -> None:
+    plant = homed_plant(robot=ROBOTS[1])
+    told = telemetry_of(plant, plant.run(smooth_motion(plant.setpoint_js().q, 0.1)))
+    for name in ("jpos", "tau"):
+        assert_array_equal(told[name], np.float32(told[name]))

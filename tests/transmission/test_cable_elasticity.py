@@ -10,12 +10,15 @@ from scipy.integrate import solve_ivp
 
 from catenary.transmission.cable_elasticity import (
     LARGEST_LOSS,
+    SPREAD,
     beyond_backlash,
     bouc_wen_step,
     loss_rate,
     maxwell_step,
+    next_draw,
     set_rate,
     tension_of,
+    wandered,
 )
 
 STIFFNESS, SHARE, WIDTH, SLOW, BACKLASH = 300.0, 0.65, 4e-3, 0.1, 2e-3
@@ -159,3 +162,30 @@ def test_loss_of_stiffness_ends_at_its_largest_share():
     for _ in range(3000):
         loss += loss_rate(6.0, 1.5, 1.0, loss, 1e-3)
     assert_allclose(loss, LARGEST_LOSS * (1.0 - np.exp(-4e-3 * 3000 / LARGEST_LOSS)), rtol=1e-6)
+
+
+def test_random_numbers_are_those_that_park_and_miller_published():
+    number = 1.0
+    for _ in range(10_000):
+        number = next_draw(number)
+    assert number == 1_043_618_065  # Communications of the ACM 31 (1988), page 1195
+
+
+@pytest.mark.parametrize("steps", [20, 80])
+def test_set_wanders_by_travel_either_way_however_slowly(steps):
+    way, wander, rng = 4.0, 1e-4, np.random.default_rng(steps)
+    ends = []
+    for number in rng.integers(1, int(SPREAD), 1000):
+        slack, drawn = 0.0, float(number)
+        for _ in range(steps):
+            drawn = next_draw(drawn)
+            slack = wandered(slack, drawn, way / steps, wander, 1.0)
+        ends.append(slack)
+    assert_allclose(np.std(ends), wander * math.sqrt(way), rtol=0.1)  # of 1000 walks, 4 standard errors
+    assert abs(np.mean(ends)) < 4.0 * wander * math.sqrt(way / 1000)
+
+
+@given(st.floats(-0.02, 0.02), st.integers(1, int(SPREAD) - 1), st.floats(-1e-3, 1e-3))
+def test_set_never_wanders_beyond_its_largest_value_and_stays_at_rest(slack, number, way):
+    assert abs(wandered(slack, float(number), way, 0.1, 0.02)) <= 0.02
+    assert wandered(slack, float(number), 0.0, 0.1, 0.02) == wandered(slack, float(number), way, 0.0, 0.02) == slack

@@ -8,7 +8,7 @@ from catenary.simulation.cable_plant import JOINTS, CablePlant
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.simulated_recording import record_simulated
-from oracles.cable_arms import homed_plant
+from oracles.cable_arms import ROBOTS, homed_plant
 
 SECONDS = 12.0
 
@@ -60,3 +60,12 @@ def test_encoders_tell_true_positions_between_samples(monkeypatch: pytest.Monkey
 def test_an_arm_that_is_not_homed_is_not_moved() -> None:
     with pytest.raises(NotReadyError):
         record_simulated(CablePlant(), motion(), "run", np.random.default_rng(0))
+
+
+def test_the_other_arm_servoes_meanwhile() -> None:
+    arms = [homed_plant(side, robot=ROBOTS[1]) for side in ("left", "right")]
+    log = record_simulated(arms[0], motion(), "run", np.random.default_rng(0), columns=("all",), beside=arms[1])
+    held = [values for name, values in log.signals.items() if name.startswith("green_tau:") and "unused" not in name]
+    assert len(held) == 7
+    assert all(values.any() for values in held)  # it holds its weight and its tool
+    assert any(np.ptp(values) > 0.0 for values in held)  # and is not a constant

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError
@@ -13,6 +14,7 @@ from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool,
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
 MOST = 1e12  # of any of its numbers
+RAVEN2 = "raven2.toml"  # of the package's data, the robot that is simulated when nobody names another
 Parameters = TypeVar("Parameters", bound=Record)
 
 
@@ -48,6 +50,7 @@ class CableDrive(Record):
     backlash: PerJoint  # total width [rad, rad, m]
     set_rate: PerJoint  # per rad or m of travel
     set_side: PerJoint  # 1 or -1
+    set_wander: PerJoint  # per square root of travel [rad^1/2, rad^1/2, m^1/2]
     largest_set: PerJoint  # [rad, rad, m]
     loss_rate: PerJoint  # per rad or m of travel
     reference_tension: PerJoint  # [Nm, Nm, N]
@@ -117,6 +120,8 @@ class Entry(Settings):
     value: list[float]
     unit: str
     origin: Origin
+    least: list[float] | None = None  # that is plausible, and why in the note
+    most: list[float] | None = None
     note: str | None = None
 
 
@@ -124,10 +129,12 @@ class CableFile(Settings):
     """The data file: what the arm is, what its firmware believes, what the rig measures."""
 
     name: str
+    of: str | None = None  # another file of the package, of which this one has what is different
     sources: list[str]
-    cable: dict[str, Entry]
-    firmware: dict[str, Entry]
-    rig: dict[str, Entry]
+    reported: Literal["float32", "float64"] = "float64"  # what positions and torques are in its messages
+    cable: dict[str, Entry] = Field(default_factory=dict)
+    firmware: dict[str, Entry] = Field(default_factory=dict)
+    rig: dict[str, Entry] = Field(default_factory=dict)
 
 
 class CableArm(NamedTuple):
@@ -140,12 +147,16 @@ class CableArm(NamedTuple):
     file: CableFile
 
 
-def load_cable_arm(path: Path | None = None) -> CableArm:
-    """Load the RAVEN-II's left arm, or another arm of the kind from a file."""
-    if path is None:
-        with as_file(files("catenary.simulation") / "data" / "raven2.toml") as packaged:
+def load_cable_arm(path: Path | str = RAVEN2) -> CableArm:
+    """Load the RAVEN-II's left arm by a data file of the package, or another arm of the kind from a file's path."""
+    if isinstance(path, str):
+        with as_file(files("catenary.simulation") / "data" / path) as packaged:
             return load_cable_arm(packaged)
     content = load_toml(path, CableFile)
+    if content.of is not None:
+        whole = load_cable_arm(content.of).file
+        tables = {table: getattr(whole, table) | getattr(content, table) for table in ("cable", "firmware", "rig")}
+        content = content.model_copy(update=tables)
     return CableArm(
         content.name,
         parameters_of(path, "cable", content.cable, Cable),
@@ -166,10 +177,14 @@ def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[
     parameters = kind()
     for name, entry in entries.items():
         field = parameters[name]
-        if len(entry.value) != field.size:
-            raise ConfigError(f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(entry.value)}")
+        least, most = entry.least or entry.value, entry.most or entry.value
+        for given in (entry.value, least, most):
+            if len(given) != field.size:
+                raise ConfigError(f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(given)}")
         if max(map(abs, entry.value), default=0.0) > MOST:
             raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, expected numbers of at most {MOST:g}")
+        if not all(a <= x <= b for a, x, b in zip(least, entry.value, most, strict=True)):
+            raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, plausible are {least} to {most}")
         field.flat[:] = entry.value
     return parameters
 
@@ -189,11 +204,17 @@ _SHARES = {
     "coupling": 0.05, "stiffness": 0.15, "hysteresis_width": 0.15, "rotor_friction": 0.2, "link_friction": 0.2,
     "capstan_runout": 0.2, "pulley_runout": 0.2, "capstan_phase": 0.0, "pulley_phase": 0.0, "tool_friction": 0.2,
 }  # fmt: skip
+# of idlers, the set's wandering and tools; drawn beside the others, which so are what they are without these
+_FURTHER_SHARES = {
+    "idler_runout": 0.2, "idler_phase": 0.0, "node_friction": 0.2, "set_wander": 0.2, "tool_stiction": 0.2,
+    "tool_ripple": 0.2, "tool_wave": 0.2,
+}  # fmt: skip
 
 
 def varied(arm: CableArm, rng: np.random.Generator) -> CableArm:
     """Draw another arm of the same kind: ratios by 1 %, stiffness by 15 %, friction by 20 %, run-out anew in phase."""
-    return arm._replace(cable=drawn(arm.cable, rng, 0.01, _SHARES))
+    further = rng.spawn(1)[0]
+    return arm._replace(cable=drawn(drawn(arm.cable, rng, 0.01, _SHARES), further, 0.0, _FURTHER_SHARES))
 
 
 def right_arm(arm: CableArm) -> CableArm:

@@ -17,8 +17,10 @@ from catenary.transmission.cable_elasticity import (
     bouc_wen_step,
     loss_rate,
     maxwell_step,
+    next_draw,
     set_rate,
     tension_of,
+    wandered,
 )
 from catenary.transmission.cable_friction import coulomb, coulomb_coupled, dragged
 
@@ -39,6 +41,7 @@ class ArmState(Record):
     slack: PerJoint  # permanent set of the cables [rad, rad, m]
     loss: PerJoint  # share of the stiffness that is lost
     tension: PerJoint  # of the last step [Nm, Nm, N]
+    dice: PerJoint  # random numbers of the set's wandering
     node: PerJoint  # friction on the cable between motor and joint: by how much its two ends' tensions differ
     friction: PerJoint  # impulses of the last step, where the next one's search starts
 
@@ -85,6 +88,11 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
             tension, cable.reference_tension[j], cable.set_side[j], speed, state.slack[j], cable.set_rate[j],
             cable.largest_set[j],
         )  # fmt: skip
+        if cable.set_wander[j] > 0.0:
+            state.dice[j] = next_draw(state.dice[j])
+            state.slack[j] = wandered(
+                state.slack[j], state.dice[j], step * speed, cable.set_wander[j], cable.largest_set[j]
+            )
         state.loss[j] += step * loss_rate(tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j])
 
 

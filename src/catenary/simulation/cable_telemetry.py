@@ -1,4 +1,4 @@
-"""A simulated RAVEN-II arm's ticks as the robot reports them: raven_state's fields in SI; the parked arm's are zero."""
+"""A simulated RAVEN-II's ticks as the robot reports them: raven_state's fields in SI; a parked arm's are zero."""
 
 import numpy as np
 
@@ -17,6 +17,22 @@ COLUMNS = (
 )  # fmt: skip
 
 
+def as_reported(plant: CablePlant, values: Floats) -> Floats:
+    """Return values with the digits that the robot's messages have."""
+    return values.astype(plant.arm.file.reported).astype(np.float64)
+
+
+def of_both_arms(
+    plant: CablePlant, log: TickLog, beside: CablePlant | None, log_beside: TickLog | None
+) -> dict[str, Floats]:
+    """Return `telemetry_of` an arm with the channels and the pose of another beside it, of the same ticks."""
+    columns = telemetry_of(plant, log)
+    if beside is not None and log_beside is not None:
+        others = telemetry_of(beside, log_beside)
+        columns |= {name: columns[name] + others[name] for name in (*PER_AXIS, "encoffsets", "pos", "ori")}
+    return columns
+
+
 def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     """Return T ticks of a run as telemetry: column name to (T, width), SI.
 
@@ -24,7 +40,7 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     """
     ticks = len(log.joint)
     side = ARM_OF_SIDE[plant.side]
-    columns = {name: in_channels(side, getattr(log, field)) for name, field in PER_AXIS.items()}
+    columns = {name: in_channels(side, as_reported(plant, getattr(log, field))) for name, field in PER_AXIS.items()}
     columns["encoffsets"] = in_channels(side, np.tile(plant.control.offset, (ticks, 1)))
     columns["runlevel"] = np.full((ticks, 1), float(RUNNING))
     columns["type"] = np.zeros((ticks, 2))

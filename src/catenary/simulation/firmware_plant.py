@@ -15,6 +15,7 @@ from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.firmware import AxisLog
 from catenary.simulation.records import AXES, OFF, POSITION, POSITIONING, TORQUE
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
+from catenary.transmission.cable_elasticity import SPREAD
 
 Log = TypeVar("Log", bound=AxisLog)
 OF_AXES = {  # name in telemetry: field of the firmware's state, unit
@@ -186,6 +187,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         control.motor_velocity[:] = 0.0
         control.joint_velocity[:] = 0.0
         control.setpoint = control.joint
+        self.state.dice = np.floor(rng.uniform(1.0, SPREAD, len(self.state.q)))
 
     def _advance(self, rows: Floats, log: Log) -> None:
         """Run a tick for each row (T, n), until the firmware stops by itself."""

@@ -14,7 +14,7 @@ from catenary.files import written_whole
 from catenary.simulation.firmware_plant import FirmwarePlant
 
 FORMAT = "catenary.cable_plant.1"
-LARGEST = 1e9  # of counts, radians, metres, newtons and newton metres in an arm
+LARGEST = 1e10  # of counts, random numbers, radians, metres, newtons and newton metres in an arm
 FLAGS = ("braked", "stopped", "guarded")  # of the firmware, one array in the file
 UNSAVED = ("gravity_torque",)  # zero while disabled
 AnyArm = FirmwarePlant[Any]

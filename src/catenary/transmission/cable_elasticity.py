@@ -97,3 +97,23 @@ def set_rate(
 def loss_rate(tension: float, reference: float, speed: float, loss: float, rate: float) -> float:
     """Return the rate at which the lost share of stiffness grows [1/s]: by travel under tension, 0.3 at most."""
     return rate * abs(tension / reference) * speed * (1.0 - loss / LARGEST_LOSS)
+
+
+SPREAD = 2147483647.0  # of random numbers 16807 x modulo 2^31 - 1 [Park and Miller 1988]; exact in doubles
+
+
+@inlined
+def next_draw(number: float) -> float:
+    """Return the next random number, a whole one between 1 and SPREAD - 1, after one of the same kind."""
+    return (16807.0 * number) % SPREAD
+
+
+@inlined
+def wandered(slack: float, number: float, way: float, wander: float, most: float) -> float:
+    """Return a cable's permanent set after its joint has gone a way: strands seat anew, either way as likely.
+
+    Var(d set) = wander^2 |way|, by travel whatever its speed, less as the set nears `most`. number is a random one as
+    `next_draw` gives it; wander in rad or m per square root of travel.
+    """
+    kick = 3.4641016151377544 * (number / SPREAD - 0.5)  # of variance 1
+    return slack + wander * math.sqrt(abs(way)) * kick * max(0.0, 1.0 - abs(slack) / most)

@@ -9,8 +9,8 @@ from catenary.arrays import Floats
 from catenary.plant import UNUSED, MotionLog
 from catenary.raven2.topics import ARM_OF_SIDE, JOINTS, RAVENSTATE, UNITS, further_columns
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cable_telemetry import telemetry_of
-from catenary.simulation.firmware import TickLog, joint_torques
+from catenary.simulation.cable_telemetry import as_reported, of_both_arms
+from catenary.simulation.firmware import joint_torques
 from catenary.simulation.firmware_plant import FirmwarePlant, Log
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
@@ -31,6 +31,7 @@ def record_simulated(
     *,
     state_rate: float = STATE_RATE,
     columns: Sequence[str] = (),
+    beside: CablePlant | None = None,
 ) -> MotionLog:
     """Drive a homed arm along a trajectory of its positioning joints and record what a lab would.
 
@@ -44,6 +45,7 @@ def record_simulated(
         rng: Draws the jitter.
         state_rate: [Hz].
         columns: Further columns of raven_state that the log carries, ("all",) for every one; as `synchronise` does.
+        beside: The robot's other arm, homed, which holds its setpoint meanwhile; parked when None.
 
     Returns:
         Joints shoulder, elbow, insertion with q_nominal, q_encoder, tau [Nm, Nm, N]; the tool's
@@ -63,10 +65,12 @@ def record_simulated(
     for log, _ in driven(plant, trajectory, CHUNK):
         first, last = last, last + len(log.q)
         here = stamps[(stamps >= first) & (stamps < last)] - first
-        joint.append(log.joint[here])
-        torque.append(joint_torques(plant.firmware, log.torque[here]))
+        held = None if beside is None else beside.run(np.full((last - first, len(JOINTS)), np.nan))[here]
+        joint.append(as_reported(plant, log.joint[here]))
+        torque.append(joint_torques(plant.firmware, as_reported(plant, log.torque[here])))
         if columns:
-            signals, units = _state_signals(plant, log, here, columns)
+            told = of_both_arms(plant, log[here], beside, held)
+            signals, units = _state_signals(plant, told, len(here), columns)
             further.append(signals)
         seen = np.arange(0, last - first, ENCODER_TICKS)
         positions = plant.encoders.positions(plant.encoders.counts(log.q[seen]))
@@ -93,13 +97,12 @@ def record_simulated(
 
 
 def _state_signals(
-    plant: CablePlant, log: TickLog, rows: NDArray[np.int64], columns: Sequence[str]
+    plant: CablePlant, told: dict[str, Floats], rows: int, columns: Sequence[str]
 ) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Return columns of raven_state at some ticks of a log; zero where the simulated arm publishes nothing else."""
-    told = telemetry_of(plant, log[rows])
+    """Return columns of raven_state from what is told of ticks; zero where the simulated robot tells nothing."""
     state: dict[str, Floats] = {}
     for column in RAVENSTATE.columns:
-        values = told.get(column.name, np.zeros((len(rows), column.width))).reshape(len(rows), column.width)
+        values = told.get(column.name, np.zeros((rows, column.width))).reshape(rows, column.width)
         state |= dict(zip(column.paths, values.T.astype(np.float64), strict=True))
     further = further_columns(columns, ARM_OF_SIDE[plant.side])
     signals = {name: state[path] for name, (path, _) in further.items()}

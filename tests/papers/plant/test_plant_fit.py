@@ -6,78 +6,84 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from catenary import JointState, Reference, gravity_torque, load_robot
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import LEVEL
-from papers.calibration import recordings
 from papers.gravity.raven_base import turned_base
-from papers.plant import evaluation, refit, targets
-from papers.plant.pd_share import HOLD, LOOKED_AT, MOVE, POSES_DEG, HeldTool, PDShare, poses_of_joint_1
-from papers.plant.refit import fit_friction, write_arm
+from papers.plant.circles import SHOWN, Circles, followed
+from papers.plant.pd_share import HOLD, LOOKED_AT, MOVE, POSES_DEG, HeldTool, poses_of_joint_1
+from papers.plant.refit import fitted, write_arm
+from papers.plant.targets import free_numbers, joint_1_friction, shares_of, with_shares
 
-PARAMETERS = (*targets.FREE, *targets.FRICTION, *targets.DRIFT)
+ROBOT = "raven2_friction.toml"
+RUBBING = load_cable_arm(ROBOT)
+FREE = free_numbers(RUBBING)
 
 
 def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
-    with as_file(files("catenary.simulation") / "data" / "raven2.toml") as packaged:
+    with as_file(files("catenary.simulation") / "data" / ROBOT) as packaged:
         shutil.copy(packaged, path)
-    before = load_cable_arm(path)
-    factors = np.linspace(0.9, 1.1, len(PARAMETERS))
-    write_arm(targets.with_factors(before, PARAMETERS, factors), path)
+    shares = np.linspace(0.1, 0.9, len(FREE))
+    write_arm(with_shares(load_cable_arm(path), FREE, shares), path)
     after = load_cable_arm(path)
-    for free, factor in zip(PARAMETERS, factors, strict=True):
-        old, new = getattr(before.cable, free.field), getattr(after.cable, free.field)
-        assert_allclose(new[free.joint], factor * old[free.joint], rtol=1e-5)  # six digits are written
-    for name in set(before.cable.fields) - targets.FITTED:
-        assert_allclose(getattr(after.cable, name), getattr(before.cable, name), rtol=0)
-    origins = [[entry.origin for entry in arm.file.cable.values()] for arm in (after, before)]
-    assert origins[0] == origins[1]
+    assert_allclose(shares_of(after, FREE), shares, atol=1e-3)  # six digits are written
+    fitted_fields = {each.field for each in FREE}
+    for name in set(RUBBING.cable.fields) - fitted_fields:
+        assert_allclose(after.cable[name], RUBBING.cable[name], rtol=0)
+    assert [entry.note for entry in after.file.cable.values()] == [entry.note for entry in RUBBING.file.cable.values()]
 
 
-def test_one_factor_moves_all_of_a_group() -> None:
-    arm = load_cable_arm()
-    halved = targets.with_factors(arm, targets.FRICTION, np.array([0.5])).cable
-    assert_allclose(halved.rotor_friction, 0.5 * arm.cable.rotor_friction)
-    assert_allclose(halved.link_friction, arm.cable.link_friction * [0.5, 1.0, 1.0])
+def test_the_three_motor_units_have_one_friction() -> None:
+    names = [each.name for each in FREE]
+    assert names.count("rotor_friction") == 1
+    changed = with_shares(RUBBING, FREE, np.full(len(FREE), 0.5)).cable.rotor_friction
+    assert_allclose(changed, changed[0])
+
+
+def test_a_fit_finds_numbers_whose_misses_are_known() -> None:
+    free = FREE[:4]
+    truth = np.array([0.2, 0.8, 0.5, 0.4])
+    mixing = np.random.default_rng(0).standard_normal((9, 4)) + 3.0 * np.eye(9, 4)
+
+    def misses(arm: CableArm) -> np.ndarray:
+        away = shares_of(arm, free) - truth
+        return 10.0 * mixing @ (away + 0.3 * away**2)  # nothing else counts beside it
+
+    assert_allclose(shares_of(fitted(RUBBING, free, misses, 12), free), truth, atol=0.02)
+
+
+def test_coulomb_friction_is_found_from_positions_and_setpoints() -> None:
+    firmware, n = RUBBING.firmware, 3
+    time = np.arange(0.0, 60.0, PERIOD)
+    joint = np.tile(firmware.home_value, (len(time), 1))
+    joint[:, :n] += [0.2, 0.2, 0.02] * np.sin(np.outer(time, [0.7, 0.9, 1.1]))
+    speed = [0.2, 0.2, 0.02] * np.cos(np.outer(time, [0.7, 0.9, 1.1])) * [0.7, 0.9, 1.1]
+    c, friction = firmware.coupling, np.array([0.9, 1.3, 15.0])
+
+    def wound(q: np.ndarray) -> np.ndarray:
+        return q @ np.array([[1.0, c[0], c[1]], [0.0, 1.0, c[2]], [0.0, 0.0, 1.0]])
+
+    stiffness, damping = (
+        gain[:n] * firmware.ratio[:n] ** 2 / firmware.gearbox[:n] for gain in (firmware.kp, firmware.kd)
+    )
+    torque = friction * np.sign(wound(speed)) + damping * wound(speed)
+    setpoint = joint.copy()
+    setpoint[:, :n] += (torque / stiffness) @ np.linalg.inv(wound(np.eye(3)))
+    setpoint[:, n:] += np.random.default_rng(1).standard_normal((len(time), 4))
+    found = followed(firmware, Circles(time, joint, setpoint))
+    assert_allclose(found.friction, friction, rtol=0.02)  # speeds are smoothed where they turn
+    assert_allclose(found.error[n:], SHOWN[n:], rtol=0.05)
+    assert_allclose(found.likeness, 0.0, atol=0.05)
 
 
 def test_friction_of_joint_1_grows_with_its_torque() -> None:
-    arm = load_cable_arm()
-    c = arm.cable
-    share = c.rotor_load_friction[0] + c.link_load_friction[0]
-    assert_allclose(targets.joint_1_friction(arm, 2.0) - targets.joint_1_friction(arm, 0.0), 2.0 * share)
-
-
-def test_friction_follows_the_share_of_pd(monkeypatch: pytest.MonkeyPatch) -> None:
-    start = load_cable_arm().cable.rotor_friction[0]
-
-    def share(arm: CableArm, base_deg: float, *, sensed: bool) -> PDShare:
-        # of a robot with too much friction
-        more = 1.3 * targets.PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
-        return PDShare(np.full(3, more), np.ones(3), np.ones(3))
-
-    monkeypatch.setattr(refit, "pd_share", share)
-    assert_allclose(fit_friction(load_cable_arm()), 1.3 ** (-1.0 / 0.6), rtol=0.06)  # 3 % of the share
-
-
-def test_every_direction_is_tested_on_the_same_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn, seen = {}, []
-
-    def record(plant: object, motion: object, name: str, rng: np.random.Generator, **_: object) -> None:
-        if name == "zigzag":
-            rng.random(round(motion.duration))  # type: ignore[attr-defined]  # jitter of the stamps: longer paths draw more
-        seen.append(motion)
-
-    monkeypatch.setattr(recordings, "record_simulated", record)
-    for direction in ("J1", "J2-J3", "J1-J2-J3"):
-        evaluation.recordings(None, direction)  # type: ignore[arg-type]
-        drawn[direction] = seen[-1].sample(np.linspace(0.0, 1200.0, 50))[0]
-    assert_array_equal(drawn["J1"], drawn["J2-J3"])
-    assert_array_equal(drawn["J1"], drawn["J1-J2-J3"])
+    c = RUBBING.cable
+    share = c.rotor_load_friction[0] + c.link_load_friction[0] + c.node_load_friction[0]
+    assert_allclose(joint_1_friction(RUBBING, 2.0) - joint_1_friction(RUBBING, 0.0), 2.0 * share)
 
 
 ARM = load_cable_arm()
