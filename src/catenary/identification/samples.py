@@ -33,7 +33,7 @@ SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
     """Return a recording with its joints in the robot's order, refused where its torques or positions cannot be it."""
     where = f'recording "{log.name}"'
-    log = log.in_order_of(model, of=f'robot "{model.name}" has')
+    log = log.of_robot(model, model.name)
     if log.tau is None:
         raise InputError(f"{where}: has no torques (`tau`), which dynamics are identified from")
     low, high = limits_of(log, model, LARGEST)
