@@ -167,13 +167,11 @@ def _gain(before: Floats, after: Floats, *, least: float) -> float:
 
 def _together(candidates: list[_Candidate], terms: Sequence[ActuationTerm]) -> list[tuple[_Candidate, ...]]:
     """Return moves that give all frictions a part at once: one alone may not show beside others that lack it."""
-    groups: dict[tuple[str, int], list[_Candidate]] = {}
+    groups: dict[tuple[str, int], dict[bytes, _Candidate]] = {}
     for candidate, term in zip(candidates, terms, strict=True):
-        group = groups.setdefault((candidate.kind, candidate.rung), [])
-        own = [terms[candidates.index(other)].combination for other in group]
-        if not any(np.array_equal(term.combination, c) for c in own):  # two links on one drive rub as one
-            group.append(candidate)
-    return [tuple(group) for group in groups.values() if len(group) > 1]
+        group = groups.setdefault((candidate.kind, candidate.rung), {})
+        group.setdefault(np.ascontiguousarray(term.combination).tobytes(), candidate)  # two links on a drive rub as one
+    return [tuple(group.values()) for group in groups.values() if len(group) > 1]
 
 
 def _candidates(
