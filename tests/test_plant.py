@@ -136,6 +136,13 @@ def test_joints_without_names_are_taken_in_order_with_a_note_and_in_their_units(
     assert_array_equal(part.in_order_of(LOG, of="expected are").q_nominal, LOG.q_nominal)
 
 
+@pytest.mark.parametrize(("names", "hint"), [(("c", "a"), "--joints c,a$"), (("J1", "J2"), "--joints NAME,")])
+def test_a_log_of_some_of_a_robots_joints_is_told_how_they_are_named(names: tuple[str, ...], hint: str) -> None:
+    some = MotionLog("some", names, ("rad", "rad"), LOG.q_nominal[:, :2], LOG.ok)
+    with pytest.raises(InputError, match=f'recording "some" has joints .*; robot "arm" has a .*{hint}'):
+        some.of_robot(NAMED, "arm")
+
+
 def test_a_part_of_a_log_has_its_rows_of_every_array() -> None:
     rows = np.arange(6.0)
     log = MotionLog(

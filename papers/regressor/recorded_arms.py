@@ -1,5 +1,6 @@
 """A recording of a real arm, replayed to the on-line estimators: what they would have told, tick by tick."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,7 +87,7 @@ def batch(samples: Samples, model: RobotModel, until: int, options: IdentifyOpti
         found = identify_samples([first], model, options)
     except ExcitationError:
         return None
-    return found.predict_unknown(samples.q, samples.qd, samples.qdd, np.array(options.gravity))
+    return found.predict_samples(replace(samples, history=None))
 
 
 @run(revision=1)

@@ -354,6 +354,18 @@ class MotionLog:
             **arrays,
         )
 
+    def of_robot(self, model: Jointed, name: str) -> "MotionLog":
+        """Return it with its joints in a robot's order; the refusal of one of fewer joints says how they are named."""
+        some = [joint for joint in self.joint_names if joint in model.joint_names]
+        of = f'robot "{name}" has'
+        if len(self.joint_names) < len(model.joint_names):
+            named = ",".join(some) if len(some) == len(self.joint_names) else "NAME,... of those recorded, in order"
+            raise InputError(
+                f'recording "{self.name}" has joints {joints_text(self)}; {of} {joints_text(model)}; where the others '
+                f"were held, catenary identify takes these alone: --joints {named}"
+            )
+        return self.in_order_of(model, of=of)
+
     @property
     def starts(self) -> tuple[int, ...]:
         """Rows where a recording begins: the first, and each whose time stamp goes back."""

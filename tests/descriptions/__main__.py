@@ -2,7 +2,7 @@
 
 Prints the table of docs/robots.md: per file its joints and mass, and how far gravity torques are from Pinocchio's at
 random poses under random gravity, relative to the largest; or why it is refused. example-robot-data comes by
-`pip download --no-deps example-robot-data` and `python -m zipfile -e *.whl FOLDER`.
+`pip download --no-deps example-robot-data==VERSION` and `python -m zipfile -e *.whl FOLDER`.
 """
 
 import argparse

@@ -268,7 +268,10 @@ def test_tilts_show_what_a_level_base_hides():
         ({"gravity:x": 0.0, "gravity:y": 0.0}, "gravity:z is missing"),
         ({"gravity:x": 0.0, "gravity:y": 0.0, "gravity:z": -1.0 / 9.81}, "is it in g?"),
         ({"gravity:x": 0.0, "gravity:y": np.nan, "gravity:z": -9.81}, "gravity is not finite at row 0"),
-        ({f"base_rate:{axis}": 0.0 for axis in "xyz"}, "rates of the base and no gravity:x"),
+        (
+            {f"base_rate:{axis}": 0.0 for axis in "xyz"},
+            "has base_rate and no gravity: expected gravity:x, :y and :z too",
+        ),
     ],
 )
 def test_signals_that_cannot_be_are_refused(signals, said):

@@ -22,7 +22,7 @@ from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
-POSES = 60  # at which it is looked for pairs that always touch, and for a pose where nothing does
+POSES = 60  # at which it is looked for pairs that always touch
 LOOKS = 128  # along a motion: a pair is measured where the balls about it let less time pass, and the nearest is told
 FINEST = 2e-5  # [m] closer to the margin than this counts as within it
 Names = tuple[str, str]
@@ -153,25 +153,6 @@ class CollisionScene:
     def keeps_apart(self, q: Floats, margin: float) -> bool:
         """Return whether no pair is closer than a margin [m] at any of configurations (N, n)."""
         return next(self._within(q, margin), None) is None
-
-    def free_poses(self, q: Floats, margin: float) -> Floats:
-        """Return which of configurations (N, n) are free, (M, n).
-
-        Raises:
-            InputError: None is.
-        """
-        close = self.touching(q, margin)
-        free = ~close.any(axis=1)
-        if free.any():
-            return np.asarray(q[free])
-        often = np.argsort(-close.sum(axis=0), kind="stable")[:3]
-        told = ", ".join(
-            f"{a} and {b} in {100 * close[:, k].mean():.0f} %" for k in often for a, b in [self.names(int(k))]
-        )
-        raise InputError(
-            f'robot "{self.model.name}": in none of {len(q)} poses within the limits does everything keep '
-            f"{1000 * margin:g} mm apart; within it are {told}"
-        )
 
     def without_constant_contacts(self, q: Floats, margin: float) -> "tuple[CollisionScene, tuple[Names, ...]]":
         """Return the scene without the pairs of links within the margin at all configurations (N, n), and these.

@@ -53,9 +53,7 @@ def forward_dynamics(
     moving: Floats = torques
     if loads is not None:
         M = M + loads.rotors
-        # of links and rotors; friction may depend on it
-        moving = torques - loads.torque(rows, rates, still, torques)
-        for _ in range(ROUNDS if loads.depends_on_load else 0):
+        for _ in range(ROUNDS if loads.depends_on_load else 1):  # of links and rotors, which friction may grow with
             before, moving = moving, np.asarray(torques - loads.torque(rows, rates, still, moving))
             if np.abs(moving - before).max(initial=0.0) <= SETTLED * max(1.0, np.abs(torques).max(initial=0.0)):
                 break

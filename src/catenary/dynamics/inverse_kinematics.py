@@ -83,7 +83,7 @@ def inverse_kinematics(
         return path.reshape(model.n)
 
     best: Approach | None = None
-    lower, upper = _search_range(model)
+    lower, upper = search_range(model)
     tried = [np.clip(0.5 * (lower + upper) if start is None else start, model.lower, model.upper)]
     if rng is not None:
         tried += [rng.uniform(lower, upper) for _ in range(starts)]
@@ -186,7 +186,7 @@ def _damped_least_squares(
     return Approach(q, float(np.linalg.norm(e[:3])), float(np.linalg.norm(e[3:])))
 
 
-def _search_range(model: RobotModel) -> tuple[Floats, Floats]:
+def search_range(model: RobotModel) -> tuple[Floats, Floats]:
     """Return limits, and where there is none a turn or two metres about zero or beside the limit that there is."""
     half = np.where(np.array(model.joint_units) == "m", 1.0, np.pi)
     lower, upper = np.array(model.lower), np.array(model.upper)

@@ -8,6 +8,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
+from catenary.robots.geometry import distance_to_segment
 from catenary.robots.link_inertia import SMALLEST
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
@@ -64,15 +65,9 @@ def _beside(model: RobotModel, link: int, point: Floats) -> tuple[float, float]:
     """Return how long a link is, between its joints and frames, and how far a point lies from the lines between [m]."""
     ends = [np.zeros(3), *model.tree.origin[model.tree.parent == link]]
     ends += [frame.pose.position for frame in model.frames.values() if frame.link == link]
-    length, off = 0.0, min(float(np.linalg.norm(point - end)) for end in ends)
-    for k, start in enumerate(ends):
-        for end in ends[:k]:
-            along = end - start
-            length = max(length, float(np.linalg.norm(along)))
-            if along.any():
-                share = np.clip((point - start) @ along / (along @ along), 0.0, 1.0)
-                off = min(off, float(np.linalg.norm(point - start - share * along)))
-    return length, off
+    between = [(start, end) for k, start in enumerate(ends) for end in ends[: k + 1]]
+    length = max(float(np.linalg.norm(end - start)) for start, end in between)
+    return length, min(distance_to_segment(point, start, end) for start, end in between)
 
 
 def _of_sum(model: RobotModel, described: RobotModel | None) -> list[str]:

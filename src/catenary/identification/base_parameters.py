@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.inverse_dynamics import BaseMotion
+from catenary.dynamics.inverse_kinematics import search_range
 from catenary.errors import InputError
 from catenary.identification.parameters import FIRST_MOMENTS, Parameters
 from catenary.identification.samples import Samples
@@ -117,12 +118,10 @@ def base_parameters(
             turns while it is recorded.
     """
     model = parameters.model
-    low = np.where(np.isfinite(model.lower), model.lower, -2.0)
-    high = np.where(np.isfinite(model.upper), model.upper, 2.0)
     size = (RANDOM_ROWS, model.n)
     static = parameters.terms == "static"
     random = [
-        rng.uniform(low, high, size),
+        random_configurations(model, RANDOM_ROWS, rng),
         np.zeros(size) if static else rng.normal(scale=2.0, size=size),
         np.zeros(size) if static else rng.normal(scale=10.0, size=size),
     ]
@@ -131,8 +130,7 @@ def base_parameters(
     rows = len(motion[0])
     down, turning = gravity, None
     if base != "still":
-        directions = rng.normal(size=(rows, 3))
-        down = np.linalg.norm(gravity) * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        down = random_gravity(rows, rng, float(np.linalg.norm(gravity)))
     if base == "turning" and not static:
         turning = BaseMotion(rng.normal(size=(rows, 3)), rng.normal(scale=5.0, size=(rows, 3)))
     Y = parameters.regressor(motion[0], motion[1], motion[2], down, base=turning)
@@ -153,8 +151,7 @@ def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL
     rng = np.random.default_rng(0)
     q = random_configurations(model, max(40, 8 * len(model.tree.parent)), rng)
     if gravity is None:
-        directions = rng.normal(size=(len(q), 3))
-        field = STANDARD_GRAVITY * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        field = random_gravity(len(q), rng)
     else:
         field = as_array("gravity", gravity, (3,))
         if not np.linalg.norm(field) > 0.0:
@@ -165,11 +162,14 @@ def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL
 
 
 def random_configurations(model: RobotModel, count: int, rng: np.random.Generator) -> Floats:
-    """Draw configurations (count, n) within the joint limits, [-pi, pi] rad or [-1, 1] m where there are none."""
-    free = np.where(np.array(model.joint_units) == "rad", np.pi, 1.0)
-    lower = np.where(np.isfinite(model.lower), model.lower, -free)
-    upper = np.where(np.isfinite(model.upper), model.upper, free)
-    return rng.uniform(lower, upper, size=(count, model.n))
+    """Draw configurations (count, n) within the joint limits, or in `search_range` where there are none."""
+    return rng.uniform(*search_range(model), size=(count, model.n))
+
+
+def random_gravity(count: int, rng: np.random.Generator, size: float = STANDARD_GRAVITY) -> Floats:
+    """Draw gravity (count, 3) of a size [m/s2] in directions that are equally likely."""
+    directions = rng.normal(size=(count, 3))
+    return np.asarray(size * directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
 
 def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> BaseParameters:

@@ -21,13 +21,12 @@ from scipy import sparse
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
 from catenary.errors import InputError
-from catenary.identification.base_parameters import BaseParameters, random_configurations
+from catenary.identification.base_parameters import BaseParameters, random_configurations, random_gravity
 from catenary.identification.least_squares import joined, triangles
 from catenary.identification.parameters import FIRST_MOMENTS, Parameters
 from catenary.identification.samples import Samples, folds_of
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
-from catenary.spatial import STANDARD_GRAVITY
 
 LENGTH = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
 LEAST = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
@@ -219,8 +218,7 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
     parameters = base.parameters
     rng = np.random.default_rng(0)
     q = random_configurations(parameters.model, ROWS, rng)
-    rest, directions = np.zeros_like(q), rng.normal(size=(ROWS, 3))
-    gravity = STANDARD_GRAVITY * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    rest, gravity = np.zeros_like(q), random_gravity(ROWS, rng)
     scale = parameter_scale(base)
     Y = parameters.regressor(q, rest, rest, gravity).reshape(-1, len(phi)) * scale
     links = len(parameters.links) * parameters.per_link

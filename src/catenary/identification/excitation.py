@@ -9,11 +9,11 @@ from catenary.errors import InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
 from catenary.identification.fourier_series import FourierSeries, series_at_rest
 from catenary.identification.identify_options import Terms
-from catenary.identification.motion_limits import CheckedMotion, MotionLimits, Room
+from catenary.identification.motion_limits import DIP, CheckedMotion, MotionLimits, Room
 from catenary.identification.parameters import Parameters
 
 CANDIDATES = 20  # poses to choose each static one from
-POSE_ATTEMPTS = 100  # at finding one that is free
+POSE_ATTEMPTS = 20  # at finding one that is free
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,10 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     least = -(-base.count // model.n)
     if count < least:
         raise InputError(f"{count} poses cannot show {base.count} base parameters: expected {least} or more")
-    low, high = room.inner()
     scale, poses = None, []
     information = np.zeros((base.count, base.count))
     for _ in range(count):
-        q = _candidates(limits, low, high, rng)
+        q = free_poses(limits, rng, CANDIDATES)
         Y = base.regressor(q, np.zeros_like(q), np.zeros_like(q), g)
         if scale is None:
             scale = np.sqrt(np.mean(Y**2, axis=(0, 1)))
@@ -60,19 +59,6 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     zero = np.zeros_like(q)
     return Excitation(
         np.arange(count, dtype=float), q, zero, zero, condition_of(base, q, zero, zero, g), base, "static"
-    )
-
-
-def _candidates(limits: MotionLimits, low: Floats, high: Floats, rng: np.random.Generator) -> Floats:
-    """Draw poses that are free; where few are, as many as were found."""
-    if not limits.is_narrow:
-        return rng.uniform(low, high, (CANDIDATES, limits.model.n))
-    for _ in range(POSE_ATTEMPTS):
-        free = limits.free_poses(rng.uniform(low, high, (CANDIDATES, limits.model.n)))
-        if len(free):
-            return free
-    raise InputError(
-        f'robot "{limits.model.name}": none of {POSE_ATTEMPTS * CANDIDATES} poses within the limits is free'
     )
 
 
@@ -159,19 +145,17 @@ class _MotionSearch:
         self.limits, self.base, self.period, self.rng = limits, base, period, rng
         self.best: list[tuple[float, _Draw, FourierSeries]] = []
         self.times = np.arange(ROWS) * period / ROWS
-        self.centres = free_poses(limits, rng) if limits.is_narrow else None
+        self.centres = free_poses(limits, rng, POSES) if limits.is_narrow else None
 
     def anywhere(self, harmonics: int) -> None:
         """Try a motion that has nothing to do with those before it."""
         n = self.limits.model.n
         draw = _Draw(self.rng.normal(size=(2, harmonics, n)), self.rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
         if self.centres is None:
-            self._take(draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room))
+            self._take(draw, self._scaled(draw))
             return
-        if self.best:  # what shows less at its full size is not worth shrinking
-            full = scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
-            if self._condition(full) > self.best[-1][0]:
-                return
+        if self.best and self._condition(self._scaled(draw)) > self.best[-1][0]:
+            return  # what shows less at its full size is not worth shrinking
         centre = self.centres[self.rng.integers(len(self.centres))]
         found = shrunk_motion(draw.coefficients, draw.share, centre, self.period, self.limits)
         if found is not None:
@@ -189,7 +173,7 @@ class _MotionSearch:
             np.clip(last.share + 0.3 * moved * self.rng.normal(size=n), 0.1, 1.0),
             np.clip(last.place + 0.3 * moved * self.rng.normal(size=n), 0.0, 1.0),
         )
-        self._take(draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room))
+        self._take(draw, self._scaled(draw))
 
     def proven(self) -> tuple[FourierSeries, CheckedMotion]:
         """Return the best motion that keeps all limits at every instant."""
@@ -204,6 +188,9 @@ class _MotionSearch:
             "longer period or a smaller margin may find one"
         )
 
+    def _scaled(self, draw: _Draw) -> FourierSeries:
+        return scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
+
     def _condition(self, series: FourierSeries) -> float:
         return condition_of(self.base, *series.sample(self.times), self.limits.gravity)
 
@@ -213,19 +200,24 @@ class _MotionSearch:
             self.best.append((condition, draw, series))
 
 
-def free_poses(limits: MotionLimits, rng: np.random.Generator) -> Floats:
-    """Return poses within the limits that can be rested in, (M, n), one or more."""
-    low, high = limits.room.inner()
-    drawn = rng.uniform(low, high, (POSES, limits.model.n))
-    free = limits.free_poses(drawn)
-    if not len(free):
-        if limits.scene is not None:
-            limits.scene.free_poses(drawn, limits.margin)
-        raise InputError(
-            f'robot "{limits.model.name}": in none of {POSES} poses within the limits can its own weight be held, '
-            "with distances of more than the margin"
-        )
-    return free
+def free_poses(limits: MotionLimits, rng: np.random.Generator, count: int) -> Floats:
+    """Return those of `count` poses drawn within the limits that can be rested in, (M, n), one or more."""
+    size = (count, limits.model.n)
+    if not limits.is_narrow:
+        return rng.uniform(*limits.room.inner(), size)
+    for _ in range(POSE_ATTEMPTS):
+        drawn = rng.uniform(*limits.room.inner(), size)
+        if len(free := limits.free_poses(drawn)):
+            return free
+    why = "its own weight cannot be held"
+    if (scene := limits.scene) is not None:
+        close = scene.touching(drawn, limits.margin + DIP)
+        often = [int(k) for k in np.argsort(-close.sum(axis=0), kind="stable")[:3]]
+        told = (f"{' and '.join(scene.names(k))} in {100 * close[:, k].mean():.0f} %" for k in often)
+        why += f", or its bodies come within {1000 * limits.margin:g} mm of what is about them: {', '.join(told)}"
+    raise InputError(
+        f'robot "{limits.model.name}": none of {POSE_ATTEMPTS * count} poses within the limits is free: {why}'
+    )
 
 
 def scaled_motion(coefficients: Floats, share: Floats, place: Floats, period: float, room: Room) -> FourierSeries:

@@ -28,7 +28,7 @@ HARM = 0.05  # most by which any axis may be worse than with the friction that i
 DISTINCT = 0.05  # least part of a column that others do not give
 MOST_ROWS = 20_000  # that are looked at
 # standard errors of a gain, by how blocks differ, which it exceeds; blocks differ by their motion too, not by chance
-# alone, so that a whole one would leave out parts that predict the rest of a Panda's motion better
+# alone
 SCATTER = 0.5
 MAD = 1.4826  # standard deviations in a median absolute deviation
 
@@ -95,20 +95,20 @@ def choose_friction(
             after = with_parts([*others, *added.values()], len(added)) if added else None
             if after is None or (after.sum(axis=0) > (1.0 + HARM) ** 2 * first.sum(axis=0)).any():
                 continue
-            gain = _gain(before, after, _axes(actuation, added), least=GAIN * len(added))
+            gain = _gain(before, after, least=GAIN * len(added))
             if gain > most:
                 best, best_squares, most = added, after, gain
         if best is None:
             break
         chosen |= best
         before = best_squares
-    # one that came with others, or before them, stays only where it is missed
+    # one that came with others, or before them, stays only where blocks are predicted worse without it
     parts = dict[Extra, FrictionPart]()
     for key, part in list(chosen.items()):
         without = with_parts([c for k, c in chosen.items() if k != key], 1)
         if without is None or before is None:
             continue
-        if _gain(without, before, _axes(actuation, [key]), least=GAIN) <= 0.0:
+        if _gain(without, before, least=0.0) <= 0.0:
             before = without
             del chosen[key]
         else:
@@ -141,17 +141,10 @@ def terms_show(
             columns.append(base.count + k)
     added = len(columns) - base.count
     after = _held_out(products, columns, added=added) if added else None
-    every = np.ones(len(weights), dtype=bool)
-    return before is not None and after is not None and _gain(before, after, every, least=GAIN * added) > 0.0
+    return before is not None and after is not None and _gain(before, after, least=GAIN * added) > 0.0
 
 
-def _axes(actuation: Actuation, parts: Collection[Extra]) -> NDArray[np.bool_]:
-    """Return the axes (n,) on which frictions act."""
-    along: NDArray[np.bool_] = np.any([actuation.friction[place].combination != 0.0 for _, place in parts], axis=0)
-    return along
-
-
-def _gain(before: Floats, after: Floats, axes: NDArray[np.bool_], *, least: float) -> float:
+def _gain(before: Floats, after: Floats, *, least: float) -> float:
     """Return by how much the sum over axes of log residual became less, beyond `least`; nothing where it may be chance.
 
     It may be where neither the gain of all blocks together exceeds its scatter (the jackknife: a block where a joint
@@ -159,28 +152,26 @@ def _gain(before: Floats, after: Floats, axes: NDArray[np.bool_], *, least: floa
 
     Args:
         before: (folds, n) squares of residuals, and so is `after`.
-        axes: (n,) on which blocks are held against each other: others scatter by what their own parts lack.
     """
-    whole = np.log(before.sum(axis=0) / after.sum(axis=0))
-    others = np.log((before.sum(axis=0) - before) / (after.sum(axis=0) - after))[:, axes].sum(axis=1)
+    every, left = before.sum(axis=0), after.sum(axis=0)
+    whole = float(np.log(every / left).sum())
+    others = np.log((every - before) / (left - after)).sum(axis=1)
     scatter = float(np.sqrt((FOLDS - 1) ** 2 / FOLDS) * others.std(ddof=1))
-    blocks = np.log(before / after)[:, axes].sum(axis=1)
+    blocks = np.log(before / after).sum(axis=1)
     usual = float(np.median(blocks))
     of_blocks = MAD * float(np.median(np.abs(blocks - usual)))
-    if whole[axes].sum() <= SCATTER * scatter and usual <= SCATTER * of_blocks:
+    if whole <= SCATTER * scatter and usual <= SCATTER * of_blocks:
         return 0.0
-    return 0.5 * float(whole.sum()) - least
+    return 0.5 * whole - least
 
 
 def _together(candidates: list[_Candidate], terms: Sequence[ActuationTerm]) -> list[tuple[_Candidate, ...]]:
     """Return moves that give all frictions a part at once: one alone may not show beside others that lack it."""
-    groups: dict[tuple[str, int], list[_Candidate]] = {}
+    groups: dict[tuple[str, int], dict[bytes, _Candidate]] = {}
     for candidate, term in zip(candidates, terms, strict=True):
-        group = groups.setdefault((candidate.kind, candidate.rung), [])
-        own = [terms[candidates.index(other)].combination for other in group]
-        if not any(np.array_equal(term.combination, c) for c in own):  # two links on one drive rub as one
-            group.append(candidate)
-    return [tuple(group) for group in groups.values() if len(group) > 1]
+        group = groups.setdefault((candidate.kind, candidate.rung), {})
+        group.setdefault(np.ascontiguousarray(term.combination).tobytes(), candidate)  # two links on a drive rub as one
+    return [tuple(group.values()) for group in groups.values() if len(group) > 1]
 
 
 def _candidates(

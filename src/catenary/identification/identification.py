@@ -33,7 +33,7 @@ from catenary.identification.residuals import (
 )
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
-from catenary.robots.actuation import Actuation, Friction, MotorInertia, actuation_terms
+from catenary.robots.actuation import Friction, MotorInertia, actuation_terms
 from catenary.robots.model import RobotModel
 
 TILTING = 0.02  # of gravity: recordings in which its direction varies by less are of one base
@@ -114,18 +114,12 @@ class Identification:
         if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):
             raise InputError(f'"{self.model.name}" was identified from poses at rest: it predicts no motion')
         g = as_array("gravity", self.options.gravity if gravity is None else gravity, (3,))
-        tau = self.predict_unknown(motion[0], motion[1], motion[2], g)
-        tau = tau + self._known(motion[0], motion[2])
+        rows, rates, accelerations = motion
+        known = known_torque(actuation_of(self.model), rows) + known_rotors(self.model, self.options) * accelerations
+        down, places = np.broadcast_to(g, (len(rows), 3)), np.arange(len(rows), dtype=float)
+        made = Samples("", rows, rates, accelerations, np.zeros_like(rows), known, places, 1.0, gravity=down)
+        tau = self.predict_samples(made) + known
         return tau[0] if single else tau
-
-    def predict_unknown(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        """Predict torques (N, n) without those that are known beforehand, friction as in steady sliding."""
-        known, down = self._known(q, qdd), np.broadcast_to(gravity, (len(q), 3))
-        rows = np.arange(len(q), dtype=float)
-        return self.predict_samples(Samples("", q, qd, qdd, np.zeros_like(q), known, rows, 1.0, gravity=down))
-
-    def _known(self, q: Floats, qdd: Floats) -> Floats:
-        return known_torque(actuation_of(self.model), q) + known_rotors(self.model, self.options) * qdd
 
     def with_gains(self, gains: Floats) -> Identification:
         """Return it for a robot whose raw efforts times these gains (n,) are its torques."""
@@ -270,26 +264,20 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
     model = model if model.actuation is None and not beside else replace(model, actuation=actuation)
     free = replace(options, consistent=False)
     plain = _fit(samples, model, free, gravity)
-
-    def shows(more: Actuation) -> bool:
-        own = {term.name for term in actuation_terms(actuation) if term.kind == "motor_inertia" or term.recording}
-        terms = [t for t in actuation_terms(more) if t.name not in own and (t.kind == "motor_inertia" or t.recording)]
-        return terms_show(plain.base, gravity, samples, plain.weights, terms, actuation.coulomb_velocity)
-
-    geared = replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside))
-    if options.terms == "full" and beside and shows(geared):
-        actuation, model = geared, replace(model, actuation=geared)
-        plain = _fit(samples, model, free, gravity)
+    changes: list[dict[str, Any]] = [{"motor_inertia": (*actuation.motor_inertia, *beside)}] if beside else []
     names = [part.name for part in samples]
-    if options.terms == "full" and "recording" in options.friction and len(set(names)) == len(names) > 1:
+    if "recording" in options.friction and len(set(names)) == len(names) > 1:
         each = (
             Friction(f"{own.name}{IN}{name}", own.combination, own.coulomb, own.viscous, own.offset, recording=name)
             for name in names[:-1]
             for own in actuation.friction
         )
-        apart = replace(actuation, friction=(*actuation.friction, *each))
-        if shows(apart):
-            actuation, model = apart, replace(model, actuation=apart)
+        changes.append({"friction": (*actuation.friction, *each)})
+    for change in changes if options.terms == "full" else ():
+        more, own_terms = replace(actuation, **change), {(t.kind, t.name) for t in actuation_terms(actuation)}
+        terms = [t for t in actuation_terms(more) if (t.kind, t.name) not in own_terms]
+        if terms_show(plain.base, gravity, samples, plain.weights, terms, actuation.coulomb_velocity):
+            actuation, model = more, replace(model, actuation=more)
             plain = _fit(samples, model, free, gravity)
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples, gravity)

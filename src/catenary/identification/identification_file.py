@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,12 @@ class IdentificationRecord:
 OWN = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))
 
 
+def _record(result: Identification, robot: Any) -> dict[str, Any]:
+    own = {name: getattr(result, name) for name in OWN}
+    record: dict[str, Any] = plain_data(IdentificationRecord(FORMAT, robot, **own))
+    return record
+
+
 def identification_card(
     result: Identification,
     data: list[dict[str, Any]],
@@ -60,13 +66,9 @@ def identification_card(
         "joints": [
             {"name": n, "unit": u} for n, u in zip(result.model.joint_names, result.model.joint_units, strict=True)
         ],
-        "options": plain_data(result.options),
+        **{name: value for name, value in _record(result, None).items() if name in OWN},
         "n_base": base.count,
-        "rank": result.rank,
-        "condition": result.condition,
         "physically_consistent": result.phi is not None,
-        "prior_weight": result.prior_weight,
-        "friction": [asdict(part) for part in result.friction],
         "parameters": [
             {
                 "name": base.names[i],
@@ -77,8 +79,6 @@ def identification_card(
             }
             for i in range(base.count)
         ],
-        "training": [plain_data(r) for r in result.training],
-        "tests": [plain_data(r) for r in result.tests],
         "data": data,
         "mends": {key: list(texts) for key, texts in (mends or {}).items()},
         "notes": list(notes),
@@ -88,10 +88,8 @@ def identification_card(
 
 def save_identification(result: Identification, card: Card, path: Path) -> None:
     """Write an identification to `path` and a readable copy of its card beside it, as `write_with_card` does."""
-    own = {name: getattr(result, name) for name in OWN}
-    structure = plain_data(IdentificationRecord(FORMAT, robot_record(result.model), **own))
     arrays: dict[str, Any] = {
-        "structure": np.array(json.dumps(structure)),
+        "structure": np.array(json.dumps(_record(result, robot_record(result.model)))),
         "columns": result.base.columns,
         "combination": result.base.combination,
         "beta": result.beta,

@@ -92,11 +92,7 @@ def scaled_solution(X: Floats, y: Floats, visible: float) -> Floats:
 def solve(R: Floats) -> Floats:
     """Solve least squares from the triangle of [Y | tau]; dependent columns share."""
     b = R.shape[1] - 1
-    scale = np.linalg.norm(R[:b, :b], axis=0)
-    scale[scale == 0.0] = 1.0
-    beta, *_ = np.linalg.lstsq(R[:b, :b] / scale, R[:b, b], rcond=1e-13)
-    solution: Floats = beta / scale
-    return solution
+    return scaled_solution(R[:b, :b], R[:b, b], 1e-13)
 
 
 def excitation(R: Floats) -> tuple[int, float, Floats]:

@@ -62,17 +62,9 @@ class Parameters:
         if term.kind == "spring" and term.lever is not None:
             return "N/m"
         force, length = ("N", "m") if slides else ("Nm", "rad")
-        return {
-            "coulomb": force,
-            "offset": force,
-            "viscous": f"{force} s/{length}",
-            "asymmetric": f"{force} s/{length}",
-            "stribeck": force,
-            "presliding": force,
-            "load": "",
-            "motor_inertia": "kg" if slides else "kg m2",
-            "spring": f"{force}/{length}",
-        }[term.kind]
+        per_speed = f"{force} s/{length}"
+        other = {"viscous": per_speed, "asymmetric": per_speed, "load": "", "spring": f"{force}/{length}"}
+        return (other | {"motor_inertia": "kg" if slides else "kg m2"}).get(term.kind, force)
 
     @cached_property
     def own(self) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ computed from the rate.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
     """Return a recording with its joints in the robot's order, refused where its torques or positions cannot be it."""
     where = f'recording "{log.name}"'
-    log = log.in_order_of(model, of=f'robot "{model.name}" has')
+    log = log.of_robot(model, model.name)
     if log.tau is None:
         raise InputError(f"{where}: has no torques (`tau`), which dynamics are identified from")
     low, high = limits_of(log, model, LARGEST)
@@ -86,32 +86,19 @@ UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
 LEAST, MOST = 1.0, 30.0  # [m/s2] that gravity on a base can be; beyond it is in another unit
 
 
-def base_of(log: MotionLog) -> tuple[Floats | None, Floats | None, Floats | None]:
-    """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, where a log has them."""
-    found = {name: _vector(log, name) for name in UNITS}
-    gravity = found["gravity"]
-    if gravity is None and any(values is not None for values in found.values()):
-        raise InputError(f'recording "{log.name}": has rates of the base and no gravity:x, gravity:y, gravity:z')
-    if gravity is not None:
-        size = float(np.median(np.linalg.norm(gravity, axis=1)))
+def base_of(log: MotionLog) -> dict[str, Floats]:
+    """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, those that a log has."""
+    found = {name: values for name in UNITS if (values := _vector(log, name)) is not None}
+    for name, needed in (("base_rate", "gravity"), ("base_acceleration", "base_rate")):
+        if name in found and needed not in found:
+            raise InputError(f'recording "{log.name}": has {name} and no {needed}: expected {needed}:x, :y and :z too')
+    if "gravity" in found:
+        size = float(np.median(np.linalg.norm(found["gravity"], axis=1)))
         if not LEAST < size < MOST:
             raise InputError(
                 f'recording "{log.name}": gravity has a size of {size:.3g}, expected m/s2, about 9.8; is it in g?'
             )
-    return gravity, found["base_rate"], found["base_acceleration"]
-
-
-def smoothed_base(log: MotionLog, filtered: Sequence[Floats], step: float) -> tuple[Floats | None, Floats | None]:
-    """Return gravity (N, 3) and the base's rates (N, 2, 3) from the filtered signals of `base_of` that there are."""
-    names = [name for name, values in zip(UNITS, base_of(log), strict=True) if values is not None]
-    signals = dict(zip(names, filtered, strict=True))
-    if "base_rate" not in signals and "base_acceleration" not in signals:
-        return signals.get("gravity"), None
-    rate = signals.get("base_rate")
-    if rate is None:
-        raise InputError(f'recording "{log.name}": has base_acceleration and no base_rate')
-    turning = signals.get("base_acceleration", np.gradient(rate, step, axis=0))
-    return signals["gravity"], np.stack([rate, turning], axis=1)
+    return found
 
 
 def _vector(log: MotionLog, name: str) -> Floats | None:
@@ -190,9 +177,8 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     if options.terms == "static":
         zero = np.zeros(log.q_nominal.shape)
         known = known_torque(actuation, log.q_nominal)
-        rows = np.arange(len(log), dtype=float)
-        gravity, _, _ = base_of(log)
-        return Samples(log.name, log.q_nominal, zero, zero, log.tau - known, known, rows, 1.0, gravity=gravity)
+        places, gravity = np.arange(len(log), dtype=float), base_of(log).get("gravity")
+        return Samples(log.name, log.q_nominal, zero, zero, log.tau - known, known, places, 1.0, gravity=gravity)
     if log.time is None:
         raise InputError(
             f'recording "{log.name}": has no time: full dynamics need `fs` [Hz] or `t` [s]; '
@@ -203,7 +189,8 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     least = 2 * cut + 3 * (2 * settings.order + 1) + 2
     stretches, gaps = _stretches(log, settings)
     grids = [(part, *_grid(f'recording "{log.name}"', log.time[part], settings)) for part in stretches]
-    parts = [_segment(log, *grid, settings) for grid in grids if len(grid[1]) >= least]
+    used = [grid for grid in grids if len(grid[1]) >= least]
+    parts = [_segment(log, *grid, settings) for grid in used]
     if not parts:
         longest, even, _ = max(grids, key=lambda grid: len(grid[1]))
         between = f", between {len(gaps)} gap(s) in time" if len(gaps) else ""
@@ -211,23 +198,20 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
             f'recording "{log.name}": {len(even)} rows from row {longest.start}{between}: shorter than the filter, '
             f"which needs {least} (order {settings.order}, {cut} samples cut at each end)"
         )
-    q, qd, qdd, tau, time, derivative = (
-        np.concatenate([values[cut : len(values) - cut] for values in of])
-        for of in zip(*(part[:6] for part in parts), strict=True)
-    )
+    rows = {key: np.concatenate([part[key][cut : len(part[key]) - cut] for part in parts]) for key in parts[0]}
     if log.qd is not None:
-        check_rates(f'recording "{log.name}"', model, derivative, qd)
-    gravity, base = (
-        None if of[0] is None else np.concatenate([values[cut : len(values) - cut] for values in of])
-        for of in zip(*((part.gravity, part.base) for part in parts), strict=True)
-    )
+        check_rates(f'recording "{log.name}"', model, rows["derivative"], rows["qd"])
+    q, qdd, time = rows["q"], rows["qdd"], rows["time"]
     known = known_torque(actuation, q) + known_rotors(model, options) * qdd
     rate = 1.0 / float(np.median(np.diff(time)))
-    history = FrictionHistory(tuple((part.q, part.qd) for part in parts), cut, parts[0].sections, np.arange(len(q)))
+    sections = _filter(settings, 2.0 * used[0][2] * settings.cutoff_hz)
+    history = FrictionHistory(tuple((part["q"], part["qd"]) for part in parts), cut, sections, np.arange(len(q)))
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
+    recorded, made = sum(part.stop - part.start for part, _, _ in used), sum(len(even) for _, even, _ in used)
     return Samples(
-        log.name, q, qd, qdd, tau - known, known, time, independent, gravity=gravity, base=base, history=history,
-        notes=_told(log, len(stretches), parts, gaps, len(q)),
+        log.name, q, rows["qd"], qdd, rows["tau"] - known, known, time, independent, gravity=rows.get("gravity"),
+        base=rows.get("base"), history=history,
+        notes=_told(len(stretches) - len(used), gaps, (len(log), recorded, made, len(q))),
     )  # fmt: skip
 
 
@@ -241,31 +225,16 @@ def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Flo
     return [slice(first, last) for first, last in pairwise(bounds)], steps[np.array(gaps, dtype=int) - 1]
 
 
-def _told(log: MotionLog, stretches: int, parts: "Sequence[_Segment]", gaps: Floats, kept: int) -> tuple[str, ...]:
-    """Return in words what became of the rows, where it is not the usual."""
-    rows, made, short = sum(p.rows for p in parts), sum(len(p.q) for p in parts), stretches - len(parts)
+def _told(short: int, gaps: Floats, rows: tuple[int, int, int, int]) -> tuple[str, ...]:
+    """Return in words what became of the rows, where it is not the usual: all, those used, made of them, and kept."""
+    every, recorded, made, kept = rows
     longest = f"{len(gaps)} gap(s) in time, the longest {gaps.max(initial=0.0):.3g} s"
     told = {
         f"{longest}: what lies between was filtered, and cut at both ends, by itself": len(gaps) > 0,
-        f"{short} stretch(es) of time shorter than the filter needs, {len(log) - rows} rows, were left out": short,
-        f"{rows} rows were brought to {made} even ones, on straight lines": made > MADE * rows,
+        f"{short} stretch(es) of time shorter than the filter needs, {every - recorded} rows, were left out": short,
+        f"{recorded} rows were brought to {made} even ones, on straight lines": made > MADE * recorded,
     }
-    return tuple(f"{note}; {kept} rows are used of {len(log)}" for note, is_so in told.items() if is_so)
-
-
-class _Segment(NamedTuple):
-    """A stretch of a recording, filtered, not yet cut."""
-
-    q: Floats
-    qd: Floats
-    qdd: Floats
-    tau: Floats
-    time: Floats
-    derivative: Floats  # of the positions
-    gravity: Floats | None
-    base: Floats | None
-    sections: Floats
-    rows: int  # as recorded
+    return tuple(f"{note}; {kept} rows are used of {every}" for note, is_so in told.items() if is_so)
 
 
 def _grid(where: str, time: Floats, settings: SignalFilter) -> tuple[Floats, float]:
@@ -286,33 +255,39 @@ def _grid(where: str, time: Floats, settings: SignalFilter) -> tuple[Floats, flo
     return time, step
 
 
-def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: SignalFilter) -> _Segment:
+def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: SignalFilter) -> dict[str, Floats]:
+    """Return the signals of a stretch by name, on even times, filtered, with their derivatives; not yet cut."""
     assert log.time is not None
-    assert log.tau is not None
-    time = log.time[part]
-    sensed = [values for values in base_of(log) if values is not None]
-    recorded = (log.q_nominal, log.tau, *([] if log.qd is None else [log.qd]), *sensed)
-    signals = [values[part] for values in recorded]
+    recorded: dict[str, Floats | None] = {"q": log.q_nominal, "tau": log.tau, "qd": log.qd, **base_of(log)}
+    time, signals = log.time[part], {key: values[part] for key, values in recorded.items() if values is not None}
     if not np.array_equal(even, time):
         increasing = np.concatenate([[True], np.diff(time) > 0.0])  # a repeated stamp has nothing to add
-        signals = [
-            np.column_stack([np.interp(even, time[increasing], column[increasing]) for column in values.T])
-            for values in signals
-        ]
-    nyquist = 0.5 / step
-    if settings.cutoff_hz >= nyquist:
+        signals = {
+            key: np.column_stack([np.interp(even, time[increasing], column[increasing]) for column in values.T])
+            for key, values in signals.items()
+        }
+    if settings.cutoff_hz >= 0.5 / step:
         raise InputError(
             f'recording "{log.name}": recorded at {1.0 / step:g} Hz: the cut-off {settings.cutoff_hz:g} Hz must be '
             "below half of it"
         )
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
-    sections = butter(settings.order, settings.cutoff_hz / nyquist, output="sos")
-    q, tau, *rest = (np.asarray(sosfiltfilt(sections, values, axis=0)) for values in signals)
-    derivative = np.gradient(q, step, axis=0)
-    qd = derivative if log.qd is None else rest.pop(0)
-    qdd = np.gradient(qd, step, axis=0)
-    return _Segment(q, qd, qdd, tau, even, derivative, *smoothed_base(log, rest, step), sections, len(time))
+    sections = _filter(settings, 2.0 * step * settings.cutoff_hz)
+    made = {key: np.asarray(sosfiltfilt(sections, values, axis=0)) for key, values in signals.items()}
+    made["derivative"] = np.gradient(made["q"], step, axis=0)
+    made["qdd"] = np.gradient(made.setdefault("qd", made["derivative"]), step, axis=0)
+    if (rate := made.get("base_rate")) is not None:
+        turning = made["base_acceleration"] if "base_acceleration" in made else np.gradient(rate, step, axis=0)
+        made["base"] = np.stack([rate, turning], axis=1)
+    return made | {"time": even}
+
+
+def _filter(settings: SignalFilter, share: float) -> Floats:
+    """Return the filter's second-order sections, its cut-off as a share of half the rate."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(settings.order, share, output="sos"))
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:

@@ -1,5 +1,6 @@
 """Torques that cannot be those of the motion: of the wrong sign, of other axes, or no torques but currents."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -37,18 +38,32 @@ def torque_findings(
         fitted: It is one of those that were fitted.
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """
+    rows = _some_rows(samples)
     if fitted:
         stated = np.array(result.options.gravity)
-        if (mounting := mounting_finding(result.model, _some_rows(samples), stated)) is not None:
+        if (mounting := mounting_finding(result.model, rows, stated)) is not None:
             return [mounting]
     own = result.training if fitted else result.tests
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
         doubtful = bool(np.any(residual.relative_rms > DOUBTFUL)) or residual.verdict not in (None, "holds")
-    findings, against, factors = _known_torques(result, samples, fitted, may_carry)
-    pair, left = swapped_axes(result, samples, refit=fitted) if doubtful else (None, 1.0)
-    axis, left_when_turned = _turned(result, samples, fitted) if doubtful else (None, 1.0)
-    if pair is not None and left < min(left_when_turned, _left(result, samples, factors, fitted)):
+    findings, against, factors = _known_torques(result, rows, fitted, may_carry)
+    pair, axis = None, None
+    if doubtful:
+        before = _misfit(result, rows, fitted)
+
+        def left(changed: Samples) -> float:
+            """Return the share of all axes' mean squares (their product) that is left."""
+            return float(np.prod(_misfit(result, changed, fitted) / before))
+
+        turned_left, axis = min(
+            (left(_times(rows, signs)), i) for i, signs in enumerate(1.0 - 2.0 * np.eye(rows.q.shape[1]))
+        )
+        axis = axis if turned_left < MENDED else None
+        swapped_left, pair = min(((left(swapped), pair) for pair, swapped in _swapped(rows)), default=(1.0, None))
+        if swapped_left >= min(CLEARLY, 1.0 if axis is None else turned_left, left(_times(rows, factors))):
+            pair = None
+    if pair is not None:
         a, b = (result.model.joint_names[i] for i in pair)
         return [
             Finding(
@@ -104,23 +119,13 @@ def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], se
     return driven, braked
 
 
-def _turned(result: Identification, samples: Samples, refit: bool) -> tuple[int | None, float]:
-    """Return the axis whose torque, turned round, leaves clearly less residual, or None, and the share left."""
-    n = result.model.n
-    left, axis = min((_left(result, samples, 1.0 - 2.0 * np.eye(n)[i], refit), i) for i in range(n))
-    return (axis, left) if left < MENDED else (None, 1.0)
-
-
-def _left(result: Identification, samples: Samples, factors: Floats, refit: bool) -> float:
-    """Return the share of all axes' residual (their product) that is left when torques are multiplied."""
-    rows = _some_rows(samples)
-    # what is known beforehand was subtracted as it is
-    times = replace(rows, tau=(rows.tau + rows.known) * factors - rows.known)
-    return float(np.prod(_misfit(result, times, refit) / _misfit(result, rows, refit)))
+def _times(rows: Samples, factors: Floats) -> Samples:
+    """Return a recording whose measured torques are multiplied; what is known beforehand was subtracted as it is."""
+    return replace(rows, tau=(rows.tau + rows.known) * factors - rows.known)
 
 
 def _known_torques(
-    result: Identification, samples: Samples, fitted: bool, may_carry: bool
+    result: Identification, rows: Samples, fitted: bool, may_carry: bool
 ) -> tuple[list[Finding], set[int], Floats]:
     """Compare torques with those of the robot file's masses, or of a test with those of what was identified.
 
@@ -130,7 +135,6 @@ def _known_torques(
     """
     model = result.model
     whose = "the robot's own masses" if fitted else "what was identified"
-    rows = _some_rows(samples)
     if not fitted:
         own = result.predict_samples(rows)
     elif model.missing_inertia:
@@ -185,26 +189,14 @@ def _known_torques(
 CLEARLY = 0.4  # of the product of all axes' mean squares: at most this is left when two are swapped back
 
 
-def swapped_axes(
-    result: Identification, samples: Samples, *, refit: bool = False
-) -> tuple[tuple[int, int] | None, float]:
-    """Return the pair of axes whose swapping back removes most of all axes' residual, or None, and the share left.
-
-    Positions with velocities and torques are swapped, or torques alone.
-    """
-    rows = _some_rows(samples)
-    before = _misfit(result, rows, refit)
-    best, pair = CLEARLY, None
+def _swapped(rows: Samples) -> Iterator[tuple[tuple[int, int], Samples]]:
+    """Yield pairs of axes with the recording in which they are exchanged: with their torques, or these alone."""
     for i, j in combinations(range(rows.q.shape[1]), 2):
+        order = np.arange(rows.q.shape[1])
+        order[[i, j]] = j, i
         for keys in (("q", "qd", "qdd", "tau"), ("tau",)):
-            order = np.arange(rows.q.shape[1])
-            order[[i, j]] = j, i
-            swapped: dict[str, Any] = {key: getattr(rows, key)[:, order] for key in keys}
-            after = _misfit(result, replace(rows, **swapped), refit)
-            left = float(np.prod(after / before))
-            if left < best:
-                best, pair = left, (i, j)
-    return pair, best
+            exchanged: dict[str, Any] = {key: getattr(rows, key)[:, order] for key in keys}
+            yield (i, j), replace(rows, **exchanged)
 
 
 def _some_rows(samples: Samples) -> Samples:

@@ -101,7 +101,7 @@ def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints:
     ending = table_ending(path)
     if ending == ".parquet":
         log = read_log(path)
-        return log if joints else log.in_order_of(model, of=f'robot "{model.name}" has')
+        return log if joints else log.of_robot(model, model.name)
     if ending != ".npz":
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     from catenary.recording.import_formats.known_layouts import read_torques

@@ -116,7 +116,7 @@ def assemble(
         check_actuation(where, actuation, len(coordinates))
     _check_moved(where, ordered, coordinates, actuation)
 
-    folded = _fold(ordered, root)
+    folded = fold(ordered, root)
     if not folded.moving:
         raise UnsupportedModelError(f"{where}: no moving joint, expected at least one")
     without = [link for link, body in zip(folded.moving, folded.inertia, strict=True) if body.mass == 0.0]
@@ -130,7 +130,7 @@ def assemble(
         more = f"; and {len(doubted) - SHOWN} more" if len(doubted) > SHOWN else ""
         _log.warning("%s: %s%s", where, "; ".join(doubted[:SHOWN]), more)
 
-    tree, offset = _tree(folded), np.array([link.offset for link in folded.moving])
+    tree, offset = tree_of(folded), np.array([link.offset for link in folded.moving])
     moved = [[link.variable.get(c.name, 0.0) for c in coordinates] for link in folded.moving]
     all_frames = {BASE: folded.carrier[root]} | _all_frames(where, folded.carrier, frames or {})
     if not is_base(all_frames[BASE]):
@@ -166,7 +166,7 @@ def assemble(
     ).with_massless(massless)
 
 
-def _far_apart(folded: "_Folded") -> list[str]:
+def _far_apart(folded: "Folded") -> list[str]:
     """Return which joints and centres of mass lie farther from the joint before than any arm reaches."""
     doubts = []
     for link, pose, body in zip(folded.moving, folded.poses, folded.inertia, strict=True):
@@ -177,7 +177,7 @@ def _far_apart(folded: "_Folded") -> list[str]:
     return doubts
 
 
-def _doubts(ordered: Sequence[Link], folded: "_Folded", untold: Sequence[str]) -> list[str]:
+def _doubts(ordered: Sequence[Link], folded: "Folded", untold: Sequence[str]) -> list[str]:
     """Return in words what inertias no body has, and what becomes of them."""
     doubts = []
     for link in ordered:
@@ -199,7 +199,7 @@ def _doubts(ordered: Sequence[Link], folded: "_Folded", untold: Sequence[str]) -
 
 
 @dataclass
-class _Folded:
+class Folded:
     """The moving links with all that is fixed to them, and which of them carries each link."""
 
     carrier: dict[str, Frame]
@@ -210,8 +210,9 @@ class _Folded:
     axes_of_com: list[Flags] = field(default_factory=list)
 
 
-def _fold(ordered: Sequence[Link], root: str) -> _Folded:
-    folded = _Folded({root: Frame(-1, identity_pose())})
+def fold(ordered: Sequence[Link], root: str) -> Folded:
+    """Fold links that are fixed into those that carry them; parents come first."""
+    folded = Folded({root: Frame(-1, identity_pose())})
     for link in ordered:
         index, pose = folded.carrier[link.parent]
         here = pose @ link.pose
@@ -239,7 +240,8 @@ def _axes_seen_from(pose: Pose, axes_of_com: Sequence[bool]) -> Flags:
     return off_axis
 
 
-def _tree(folded: _Folded) -> Tree:
+def tree_of(folded: Folded) -> Tree:
+    """Return the tree of the moving links."""
     return Tree(
         parent=np.array(folded.parents, dtype=np.int64),
         prismatic=np.array([link.joint == "prismatic" for link in folded.moving]),

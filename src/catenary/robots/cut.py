@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.robots.actuation import Actuation, Effect, KnownTorque, Spring, actuation_terms
-from catenary.robots.link_inertia import NOTHING, LinkInertia
-from catenary.robots.model import BASE, Frame, RobotModel, Tree
+from catenary.robots.assembly import Folded, JointKind, Link, fold, tree_of
+from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.model import BASE, Frame, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_vector
+
+ROOT = ""  # no link's name
 
 
 def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
@@ -41,7 +44,8 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
     moving = [i for i in range(len(offset)) if coupling[i].any()]
     if not moving:
         raise InputError(f"{where}: no joint is left that moves; expected at least one")
-    carriers, tree = _folded(model, moving, offset)
+    folded = _folded(model, moving, offset)
+    carriers, tree = [folded.carrier[name] for name in model.link_names], tree_of(folded)
     names = tuple(model.link_names[i] for i in moving)
 
     def whose(links: tuple[str, ...]) -> tuple[str, ...]:
@@ -49,7 +53,7 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
         return tuple(name for k, name in enumerate(names) if k in kept)
 
     frames = {
-        name: Frame(carriers[frame.link].link, carriers[frame.link].pose @ frame.pose)
+        name: frame if frame.link < 0 else Frame((on := carriers[frame.link]).link, on.pose @ frame.pose)
         for name, frame in model.frames.items()
     }
     per_joint = {key: getattr(model, key)[free] for key in ("lower", "upper", "velocity_limit", "effort_limit")}
@@ -68,7 +72,7 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
         massless=tuple(
             name for name, mass in zip(names, tree.mass, strict=True) if mass == 0.0 and name in model.massless
         ),
-        axes_of_com=model.axes_of_com[moving] | (model.tree.mass[moving] != tree.mass)[:, None],
+        axes_of_com=np.array(folded.axes_of_com),
         closed_form=None,
         actuation=None if model.actuation is None else held_actuation(where, model.actuation, free, held),
         unseen=(),
@@ -117,36 +121,21 @@ def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, floa
     )
 
 
-def _folded(model: RobotModel, moving: list[int], offset: Floats) -> tuple[dict[int, Frame], Tree]:
-    """Return which moving link carries each link now, and where, and the tree of the moving ones."""
-    tree, places = model.tree, {link: k for k, link in enumerate(moving)}
-    carriers = {-1: Frame(-1, identity_pose())}
-    bodies, parents, poses = [NOTHING] * len(moving), list[int](), list[Pose]()
-    for i, axis in enumerate(tree.axis):
-        parent, pose = carriers[int(tree.parent[i])]
-        here = pose @ Pose(tree.rotation[i], tree.origin[i])
-        if i in places:
-            parents.append(parent)
-            poses.append(here)
-            carriers[i] = Frame(places[i], identity_pose())
-        else:
-            turned = identity_pose() if tree.prismatic[i] else Pose(rotation_from_vector(axis * offset[i]), np.zeros(3))
-            slid = axis * offset[i] if tree.prismatic[i] else np.zeros(3)
-            carriers[i] = Frame(parent, here @ Pose(turned.rotation, slid))
-        link, pose = carriers[i]
-        if link >= 0 and tree.mass[i] > 0.0:
-            body = LinkInertia(float(tree.mass[i]), tree.com[i], tree.inertia[i]).moved(pose)
-            bodies[link] = body if bodies[link] is NOTHING else bodies[link].plus(body)
-    return carriers, Tree(
-        parent=np.array(parents, dtype=np.int64),
-        prismatic=tree.prismatic[moving],
-        rotation=np.array([pose.rotation for pose in poses]),
-        origin=np.array([pose.position for pose in poses]),
-        axis=tree.axis[moving],
-        mass=np.array([body.mass for body in bodies]),
-        com=np.array([body.com for body in bodies]),
-        inertia=np.array([body.inertia for body in bodies]),
-    )
+def _folded(model: RobotModel, moving: list[int], offset: Floats) -> Folded:
+    """Return the links that move still, with those that are held folded in."""
+    tree, links = model.tree, list[Link]()
+    for i, name in enumerate(model.link_names):
+        pose, kind = Pose(tree.rotation[i], tree.origin[i]), "prismatic" if tree.prismatic[i] else "revolute"
+        if i not in moving:
+            along = tree.axis[i] * offset[i]
+            slid = kind == "prismatic"
+            pose = pose @ (Pose(np.eye(3), along) if slid else Pose(rotation_from_vector(along), np.zeros(3)))
+            kind = "fixed"
+        parent = ROOT if tree.parent[i] < 0 else model.link_names[tree.parent[i]]
+        body = LinkInertia(float(tree.mass[i]), tree.com[i], tree.inertia[i]) if tree.mass[i] > 0.0 else None
+        x, y, z = model.axes_of_com[i].tolist()
+        links.append(Link(name, parent, cast(JointKind, kind), pose, tree.axis[i], inertia=body, axes_of_com=(x, y, z)))
+    return fold(links, ROOT)
 
 
 def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: Floats) -> Actuation:

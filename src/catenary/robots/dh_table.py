@@ -24,6 +24,9 @@ Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 
+_LIMITS = (("limits_deg", "limits_m"), ("velocity_deg_s", "velocity_m_s"), ("effort_nm", "effort_n"))
+
+
 class LimitsTable(Settings):
     """Limits of a coordinate, in the unit that its keys end in."""
 
@@ -201,20 +204,12 @@ def _inertia(where: str, row: LinkTable) -> LinkInertia | None:
 
 
 def _coordinate(where: str, name: str, unit: str, limits: LimitsTable) -> Coordinate:
-    suffix = "deg" if unit == "rad" else "m"
-    for key in ("limits_deg", "limits_m", "velocity_deg_s", "velocity_m_s"):
-        if getattr(limits, key) is not None and f"_{suffix}" not in key:
-            wanted = key.replace("_deg", "_m") if suffix == "m" else key.replace("_m", "_deg", 1)
-            raise ConfigError(f'{where}: "{name}" is in {unit}: expected {wanted} for its limits')
-    strongest, other = ("effort_nm", "effort_n") if unit == "rad" else ("effort_n", "effort_nm")
-    if getattr(limits, other) is not None:
-        raise ConfigError(f'{where}: "{name}" is in {unit}: expected {strongest} for its limits')
-    given_effort: float | None = getattr(limits, strongest)
-    effort = np.inf if given_effort is None else given_effort
-    to_si = np.pi / 180.0 if unit == "rad" else 1.0
-    given: tuple[float, float] | None = getattr(limits, f"limits_{suffix}")
-    velocity: float | None = getattr(limits, f"velocity_{suffix}_s")
-    fastest = np.inf if velocity is None else velocity * to_si
-    if given is None:
-        return Coordinate(name, unit, velocity=fastest, effort=effort)
-    return Coordinate(name, unit, given[0] * to_si, given[1] * to_si, fastest, effort)
+    slides = unit == "m"
+    for pair in _LIMITS:
+        if getattr(limits, pair[not slides]) is not None:
+            raise ConfigError(f'{where}: "{name}" is in {unit}: expected {pair[slides]} for its limits')
+    given, velocity, effort = (getattr(limits, pair[slides]) for pair in _LIMITS)
+    to_si = 1.0 if slides else np.pi / 180.0
+    lower, upper = (-np.inf, np.inf) if given is None else (to_si * float(each) for each in given)
+    fastest = np.inf if velocity is None else to_si * float(velocity)
+    return Coordinate(name, unit, lower, upper, fastest, np.inf if effort is None else float(effort))

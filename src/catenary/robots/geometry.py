@@ -144,3 +144,11 @@ def links_without_shape(model: RobotModel, shapes: Iterable[Shape]) -> tuple[str
         for i, name in enumerate(model.link_names)
         if i not in shaped and name not in model.massless and name not in model.missing_inertia
     )
+
+
+def distance_to_segment(point: Floats, start: Floats, end: Floats) -> float:
+    """Return how far a point lies from the segment between two others, all (3,) [m]."""
+    along = end - start
+    square = float(along @ along)
+    share = 0.0 if square == 0.0 else float(np.clip((point - start) @ along / square, 0.0, 1.0))
+    return float(np.linalg.norm(point - start - share * along))

@@ -68,27 +68,12 @@ def _off_axis(vector: Floats) -> float:
 
 
 def _exact_axis(axis: Floats) -> Floats:
-    if _off_axis(axis) > WITHIN:
-        return axis
-    k = int(np.argmax(np.abs(axis)))
-    exact: Floats = np.zeros(3)
-    exact[k] = np.sign(axis[k])
-    return exact
+    return axis if _off_axis(axis) > WITHIN else np.round(axis) + 0.0
 
 
 def _exact_rotation(rotation: Floats) -> Floats:
     """Return a rotation that takes to an axis exactly what it takes to within 1e-6 rad of one."""
-    column = int(np.argmin([_off_axis(rotation[:, k]) for k in range(3)]))
-    if _off_axis(rotation[:, column]) > WITHIN:
+    if min(_off_axis(rotation[:, k]) for k in range(3)) > WITHIN:
         return rotation
-    row = int(np.argmax(np.abs(rotation[:, column])))
-    rows, columns = (np.delete(np.arange(3), k) for k in (row, column))
-    block = rotation[np.ix_(rows, columns)]
-    near = np.round(block)
-    if np.abs(block - near).max() > WITHIN:
-        left, _, right = np.linalg.svd(block)  # the nearest orthogonal matrix
-        near = left @ right
-    exact: Floats = np.zeros((3, 3))
-    exact[row, column] = np.sign(rotation[row, column])
-    exact[np.ix_(rows, columns)] = near
-    return exact
+    near = np.round(rotation) + 0.0
+    return np.where(np.abs(rotation - near) > WITHIN, rotation, near)

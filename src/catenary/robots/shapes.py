@@ -32,6 +32,7 @@ from catenary.robots.geometry import (
     Shape,
     TriangleMesh,
     capsule_between,
+    distance_to_segment,
     links_without_shape,
     shape_on,
 )
@@ -144,19 +145,12 @@ def _segments(model: RobotModel, link: int) -> list[Segment]:
 
 
 def _through_com(segments: list[Segment], com: Floats, radius: float) -> list[Segment]:
-    if min(_distance(com, segment) for segment in segments) <= radius:
+    if min(distance_to_segment(com, *segment) for segment in segments) <= radius:
         return segments
-    nearest = min(segments, key=lambda segment: _distance(com, segment))
+    nearest = min(segments, key=lambda segment: distance_to_segment(com, *segment))
     others = [segment for segment in segments if segment is not nearest]
     halves = [(nearest[0], com), (com, nearest[1])]
     return [*others, *(half for half in halves if np.linalg.norm(half[1] - half[0]) > NO_LENGTH)]
-
-
-def _distance(point: Floats, segment: Segment) -> float:
-    start, along = segment[0], segment[1] - segment[0]
-    square = float(along @ along)
-    share = 0.0 if square == 0.0 else float(np.clip((point - start) @ along / square, 0.0, 1.0))
-    return float(np.linalg.norm(point - start - share * along))
 
 
 def _thickness(mass: float, segments: list[Segment]) -> float:

@@ -160,7 +160,7 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
     given = {"joint_names": tuple(names), "joint_units": units, "default_robot": model.name}
     log = synchronise(sources, mapping.model_copy(update=given)).log
     if not joints:
-        log = log.in_order_of(model, of=f'robot "{model.name}" has')
+        log = log.of_robot(model, model.name)
     if raw or torque == "tau":
         return log
     scale = None if model.actuation is None else model.actuation.effort_scale
