@@ -153,6 +153,12 @@ class Outcomes:
         return len(self._results)
 
     @property
+    def nominal(self) -> "Outcomes | None":
+        """Return what the nominal robot alone left, and cases of no robot; None where no other robot has run."""
+        alone = {case: result for case, result in self._results.items() if case.arguments.get("seed") is NOMINAL}
+        return Outcomes(alone) if alone and len(alone) < len(self._results) else None
+
+    @property
     def trainings(self) -> list[int]:
         """Return how often cases train a network, each number once; its errors are averaged.
 

@@ -20,11 +20,22 @@ class Sample(np.ndarray):
     """Numbers by robot, (robots,) or (robots, 3): f"{x:.2f}" tells mean and spread, of the latter joint by joint."""
 
     def __format__(self, spec: str) -> str:
-        """Return "mean ± spread" in a format such as ".2f"; one number as Python does."""
+        """Return "mean ± spread" in a format such as ".2f", the median before it in one such as ".2m".
+
+        One number is told as Python does.
+        """
         digits = int(spec[1:-1]) if spec else 3
         if self.ndim == 2:
-            return ", ".join(f"{j} {cell}" for j, cell in zip(JOINTS, cells(self, digits), strict=True))
-        return mean_and_spread(self, digits) if self.ndim else format(float(self), spec)
+            return ", ".join(f"{joint} {column:{spec}}" for joint, column in zip(JOINTS, self.T, strict=True))
+        if self.ndim == 0:
+            return format(float(self), spec)
+        told = mean_and_spread(self, digits)
+        return f"{median(self):.{digits}f} (mean {told})" if spec.endswith("m") else told
+
+
+def median(values: Floats) -> Any:
+    """Return the median over robots of numbers whose first axis is the robot: one robot of six decides no claim."""
+    return np.median(np.asarray(values), axis=0)
 
 
 def by_robot(values: Any) -> Floats:

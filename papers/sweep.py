@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from catenary.files import write_atomically
 from papers.catalog import experiment
 from papers.experiment import NOMINAL, Case, Experiment, Scope
 from papers.results_files import RAW, markdown, told_of, write_results
@@ -126,10 +127,12 @@ def judge(name: str, committed: Path, out: Path) -> None:
     Raises:
         InputError: There are no raw results.
     """
-    kept = read_raw(committed / f"{name}{RAW}")
+    raw = committed / f"{name}{RAW}"
+    kept = read_raw(raw)
     told = json.loads((committed / f"{name}.json").read_text(encoding="utf-8"))
     robots = tuple(NOMINAL if robot == "nominal" else robot for robot in told["robots"])
     show_results(experiment(name), Scope(robots), kept, out, 0)
+    write_atomically(out / raw.name, raw.read_bytes())  # what the cases were made with stays as they tell it
 
 
 def show_results(asked: Experiment, scope: Scope, kept: Mapping[Case, Finished], folder: Path, missing: int) -> None:

@@ -21,6 +21,7 @@ def test_a_sample_tells_mean_and_spread_and_joint_by_joint() -> None:
     assert f"{found:.1f}" == "J1 1.5 ± 0.7, J2 2.0 ± 0.0, J3 4.0 ± 0.0"
     assert f"{found[:, 0].mean():.2f}" == "1.50"
     assert f"{by_robot([3.0])}" == "3.000"  # one robot has no spread
+    assert f"{by_robot([1.0, 1.2, 9.8]):.1m}" == "1.2 (mean 4.0 ± 5.0)"
     assert cells(found, 0) == ["2 ± 1", "2 ± 0", "4 ± 0"]
     assert told({"a": found[:, 1], "b": found[:, 2]}, ".0f", " deg") == "a 2 ± 0 deg, b 4 ± 0 deg"
 
