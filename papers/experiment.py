@@ -25,6 +25,7 @@ Result = Mapping[str, Plain]
 Paper = Literal["calibration", "gravity", "regressor", "tutorial", "plant", "beyond"]
 Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
 BEYOND = "beyond"  # how the place of a claim begins that stands in no paper
+OF_DRAWN = 2  # trainings of every network of a drawn robot
 NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a seed
 
 
@@ -133,14 +134,13 @@ class Scope:
     """How much is run: which robots, how often networks are trained, and on what recordings."""
 
     robots: tuple[int | None, ...] = (NOMINAL, 1, 2, 3, 4, 5)
-    networks: int = 5  # trainings of every network, whose results are averaged as the paper does
+    networks: int = 5  # trainings of every network of the nominal robot, averaged as the paper does of its one
     quick: bool = False  # a minute at most, to see that it runs: no verdicts
     data: Path | None = None  # folder of recordings of real arms
 
-    @property
-    def network_seeds(self) -> tuple[int, ...]:
-        """Return the seeds with which every network is trained."""
-        return tuple(range(self.networks))
+    def networks_of(self, robot: int | None) -> list[int]:
+        """Return the seeds with which networks of a robot are trained: of a drawn one, which tells the spread, two."""
+        return list(range(self.networks if robot is NOMINAL else min(self.networks, OF_DRAWN)))
 
 
 class Outcomes:

@@ -60,8 +60,15 @@ def sample(outcomes: Outcomes, run: Run, /, *path: str | int, **where: Plain) ->
 
 
 def grid(run: Run, axes: Mapping[str, Iterable[Plain]], /, **fixed: Plain) -> list[Case]:
-    """Return a case for every combination along axes, the last one fastest."""
-    return [run.case(**dict(zip(axes, each, strict=True)), **fixed) for each in product(*axes.values())]
+    """Return a case for every combination along axes, the last one fastest.
+
+    Of what is fixed, a function is asked for what a robot has: `seed` is among the axes then.
+    """
+    combinations = [dict(zip(axes, each, strict=True)) for each in product(*axes.values())]
+    return [
+        run.case(**at, **{name: value(at["seed"]) if callable(value) else value for name, value in fixed.items()})
+        for at in combinations
+    ]
 
 
 def cells(values: Floats, digits: int = 3) -> list[str]:

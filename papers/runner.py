@@ -54,11 +54,6 @@ def fingerprint() -> str:
 def execute(case: Case, data: Path | None, source: str) -> Finished:
     """Run a case, in whichever process.
 
-    Args:
-        case: What is run.
-        data: Folder of recordings of real arms, for cases that read some.
-        source: `fingerprint` of the process where the results are kept.
-
     Raises:
         RuntimeError: This process has another version of the package, of its robots' data, of the function, or of a
             library.
@@ -98,13 +93,8 @@ def run_cases(
     """Run those cases that have no result yet, each once; keep every result as it comes.
 
     Args:
-        cases: What is wanted.
-        store: Where results are kept.
         workers: Processes on this machine; one runs in this process.
-        cluster: Address of a Dask scheduler in place of these.
-        data: Folder of recordings of real arms, the same path on every worker.
         until: On the clock of `time.monotonic` [s], when no further case begins; those that have begun end.
-        told: Called as each case ends.
 
     Returns:
         The cases that failed.

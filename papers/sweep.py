@@ -28,15 +28,7 @@ class Planned:
 
 
 def plan(asked: Experiment, *, seeds: int | None, quick: bool, data: Path | None) -> Planned:
-    """Return the cases that an experiment takes.
-
-    Args:
-        asked: The experiment.
-        seeds: Robots drawn beside the nominal one; the experiment's own number when None. Those that are about one
-            robot draw none.
-        quick: As little as shows that it runs.
-        data: Folder of recordings of real arms, where there is one.
-    """
+    """Return the cases that an experiment takes."""
     drawn = 0 if quick or not asked.drawn else asked.drawn if seeds is None else seeds
     robots = (NOMINAL, *range(1, drawn + 1))
     scope = Scope(robots, networks=1 if quick else Scope.networks, quick=quick, data=data)
@@ -56,13 +48,9 @@ def sweep(
     """Run what has no result yet; write and print every experiment's tables as its last case ends.
 
     Args:
-        planned: What is run.
         out: Folder of results.
         workers: Processes on this machine.
-        cluster: Address of a Dask scheduler in their place.
-        data: Folder of recordings of real arms.
         minutes: By the clock, after which no case begins; the next sweep goes on with those that are left.
-        console: For progress and failures.
 
     Returns:
         How many cases failed.
@@ -120,8 +108,6 @@ def judge(name: str, committed: Path, out: Path) -> None:
     """Write and print what committed raw results show today: no robot runs.
 
     Args:
-        name: Of the experiment.
-        committed: Folder of NAME.json and the raw results.
         out: Folder that is written.
 
     Raises:

@@ -74,7 +74,7 @@ def cases(scope: Scope) -> list[Case]:
         ((((1.0,), (1.0,)),), 1, 30.0) if scope.quick else (COMBINATIONS, HOMINGS, TEST_SECONDS)
     )
     return grid(
-        homing_errors, {"seed": scope.robots, "seen": (0, 1)}, networks=scope.network_seeds,
+        homing_errors, {"seed": scope.robots, "seen": (0, 1)}, networks=scope.networks_of,
         ours=() if scope.quick else (0,), combinations=combinations, homings=homings, test_seconds=seconds,
     )  # fmt: skip
 
@@ -257,5 +257,5 @@ def _joint_2_most(o: Outcomes) -> Judgement:
 
 EXPERIMENT = Experiment(
     "calibration-figure-9", "figure 9", "Calibration after homing again", __doc__,
-    cases, report, minutes=50.0, claims=CLAIMS,
+    cases, report, minutes=21.0, claims=CLAIMS,
 )  # fmt: skip

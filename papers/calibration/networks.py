@@ -17,15 +17,7 @@ from papers.calibration.recordings import fitted
 def network_model(
     logs: Sequence[MotionLog], settings: NetworkSettings, *, inputs: Sequence[str], seed: int, target: Target = "error"
 ) -> CalibrationModel:
-    """Fit a network of given settings to recordings; in all else it is what `fitted` makes.
-
-    Args:
-        logs: Recordings.
-        settings: Size and training; one `l2`.
-        inputs: Signals, or groups of them, for every joint.
-        seed: Of the training.
-        target: What it learns, the error or the position.
-    """
+    """Fit a network of given settings to recordings; in all else it is what `fitted` makes."""
     model = fitted(logs, FitOptions(kind="linear", inputs=inputs, target=target))
     (group,) = model.groups
     data = calibration_data(logs, model.features)

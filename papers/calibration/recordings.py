@@ -44,7 +44,6 @@ def homed(seed: int | None, *, arm: CableArm | None = None, payload: float = 0.0
     """Return a simulated robot, homed.
 
     Args:
-        seed: Of a drawn robot; the nominal one when None.
         arm: Its numbers, of which `seed` then draws; the package's when None.
         payload: At the tool's wrist [kg].
     """

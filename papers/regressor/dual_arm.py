@@ -197,11 +197,7 @@ def errors_of(
     """Run the motion; return the errors q_ref - q (ticks, 19) [rad], a row per millisecond.
 
     Args:
-        seed: Draws the robot; None is the nominal one.
-        controller: One of ControllerName.
-        start: Of the estimate.
         payload_kg: What the right hand takes up at PICK_UP, unknown to the controller; 0 for nothing.
-        timeline: Of the motion.
         pace: How many times faster than the paper's all of it goes, to try it.
         duration: [s], to its end when None.
     """

@@ -229,7 +229,7 @@ def _small(o: Outcomes) -> Judgement:
 
 FIGURE_4 = Experiment(
     "regressor-figure-4", "figure 4", "19 joints under PD alone", __doc__,
-    cases_4, report_4, minutes=4.0, claims=CLAIMS_4,
+    cases_4, report_4, minutes=2.0, claims=CLAIMS_4,
 )  # fmt: skip
 
 
@@ -373,5 +373,5 @@ def _quasi_static(o: Outcomes) -> Judgement:
 
 FIGURE_5 = Experiment(
     "regressor-figure-5", "figure 5", "19 joints learn their gravity", OF_FIGURE_5,
-    cases_5, report_5, minutes=20.0, claims=CLAIMS_5,
+    cases_5, report_5, minutes=10.0, claims=CLAIMS_5,
 )  # fmt: skip

@@ -170,6 +170,13 @@ def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(monkeypatc
     assert "holds (older) |" in page_of(with_claim(older=True)["calibration-table-1"])
 
 
+def test_a_page_has_a_column_of_the_nominal_robot_alone_where_others_ran() -> None:
+    assert "nominal robot alone" not in page_of(RESULTS["calibration-table-1"])
+    page = page_of(with_claim(nominal="3 > 1: reproduced")["calibration-table-1"])
+    assert "| here | nominal robot alone | verdict |" in page
+    assert "| 1 > 2 | 3 > 1: reproduced | not reproduced (fitted) |" in page
+
+
 @pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
 def test_every_block_names_a_committed_result_or_the_claims_of_a_paper(page: Path) -> None:
     named = {found["what"].split()[0] for found in pages.BLOCK.finditer(page.read_text())}

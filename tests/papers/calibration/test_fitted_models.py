@@ -15,7 +15,7 @@ from catenary.calibration.predictors import Network, fit_polynomial
 from catenary.dynamics.kinematics import jacobian
 from catenary.robots.catalog import load_robot
 from papers.calibration import ablation, dvrk, published
-from papers.calibration.all_inputs import principal, sizes
+from papers.calibration.figure_8 import principal, sizes
 from papers.calibration.homings import tool_shift
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.networks import network_model, parameters

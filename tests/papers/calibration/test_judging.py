@@ -7,7 +7,7 @@ from numpy.testing import assert_array_equal
 from papers.calibration import figure_9, table_5
 from papers.calibration.homings import homing_errors
 from papers.calibration.judging import less, near, statement
-from papers.calibration.speed import speed
+from papers.calibration.table_5 import speed
 from papers.experiment import Outcomes
 from papers.gravity import figure_9 as figure_9_of_gravity
 from papers.gravity.tracking import follow_sinusoids
