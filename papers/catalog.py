@@ -47,7 +47,6 @@ MODULES = {
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
     "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
-    "beyond-wrist-memory": "papers.beyond.wrist_memory",
     "beyond-wrist-friction": "papers.beyond.wrist_friction",
     "beyond-wrist-everything": "papers.beyond.wrist_friction:EVERYTHING",
     "beyond-intervals": "papers.beyond.intervals",

@@ -378,5 +378,5 @@ def _polynomial_worse(o: Outcomes) -> Judgement:
 
 EXPERIMENT = Experiment(
     "calibration-figure-8", "figure 8", "16 inputs or all 138", __doc__,
-    cases, report, minutes=45.0, claims=CLAIMS, drawn=1,
+    cases, report, minutes=41.0, claims=CLAIMS, drawn=1,
 )  # fmt: skip

@@ -23,9 +23,8 @@ import numpy as np
 from catenary import CablePlant, go_to, run_loop
 from catenary.arrays import Floats
 from catenary.control.loop import GravitySource, Tick
-from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import GravityReading, Mailbox, ReadingStatus
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.sensors import SimulatedSensor
 from catenary.spatial import LEVEL
@@ -37,7 +36,7 @@ from catenary.workflows.gravity.trials import with_approach
 from papers.claims import mean_and_spread
 from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledPicture, run
 from papers.figures import COLORS, LABELS, panels
-from papers.gravity.raven_base import Z0, turned_base
+from papers.gravity.raven_base import Z0, TrueAttitude, turned_base
 from papers.kit import filled, grid, rows, sample, table
 
 Event = Literal["reference", "tilt", "drive"]
@@ -87,19 +86,6 @@ class CuedBase:
         )
         linear = self.acceleration * push[:, None] * ALONG
         return BaseSamples(gravity, np.stack([rate[:, None] * Z0, change[:, None] * Z0, linear], axis=1))
-
-
-class TrueAttitude:
-    """Gravity along the true vertical, without the base's acceleration or turning; a GravitySource."""
-
-    def __init__(self, base: MovingBase) -> None:
-        """Take the base."""
-        self._base = base
-
-    def read(self, time: float) -> GravityReading:
-        """Return gravity at a time [s]."""
-        gravity = self._base.sample(np.array([time])).gravity[0]
-        return GravityReading(gravity, 0.0, np.zeros((2, 3)), ReadingStatus.LIVE, Fault.NONE)
 
 
 class Response(NamedTuple):
