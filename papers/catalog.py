@@ -62,11 +62,7 @@ def experiment(name: str) -> Experiment:
 
 
 def named(words: Sequence[str]) -> list[str]:
-    """Return the experiments that words ask for: a name, the beginning of several names, or all.
-
-    Raises:
-        InputError: No experiment is called so.
-    """
+    """Return the experiments that words ask for: a name, the beginning of several names, or all."""
     names: list[str] = []
     for word in words:
         found = [name for name in MODULES if word in ("all", name)] or [

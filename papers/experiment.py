@@ -91,11 +91,7 @@ class Run:
         return f"{self.function.__module__}.{self.function.__qualname__}"
 
     def case(self, **arguments: Plain) -> Case:
-        """Return a case of this function.
-
-        Raises:
-            TypeError: The function does not take these arguments, or one of them is no plain data.
-        """
+        """Return a case of this function."""
         also = {"data": None} if self.needs_data else {}
         inspect.signature(self.function).bind(**arguments, **also)
         return Case(self.name, self.revision, json.dumps(arguments, sort_keys=True, allow_nan=False))

@@ -47,9 +47,6 @@ def sample(outcomes: Outcomes, run: Run, /, *path: str | int, **where: Plain) ->
     """Return what a function's cases with these arguments have at a path of their results, robot by robot.
 
     Results that lack the first step of the path are left out.
-
-    Raises:
-        Missing: No case has it.
     """
     found: list[Any] = [one for one in outcomes.of(run, **where) if not path or path[0] in one]
     for part in path:

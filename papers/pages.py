@@ -83,9 +83,6 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
     Args:
         out: Where they were run.
         names: Of experiments; those that have not run are left as they are. All of them when None.
-
-    Raises:
-        InputError: None that is named has results, or cases of one are missing.
     """
     written: list[Path] = []
     finished = [name for name in (MODULES if names is None else names) if (out / f"{name}.json").exists()]
@@ -121,11 +118,7 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
 
 
 def raw_results(words: Sequence[str]) -> list[str]:
-    """Return the experiments of which raw results are committed: those that words ask for; all of them without words.
-
-    Raises:
-        InputError: One that is named alone has none.
-    """
+    """Return the experiments of which raw results are committed: those that words ask for, or all without words."""
     names = named(words or ["all"])
     found = [name for name in names if (COMMITTED / f"{name}{RAW}").exists()]
     if not found:

@@ -52,13 +52,7 @@ def fingerprint() -> str:
 
 
 def execute(case: Case, data: Path | None, source: str) -> Finished:
-    """Run a case, in whichever process.
-
-    Raises:
-        RuntimeError: This process has another version of the package, of its robots' data, of the function, or of a
-            library.
-        TypeError: The result is no plain data.
-    """
+    """Run a case, in whichever process."""
     if source != fingerprint():
         raise RuntimeError(
             f"this worker has another catenary or library ({__version__}, {fingerprint()}) than asks ({source})"
@@ -98,10 +92,6 @@ def run_cases(
 
     Returns:
         The cases that failed.
-
-    Raises:
-        InputError: Dask is not installed, or the cluster is not reached, has no worker, or one with another version
-            of the package; or no worker is left.
     """
     missing = [case for case in dict.fromkeys(cases) if store.read(case) is None]
     failures: list[Failure] = []
@@ -227,9 +217,6 @@ def _on(
     """Run cases at once; those whose worker died are tried once more at the end, one by one.
 
     A worker that dies takes along whatever had been given to it; a case that kills its worker alone costs no other.
-
-    Raises:
-        InputError: No worker is left. Cases whose worker died have been yielded as failures by then.
     """
     from distributed import KilledWorker
 

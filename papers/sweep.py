@@ -54,9 +54,6 @@ def sweep(
 
     Returns:
         How many cases failed.
-
-    Raises:
-        InputError: A cluster that would give other numbers.
     """
     until = time.monotonic() + 60.0 * minutes
     store = Store(out)
@@ -109,9 +106,6 @@ def judge(name: str, committed: Path, out: Path) -> None:
 
     Args:
         out: Folder that is written.
-
-    Raises:
-        InputError: There are no raw results.
     """
     raw = committed / f"{name}{RAW}"
     kept = read_raw(raw)

@@ -36,6 +36,9 @@ from papers.figures import legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
 ROUNDS, SHORTEST = 9, 0.02  # and the least time of a round [s]
+TIMED = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
+SERVO = 1000.0  # [us] of a loop's period
+PUBLISHED = {NETWORK: 61e3, "linear": 380.0}  # [us] of an inference, table V
 
 
 @run(revision=1)
@@ -91,11 +94,6 @@ def _microseconds(call: Callable[[], object]) -> float:
             call()
         taken.append((time.thread_time_ns() - begin_ns) / count / 1000.0)
     return float(np.median(taken))
-
-
-TIMED = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
-SERVO = 1000.0  # [us] of a loop's period
-PUBLISHED = {NETWORK: 61e3, "linear": 380.0}  # [us] of an inference, table V
 
 
 def cases(scope: Scope) -> list[Case]:

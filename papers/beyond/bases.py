@@ -63,9 +63,6 @@ def with_gravity(log: MotionLog, base: MovingBase, start: float) -> MotionLog:
 
     Args:
         start: When the recording began [s] since power-on.
-
-    Raises:
-        InputError: The recording has no time or no torques.
     """
     if log.time is None or log.tau is None:
         raise InputError(f'recording "{log.name}": has no time or no torques')

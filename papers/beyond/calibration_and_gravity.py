@@ -48,6 +48,14 @@ FREE, STILL = "calibrated in all, everywhere", "calibrated in all, by positions"
 CONTROLLERS = (REPORTED, INSIDE, BOTH, FREE, STILL, RIG)
 IN_ALL = (BOTH, FREE, STILL)
 HOLDS = (REPORTED, INSIDE, RIG)
+CONTROL_BASES = (LEVEL_BASE, tilted.TILTED, ROCKING)
+ANGLES_DEG = (0.0, 20.0, 45.0, 90.0, 180.0)
+SECONDS, HOLD_SECONDS = 30.0, 5.0
+TRAININGS = (tilted.LEVEL, tilted.SEVERAL)
+TORQUES = {tilted.PAPERS: "raw torque", tilted.LESS_GRAVITY: "torque less gravity"}
+NEWTONS = ("Nm", "Nm", "N")
+COLORS = dict(zip(CONTROLLERS, ("#8a94a3", "#2f8f6b", "#b8bfc9", "#c9a227", "#d9622b", "#4b6b94"), strict=True))
+DRAWN = (REPORTED, INSIDE, STILL, RIG)
 
 
 class CalibratedGravity:
@@ -174,16 +182,6 @@ def _drift(arm: SimulatedArm, models: Mapping[str, CalibrationModel], name: str,
         alone = CalibratedGravity(arm, models[name], gains=False)
     drift: list[float] = (SHOWN * hold(arm, alone, HOLD_START, seconds).drift).tolist()
     return drift
-
-
-CONTROL_BASES = (LEVEL_BASE, tilted.TILTED, ROCKING)
-ANGLES_DEG = (0.0, 20.0, 45.0, 90.0, 180.0)
-SECONDS, HOLD_SECONDS = 30.0, 5.0
-TRAININGS = (tilted.LEVEL, tilted.SEVERAL)
-TORQUES = {tilted.PAPERS: "raw torque", tilted.LESS_GRAVITY: "torque less gravity"}
-NEWTONS = ("Nm", "Nm", "N")
-COLORS = dict(zip(CONTROLLERS, ("#8a94a3", "#2f8f6b", "#b8bfc9", "#c9a227", "#d9622b", "#4b6b94"), strict=True))
-DRAWN = (REPORTED, INSIDE, STILL, RIG)
 
 
 def cases(scope: Scope) -> list[Case]:

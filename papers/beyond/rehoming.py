@@ -180,11 +180,7 @@ def cases(scope: Scope) -> list[Case]:
 
 
 def errors(o: Outcomes, order: str, cure: str, model: str) -> Floats:
-    """Return the RMSE of joint 2 after 0, 1 ... homings in an order, with a cure, (robots, 1 + homings).
-
-    Raises:
-        Missing: None ran.
-    """
+    """Return the RMSE of joint 2 after 0, 1 ... homings in an order, with a cure, (robots, 1 + homings)."""
     every = [*o.of(order_errors, order=order), *(result.get(order, {}) for result in o.of(offset_errors))]
     found = [result[cure][model] for result in every if model in result.get(cure, {})]
     if not found:

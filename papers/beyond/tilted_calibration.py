@@ -111,11 +111,7 @@ def cases(scope: Scope) -> list[Case]:
 
 
 def errors(o: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
-    """Return RMSE (robots, 3) of a model on a base.
-
-    Raises:
-        Missing: None ran.
-    """
+    """Return RMSE (robots, 3) of a model on a base."""
     found = [
         result[base][model]
         for told, result in o.items(base_errors, inputs=list(INPUTS[inputs]))

@@ -155,11 +155,7 @@ def tool_shift(train: Sequence[MotionLog], test: MotionLog) -> float:
 
 
 def errors(o: Outcomes, chain: str, method: str) -> Floats:
-    """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests.
-
-    Raises:
-        Missing: None ran.
-    """
+    """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests."""
     found = [result[chain][method] for result in o.of(homing_errors) if method in result.get(chain, {})]
     if not found:
         raise Missing(f"{chain}, {method}")

@@ -23,14 +23,31 @@ MOVED: tuple[Condition, ...] = ("unloaded", "loaded")
 STEADY = 0.05  # [deg|mm] change in idle hours that is none: the paper's largest is 0.048
 TWICE = 1.5  # loss under load over the loss without; the paper's are 1.8 (network), 2.2 (linear), 2.4 (fixed offset)
 CLOSE = 0.25  # share of a published error within which ours reproduces it
+_LOAD = (
+    "set of a cable grows with its tension, and the weight, beyond the remote centre, takes torque off joint 1 (the "
+    "table of torques): wear by that cable's tension cannot make joint 1 lose more. The paper names fatigue of cables "
+    "over small sheaves under load; which part carries the weight there, it does not say, and nothing here has it"
+)
+_NO_WEAR_BY_LOAD = "nothing here makes joint 1 wear by the load: under the weight its cable carries less"
+_SAME_TABLE = (
+    "the simulated robot's drift was fitted to the linear model of six inputs in hour 5 unloaded, and its other "
+    "numbers to table I, with whose errors the paper's own hour 0 does not agree (0.247 and 0.186 deg on J2)"
+)
+POLYNOMIAL = "polynomial"
+REGRESSIONS = ("linear", POLYNOMIAL)
+DECAYS = 1.5  # error in hour 5 over hour 0 that is a significant decrease in accuracy: the paper's is 2.0
+WIDE = 0.2  # [deg|mm] the height of a box that the paper marks with an arrow
+MANY = 0.5  # of the regressions' entries
+LATE = (3, 4, 5)  # after hour 3
+_SAME_STATES = (
+    "wear changes the simulated robot's errors and hardly its inputs: few rows leave the ground of training (errors "
+    "with and without a guard agree in the tables), so that the polynomial is asked what it was trained for"
+)
+_DRIFT = "hour 5's error is mostly drift, which no training before it has seen"
 
 
 def hourly(o: Outcomes, condition: Condition, model: str, sets: Sequence[str] = LONGEST) -> Floats:
-    """Return errors by robot, hour and joint, the mean over training sets.
-
-    Raises:
-        Missing: There are none.
-    """
+    """Return errors by robot, hour and joint, the mean over training sets."""
     found = measured(o, condition, model, sets)
     if not found.size:
         raise Missing(f"{condition} {model}")
@@ -54,17 +71,6 @@ def _published(condition: Condition, models: Sequence[str] = COMPARED) -> str:
         for model in models
     )
 
-
-_LOAD = (
-    "set of a cable grows with its tension, and the weight, beyond the remote centre, takes torque off joint 1 (the "
-    "table of torques): wear by that cable's tension cannot make joint 1 lose more. The paper names fatigue of cables "
-    "over small sheaves under load; which part carries the weight there, it does not say, and nothing here has it"
-)
-_NO_WEAR_BY_LOAD = "nothing here makes joint 1 wear by the load: under the weight its cable carries less"
-_SAME_TABLE = (
-    "the simulated robot's drift was fitted to the linear model of six inputs in hour 5 unloaded, and its other "
-    "numbers to table I, with whose errors the paper's own hour 0 does not agree (0.247 and 0.186 deg on J2)"
-)
 
 CLAIMS = Claims()
 
@@ -208,14 +214,6 @@ for each in CONDITIONS:
     )(partial(_numbers, condition=each))
 
 
-POLYNOMIAL = "polynomial"
-REGRESSIONS = ("linear", POLYNOMIAL)
-DECAYS = 1.5  # error in hour 5 over hour 0 that is a significant decrease in accuracy: the paper's is 2.0
-WIDE = 0.2  # [deg|mm] the height of a box that the paper marks with an arrow
-MANY = 0.5  # of the regressions' entries
-LATE = (3, 4, 5)  # after hour 3
-
-
 def considerably_better(o: Outcomes, condition: Condition, model: str) -> NDArray[np.bool_]:
     """Say by hour and joint whether sets over 800 s are more than 20 % better than those under 500 s; empty without.
 
@@ -226,13 +224,6 @@ def considerably_better(o: Outcomes, condition: Condition, model: str) -> NDArra
         return np.empty((0, 3), dtype=bool)
     better: NDArray[np.bool_] = long.mean(axis=(0, 1)) < (1.0 - CONSIDERABLE) * short.mean(axis=(0, 1))
     return better
-
-
-_SAME_STATES = (
-    "wear changes the simulated robot's errors and hardly its inputs: few rows leave the ground of training (errors "
-    "with and without a guard agree in the tables), so that the polynomial is asked what it was trained for"
-)
-_DRIFT = "hour 5's error is mostly drift, which no training before it has seen"
 
 
 @CLAIMS(

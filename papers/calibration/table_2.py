@@ -19,8 +19,7 @@ from catenary.calibration.neural import PAPER
 from papers.calibration import published
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
-from papers.calibration.networks import network_model
-from papers.calibration.recordings import NETWORK, SETS
+from papers.calibration.recordings import NETWORK, SETS, network_model
 from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
 from papers.calibration.six_hours import cases_of, measured, tested
 from papers.claims import Claims, Missing, by_count
@@ -76,11 +75,7 @@ def cases(scope: Scope) -> list[Case]:
 
 
 def errors(o: Outcomes, model: str, target: Target) -> Floats:
-    """Return errors by robot and joint, means over training sets and hours, (robots, 3).
-
-    Raises:
-        Missing: There are none.
-    """
+    """Return errors by robot and joint, means over training sets and hours, (robots, 3)."""
     found = measured(o, "unloaded", model, target=target)
     if not found.size:
         raise Missing(f"{model}, {target}")

@@ -50,6 +50,12 @@ WARM = 1.2  # [s] at the pose before the event, in which the sensor is met
 WATCHED: dict[Event, float] = {"reference": 1.5, "tilt": 1.5, "drive": DRIVE_SECONDS}  # [s] from the event on
 ALONG = np.array([1.0, 0.0, 0.0])  # of the base, where it drives to
 EVERY = 10  # ticks of a picture's line
+CONTROLLERS = ("pd", "sg", "dg", "attitude")
+TITLES: dict[Event, str] = {
+    "reference": f"reference steps by {STEP_DEG:g} deg",
+    "tilt": f"base turns by {TILT_DEG:g} deg",
+    "drive": f"base drives off at {ACCELERATION:g} m/s2",
+}
 
 
 class CuedBase:
@@ -188,14 +194,6 @@ def _line(values: Floats) -> list[float]:
 def _quintic(x: Floats) -> Floats:
     rise: Floats = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
     return rise
-
-
-CONTROLLERS = ("pd", "sg", "dg", "attitude")
-TITLES: dict[Event, str] = {
-    "reference": f"reference steps by {STEP_DEG:g} deg",
-    "tilt": f"base turns by {TILT_DEG:g} deg",
-    "drive": f"base drives off at {ACCELERATION:g} m/s2",
-}
 
 
 @run(revision=1)

@@ -42,6 +42,11 @@ from papers.regressor.decomposition import NO_EFFECT, ZERO, decomposition
 from papers.regressor.published import COMPACT, FULL_BLOCK, PARAMETERS, PLACES
 
 CALLS = 200  # timed together: a call takes about as long as reading the clock
+PLANAR = "planar_3r"
+DRAWN = (PLANAR, "dual_arm_19")
+FRAMES = ("base", "frame 1", "frame 2", "frame 3")
+REPEATS = 50  # of a timed batch
+SAME = 1e-9  # [Nm] beyond rounding
 
 
 def full_line(model: RobotModel) -> Line:
@@ -116,13 +121,6 @@ def evaluation(robot: str, repeats: int) -> Result:
     }
 
 
-PLANAR = "planar_3r"
-DRAWN = (PLANAR, "dual_arm_19")
-FRAMES = ("base", "frame 1", "frame 2", "frame 3")
-REPEATS = 50  # of a timed batch
-SAME = 1e-9  # [Nm] beyond rounding
-
-
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot of the catalogue."""
     names = [PLANAR, "raven2"] if scope.quick else sorted(robot_names(), key=lambda name: name != PLANAR)
@@ -134,11 +132,7 @@ def cases(scope: Scope) -> list[Case]:
 
 
 def of(o: Outcomes, robot: str) -> Result:
-    """Return a robot's result.
-
-    Raises:
-        Missing: It has not run.
-    """
+    """Return a robot's result."""
     for result in o.of(decomposition, robot=robot):
         return result
     raise Missing(robot)

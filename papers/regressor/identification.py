@@ -67,6 +67,10 @@ BELIEVED = 1.2  # masses over the true ones
 SHOWN = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # deg, deg, mm
 NOISE = np.array([0.15, 0.12, 1.5])  # [Nm, Nm, N] that friction leaves in the mean of both sides, about
 SPREAD = 0.3  # [kg m, kg] by how much the believed parameters may be wrong
+HELD = "held_error_deg_deg_mm"
+AXES = ("J1 [Nm]", "J2 [Nm]", "J3 [N]")
+SOURCES = (TRUE, BELIEF, *(f"identified on {on}" for on in ON))
+COLORS = ("#b8bfc9", "#8a94a3", "#4b6b94", "#d9622b")
 
 
 class Poses(NamedTuple):
@@ -247,12 +251,6 @@ def identified(seed: int | None, poses: int, sparsities: Sequence[float]) -> Res
         "held_error_deg_deg_mm": {label: (SHOWN * one.error).tolist() for label, one in held.items()},
         "identify_Nm_Nm_N": refused if isinstance(refused, str) else refused.tolist(),
     }
-
-
-HELD = "held_error_deg_deg_mm"
-AXES = ("J1 [Nm]", "J2 [Nm]", "J3 [N]")
-SOURCES = (TRUE, BELIEF, *(f"identified on {on}" for on in ON))
-COLORS = ("#b8bfc9", "#8a94a3", "#4b6b94", "#d9622b")
 
 
 def cases(scope: Scope) -> Sequence[Case]:

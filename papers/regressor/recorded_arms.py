@@ -48,6 +48,14 @@ NOISE_SHARE = 0.3  # of the torque: what friction and inertia are to an estimato
 FAST = 1e3  # [rad/s] no gate: these motions hardly rest
 NO_LIMITS = -1e3  # [rad] margin: recorded limits are the arm's own
 POINTS = 300  # of a picture
+METHODS = ("none", "law", "least squares", "batch, gravity", "batch, full dynamics")
+STATIC = tuple(name for name, (_, static) in RECORDINGS.items() if static)
+MOVING = tuple(name for name, (_, static) in RECORDINGS.items() if not static)
+LOADED_AXES = (1, 2)  # J2, J3 of the master: those that gravity loads most
+SHOWN = {STATIC[0]: (1, 2), MOVING[1]: (0, 1)}  # axes of pictures
+COLORS = {"measured": "#b8bfc9", "law, as it learns": "#d9622b", "least squares": "#4b6b94"}
+LABELS = {"least squares": "least squares, as learnt in the end"}
+HALF = 0.5
 
 
 class Heard(NamedTuple):
@@ -143,16 +151,6 @@ def replay(recording: str, rows: int | None, data: Path) -> Result:
     }
 
 
-METHODS = ("none", "law", "least squares", "batch, gravity", "batch, full dynamics")
-STATIC = tuple(name for name, (_, static) in RECORDINGS.items() if static)
-MOVING = tuple(name for name, (_, static) in RECORDINGS.items() if not static)
-LOADED_AXES = (1, 2)  # J2, J3 of the master: those that gravity loads most
-SHOWN = {STATIC[0]: (1, 2), MOVING[1]: (0, 1)}  # axes of pictures
-COLORS = {"measured": "#b8bfc9", "law, as it learns": "#d9622b", "least squares": "#4b6b94"}
-LABELS = {"least squares": "least squares, as learnt in the end"}
-HALF = 0.5
-
-
 def cases(scope: Scope) -> Sequence[Case]:
     """Return a case for every recording that is there."""
     names = [] if scope.data is None else [name for name in RECORDINGS if (scope.data / name).is_file()]
@@ -160,11 +158,7 @@ def cases(scope: Scope) -> Sequence[Case]:
 
 
 def of(o: Outcomes, recording: str) -> Result:
-    """Return what a recording showed.
-
-    Raises:
-        Missing: It is not here.
-    """
+    """Return what a recording showed."""
     for result in o.of(replay, recording=recording):
         return result
     raise Missing(recording)

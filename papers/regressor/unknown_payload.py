@@ -39,6 +39,20 @@ SIZES = (0.8, 0.06)  # [kg, kg m] root mean squares of these masses and moments
 NOISE = 0.1  # [Nm] that the estimator is told
 POSES_BEFORE = (20, 40)  # poses at rest before the load comes, at the least and at most
 LOOKED_AT = (1, 2, 5, 10, 20)  # poses with the load, after which beliefs are noted
+# noise over what is told, and whether the loads' sizes are
+CONDITIONS = {
+    (1.0, False): "default size of loads",
+    (1.0, True): "told the loads' sizes",
+    (2.0, False): "noise twice what is told",
+}
+USUAL = (1.0, False)
+BINS = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
+MASSES = (0.1, 0.25, 0.5, 1.0, 2.0)
+COLORS = ("#4b6b94", "#2f8f6b", "#d9622b")
+NOTICED = 0.5  # probability of no load below which it counts as noticed
+FEWEST = 5  # statements in a bin that is shown
+HOLD = 0.95  # of lists of likely links, each said to hold that
+HEADER = ("loads", "noticed", "right link", "among the likely", "likely links", "mass error, median [kg]", "in 2 sd")
 
 
 def arm(seed: int | None) -> RobotModel:
@@ -126,21 +140,6 @@ def payload_trials(seed: int | None, noise_ratio: float, told_sizes: bool, trial
     }
 
 
-# noise over what is told, and whether the loads' sizes are
-CONDITIONS = {
-    (1.0, False): "default size of loads",
-    (1.0, True): "told the loads' sizes",
-    (2.0, False): "noise twice what is told",
-}
-USUAL = (1.0, False)
-BINS = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
-MASSES = (0.1, 0.25, 0.5, 1.0, 2.0)
-COLORS = ("#4b6b94", "#2f8f6b", "#d9622b")
-NOTICED = 0.5  # probability of no load below which it counts as noticed
-FEWEST = 5  # statements in a bin that is shown
-HOLD = 0.95  # of lists of likely links, each said to hold that
-
-
 def cases(scope: Scope) -> Sequence[Case]:
     """Return a case for every arm and condition."""
     conditions, trials = ((USUAL,), 8) if scope.quick else (tuple(CONDITIONS), 120)
@@ -214,9 +213,6 @@ def _row(name: str, pairs: Sequence[tuple[Plain, Plain]]) -> list[str]:
         f"{np.median(errors):.3f}" if errors else "-",
         _percent(spread),
     ]
-
-
-HEADER = ("loads", "noticed", "right link", "among the likely", "likely links", "mass error, median [kg]", "in 2 sd")
 
 
 def _by_poses(trials: Sequence[Plain]) -> list[list[str]]:
