@@ -28,7 +28,6 @@ MODULES = {
     "gravity-figure-10": "papers.gravity.moving_base:FIGURE_10",
     "gravity-passive": "papers.gravity.passive",
     "gravity-steps": "papers.gravity.steps",
-    "gravity-sustained": "papers.gravity.sustained",
     "gravity-joint-3": "papers.gravity.joint_3",
     "gravity-own-compensation": "papers.gravity.own_compensation",
     "gravity-adaptive": "papers.gravity.moving_base:ADAPTIVE_COMPENSATION",
@@ -38,8 +37,8 @@ MODULES = {
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figures_4_and_5:FIGURE_4",
     "regressor-figure-5": "papers.regressor.figures_4_and_5:FIGURE_5",
-    "regressor-replay": "papers.regressor.replay",
-    "regressor-payload": "papers.regressor.payload",
+    "regressor-replay": "papers.regressor.recorded_arms",
+    "regressor-payload": "papers.regressor.unknown_payload",
     "regressor-identification": "papers.regressor.identification",
     "tutorial-two-link": "papers.tutorial.two_link",
     "beyond-paths": "papers.beyond.paths",
@@ -48,12 +47,10 @@ MODULES = {
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
     "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
-    "beyond-wrist-memory": "papers.beyond.wrist_memory",
     "beyond-wrist-friction": "papers.beyond.wrist_friction",
     "beyond-wrist-everything": "papers.beyond.wrist_friction:EVERYTHING",
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
-    "beyond-rules": "papers.beyond.rules",
 }
 
 
@@ -65,11 +62,7 @@ def experiment(name: str) -> Experiment:
 
 
 def named(words: Sequence[str]) -> list[str]:
-    """Return the experiments that words ask for: a name, the beginning of several names, or all.
-
-    Raises:
-        InputError: No experiment is called so.
-    """
+    """Return the experiments that words ask for: a name, the beginning of several names, or all."""
     names: list[str] = []
     for word in words:
         found = [name for name in MODULES if word in ("all", name)] or [

@@ -25,6 +25,7 @@ Result = Mapping[str, Plain]
 Paper = Literal["calibration", "gravity", "regressor", "tutorial", "plant", "beyond"]
 Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
 BEYOND = "beyond"  # how the place of a claim begins that stands in no paper
+OF_DRAWN = 2  # trainings of every network of a drawn robot
 NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a seed
 
 
@@ -90,11 +91,7 @@ class Run:
         return f"{self.function.__module__}.{self.function.__qualname__}"
 
     def case(self, **arguments: Plain) -> Case:
-        """Return a case of this function.
-
-        Raises:
-            TypeError: The function does not take these arguments, or one of them is no plain data.
-        """
+        """Return a case of this function."""
         also = {"data": None} if self.needs_data else {}
         inspect.signature(self.function).bind(**arguments, **also)
         return Case(self.name, self.revision, json.dumps(arguments, sort_keys=True, allow_nan=False))
@@ -133,14 +130,13 @@ class Scope:
     """How much is run: which robots, how often networks are trained, and on what recordings."""
 
     robots: tuple[int | None, ...] = (NOMINAL, 1, 2, 3, 4, 5)
-    networks: int = 5  # trainings of every network, whose results are averaged as the paper does
+    networks: int = 5  # trainings of every network of the nominal robot, averaged as the paper does of its one
     quick: bool = False  # a minute at most, to see that it runs: no verdicts
     data: Path | None = None  # folder of recordings of real arms
 
-    @property
-    def network_seeds(self) -> tuple[int, ...]:
-        """Return the seeds with which every network is trained."""
-        return tuple(range(self.networks))
+    def networks_of(self, robot: int | None) -> list[int]:
+        """Return the seeds with which networks of a robot are trained: of a drawn one, which tells the spread, two."""
+        return list(range(self.networks if robot is NOMINAL else min(self.networks, OF_DRAWN)))
 
 
 class Outcomes:
@@ -151,6 +147,12 @@ class Outcomes:
 
     def __len__(self) -> int:
         return len(self._results)
+
+    @property
+    def nominal(self) -> "Outcomes | None":
+        """Return what the nominal robot alone left, and cases of no robot; None where no other robot has run."""
+        alone = {case: result for case, result in self._results.items() if case.arguments.get("seed") is NOMINAL}
+        return Outcomes(alone) if alone and len(alone) < len(self._results) else None
 
     @property
     def trainings(self) -> list[int]:

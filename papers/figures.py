@@ -44,8 +44,6 @@ def legend_below(figure: "Figure", *panels: Any, columns: int | None = None) -> 
     """Draw one legend of what panels show below all of them, each label once.
 
     Args:
-        figure: Drawn by `panels`.
-        panels: Whose labels are taken.
         columns: Of the legend; all in one row when None.
     """
     handles: dict[str, Any] = {}

@@ -20,11 +20,22 @@ class Sample(np.ndarray):
     """Numbers by robot, (robots,) or (robots, 3): f"{x:.2f}" tells mean and spread, of the latter joint by joint."""
 
     def __format__(self, spec: str) -> str:
-        """Return "mean ± spread" in a format such as ".2f"; one number as Python does."""
+        """Return "mean ± spread" in a format such as ".2f", the median before it in one such as ".2m".
+
+        One number is told as Python does.
+        """
         digits = int(spec[1:-1]) if spec else 3
         if self.ndim == 2:
-            return ", ".join(f"{j} {cell}" for j, cell in zip(JOINTS, cells(self, digits), strict=True))
-        return mean_and_spread(self, digits) if self.ndim else format(float(self), spec)
+            return ", ".join(f"{joint} {column:{spec}}" for joint, column in zip(JOINTS, self.T, strict=True))
+        if self.ndim == 0:
+            return format(float(self), spec)
+        told = mean_and_spread(self, digits)
+        return f"{median(self):.{digits}f} (mean {told})" if spec.endswith("m") else told
+
+
+def median(values: Floats) -> Any:
+    """Return the median over robots of numbers whose first axis is the robot: one robot of six decides no claim."""
+    return np.median(np.asarray(values), axis=0)
 
 
 def by_robot(values: Any) -> Floats:
@@ -36,9 +47,6 @@ def sample(outcomes: Outcomes, run: Run, /, *path: str | int, **where: Plain) ->
     """Return what a function's cases with these arguments have at a path of their results, robot by robot.
 
     Results that lack the first step of the path are left out.
-
-    Raises:
-        Missing: No case has it.
     """
     found: list[Any] = [one for one in outcomes.of(run, **where) if not path or path[0] in one]
     for part in path:
@@ -49,8 +57,15 @@ def sample(outcomes: Outcomes, run: Run, /, *path: str | int, **where: Plain) ->
 
 
 def grid(run: Run, axes: Mapping[str, Iterable[Plain]], /, **fixed: Plain) -> list[Case]:
-    """Return a case for every combination along axes, the last one fastest."""
-    return [run.case(**dict(zip(axes, each, strict=True)), **fixed) for each in product(*axes.values())]
+    """Return a case for every combination along axes, the last one fastest.
+
+    Of what is fixed, a function is asked for what a robot has: `seed` is among the axes then.
+    """
+    combinations = [dict(zip(axes, each, strict=True)) for each in product(*axes.values())]
+    return [
+        run.case(**at, **{name: value(at["seed"]) if callable(value) else value for name, value in fixed.items()})
+        for at in combinations
+    ]
 
 
 def cells(values: Floats, digits: int = 3) -> list[str]:

@@ -27,6 +27,7 @@ from typing import Any
 from catenary.errors import InputError
 from catenary.files import write_atomically
 from papers.catalog import MODULES, experiment, named
+from papers.claims import NOT_MEASURED
 from papers.experiment import BEYOND
 from papers.results_files import FITTED, RAW, markdown, shown_verdict, told_of
 
@@ -36,9 +37,9 @@ PAGES = ROOT / "docs"
 PICTURES = PAGES / "images" / "papers"
 RESULTS = PAGES / "results"
 BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", re.DOTALL)
-EVERY_PART = ["claim", "place", "published", "here", "verdict", "criterion"]
+OLDER = "Older: judged by a criterion that has been corrected since; it is judged by the new one when it runs next."
 MARKS = {"reproduced": "✓", "same direction": "~", "not reproduced": "✗", "not measured": "-"}
-LEGEND = "✓ reproduced, ~ same direction, ✗ not reproduced"
+LEGEND = "✓ reproduced, ~ same direction, ✗ not reproduced, - not judged yet"
 # names of groups of claims and the pages that are about them
 GROUPS = {
     "calibration": "[Joint calibration](paper-joint-calibration.md)",
@@ -82,9 +83,6 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
     Args:
         out: Where they were run.
         names: Of experiments; those that have not run are left as they are. All of them when None.
-
-    Raises:
-        InputError: None that is named has results, or cases of one are missing.
     """
     written: list[Path] = []
     finished = [name for name in (MODULES if names is None else names) if (out / f"{name}.json").exists()]
@@ -120,11 +118,7 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
 
 
 def raw_results(words: Sequence[str]) -> list[str]:
-    """Return the experiments of which raw results are committed: those that words ask for; all of them without words.
-
-    Raises:
-        InputError: One that is named alone has none.
-    """
+    """Return the experiments of which raw results are committed: those that words ask for, or all without words."""
     names = named(words or ["all"])
     found = [name for name in names if (COMMITTED / f"{name}{RAW}").exists()]
     if not found:
@@ -147,14 +141,18 @@ def committed() -> dict[str, dict[str, Any]]:
 
 
 def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return results with those claims that their experiment makes today, and what it says of them and of its data."""
+    """Return results with those claims that their experiment makes today, and what it says of them and of its data.
+
+    A claim that has another criterion since it was judged is marked as older, and one that is new is not measured: both
+    are judged when the experiment runs next.
+    """
     today = experiment(content["name"])
-    made = {claim.says: claim for claim in today.claims}
-    claims = [
-        {**claim, "why": made[says].why, "fitted": made[says].fitted}
-        for claim in content["claims"]
-        if (says := claim["says"]) in made
-    ]
+    judged = {claim["says"]: claim for claim in content["claims"]}
+    claims = []
+    for one in today.claims:
+        new = {"says": one.says, "place": one.place, "published": one.published, "criterion": one.criterion}
+        claim = judged.get(one.says, {**new, **NOT_MEASURED._asdict()})
+        claims.append({**claim, "why": one.why, "fitted": one.fitted, "older": claim["criterion"] != one.criterion})
     return {
         **content, "simulated": today.simulated, "recordings": today.needs_data, "about": today.about, "claims": claims,
     }  # fmt: skip
@@ -190,15 +188,21 @@ def page_of(content: Mapping[str, Any]) -> str:
     ]  # fmt: skip
     if claims := content["claims"]:
         rows = [
-            [
-                *(one[part] for part in EVERY_PART[:4]),
-                shown_verdict(one["verdict"], fitted=one["fitted"]),
-                one["criterion"],
-            ]
-            for one in ({**claim, "claim": claim["says"], "here": claim["measured"]} for claim in claims)
+            {
+                "claim": one["says"],
+                "place": one["place"],
+                "published": one["published"],
+                "here": one["measured"],
+                **({"nominal robot alone": one["nominal"]} if "nominal" in one else {}),
+                "verdict": shown_verdict(one["verdict"], fitted=one["fitted"]),
+                "criterion": f"{one['criterion']}{' (older)' if one.get('older') else ''}",
+            }
+            for one in claims
         ]
-        parts += ["## Claims", markdown({"header": EVERY_PART, "rows": rows})]
+        content_of = {"header": list(rows[0]), "rows": [list(row.values()) for row in rows]}
+        parts += ["## Claims", markdown(content_of)]
         parts += [FITTED] if any(claim["fitted"] for claim in claims) else []
+        parts += [OLDER] if any(claim.get("older") for claim in claims) else []
         parts += [f"*{claim['says']}*: {claim['why']}" for claim in claims if claim["why"]]
     parts.append(f"*{told_of(content)} `python -m papers {content['name']}`*")
     return "\n\n".join(parts) + "\n"
@@ -246,8 +250,8 @@ def every_claim(results: Results) -> str:
 
 
 def _tally(claims: Iterable[Mapping[str, Any]]) -> list[int]:
-    """Return how many claims there are, hold, hold in direction, do not hold, and were fitted to."""
-    every = list(claims)
+    """Return how many claims have been judged, hold, hold in direction, do not hold, and were fitted to."""
+    every = [claim for claim in claims if claim["verdict"] != NOT_MEASURED.verdict]
     counted = Counter(claim["verdict"] for claim in every)
     return [len(every), *(counted[verdict] for verdict in list(MARKS)[:3]), sum(claim["fitted"] for claim in every)]
 
@@ -276,7 +280,8 @@ def _scoreboard(claims: Sequence[tuple[str, Mapping[str, Any]]], folder: str, wo
             claim["says"],
             _brief(claim["published"], words),
             _brief(claim["measured"], words),
-            f"[{MARKS[claim['verdict']]}]({folder}{name}.md#claims){' fitted' if claim['fitted'] else ''}",
+            f"[{MARKS[claim['verdict']]}]({folder}{name}.md#claims){' fitted' if claim['fitted'] else ''}"
+            f"{' older' if claim.get('older') else ''}",
         ]
         for name, claim in claims
     ]

@@ -57,10 +57,11 @@ def summary(
     claims: Sequence[tuple[Claim, Judgement]],
     finished: Sequence[Finished],
     missing: int,
-    *,
-    networks: Sequence[int],
+    outcomes: Outcomes,
 ) -> dict[str, Any]:
     """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
+    alone = judged(experiment, outcomes.nominal) if claims and outcomes.nominal else []
+    nominal = [{"nominal": f"{found.measured}: {found.verdict}"} for _, found in alone] or [{} for _ in claims]
     return {
         "name": experiment.name,
         "paper": experiment.paper,
@@ -73,7 +74,7 @@ def summary(
         "environments": sorted({one.environment for one in finished} - {""}),
         "date": _days([one.date for one in finished]),
         "robots": ["nominal" if robot is None else robot for robot in scope.robots],
-        "networks": list(networks),  # how often each was trained
+        "networks": outcomes.trainings,  # how often each was trained
         "cases": len(finished),
         "missing": missing,
         "processor_minutes": round(sum(one.processor_seconds for one in finished) / 60.0, 1),
@@ -91,8 +92,9 @@ def summary(
                 "criterion": claim.criterion,
                 "measured": found.measured,
                 "verdict": found.verdict,
+                **of_nominal,
             }
-            for claim, found in claims
+            for (claim, found), of_nominal in zip(claims, nominal, strict=True)
         ],
     }
 
@@ -114,7 +116,7 @@ def outcome(
     report = experiment.report(outcomes)
     claims = judged(experiment, outcomes) if not (scope.quick or missing) else []
     finished = list(kept.values())
-    return (summary(experiment, scope, report, claims, finished, missing, networks=outcomes.trainings), report, claims)
+    return (summary(experiment, scope, report, claims, finished, missing, outcomes), report, claims)
 
 
 def write_results(

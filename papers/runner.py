@@ -52,18 +52,7 @@ def fingerprint() -> str:
 
 
 def execute(case: Case, data: Path | None, source: str) -> Finished:
-    """Run a case, in whichever process.
-
-    Args:
-        case: What is run.
-        data: Folder of recordings of real arms, for cases that read some.
-        source: `fingerprint` of the process where the results are kept.
-
-    Raises:
-        RuntimeError: This process has another version of the package, of its robots' data, of the function, or of a
-            library.
-        TypeError: The result is no plain data.
-    """
+    """Run a case, in whichever process."""
     if source != fingerprint():
         raise RuntimeError(
             f"this worker has another catenary or library ({__version__}, {fingerprint()}) than asks ({source})"
@@ -98,20 +87,11 @@ def run_cases(
     """Run those cases that have no result yet, each once; keep every result as it comes.
 
     Args:
-        cases: What is wanted.
-        store: Where results are kept.
         workers: Processes on this machine; one runs in this process.
-        cluster: Address of a Dask scheduler in place of these.
-        data: Folder of recordings of real arms, the same path on every worker.
         until: On the clock of `time.monotonic` [s], when no further case begins; those that have begun end.
-        told: Called as each case ends.
 
     Returns:
         The cases that failed.
-
-    Raises:
-        InputError: Dask is not installed, or the cluster is not reached, has no worker, or one with another version
-            of the package; or no worker is left.
     """
     missing = [case for case in dict.fromkeys(cases) if store.read(case) is None]
     failures: list[Failure] = []
@@ -237,9 +217,6 @@ def _on(
     """Run cases at once; those whose worker died are tried once more at the end, one by one.
 
     A worker that dies takes along whatever had been given to it; a case that kills its worker alone costs no other.
-
-    Raises:
-        InputError: No worker is left. Cases whose worker died have been yielded as failures by then.
     """
     from distributed import KilledWorker
 

@@ -45,11 +45,7 @@ class Store:
     """A folder of results, a file each, named by what they were made from."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the folder, which is created if it is missing.
-
-        Raises:
-            InputError: It cannot be created.
-        """
+        """Open the folder, which is created if it is missing."""
         self.folder = folder / "cases"
         self.failures = folder / "failures"
         try:
@@ -97,11 +93,7 @@ def write_raw(path: Path, kept: Mapping[Case, Finished]) -> None:
 
 
 def read_raw(path: Path) -> dict[Case, Finished]:
-    """Return what cases left, in the order in which they were written.
-
-    Raises:
-        InputError: The file is missing, or is no such file.
-    """
+    """Return what cases left, in the order in which they were written."""
     try:
         content = json.loads(lzma.decompress(path.read_bytes()))
         return {

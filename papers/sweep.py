@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from catenary.files import write_atomically
 from papers.catalog import experiment
 from papers.experiment import NOMINAL, Case, Experiment, Scope
 from papers.results_files import RAW, markdown, told_of, write_results
@@ -27,15 +28,7 @@ class Planned:
 
 
 def plan(asked: Experiment, *, seeds: int | None, quick: bool, data: Path | None) -> Planned:
-    """Return the cases that an experiment takes.
-
-    Args:
-        asked: The experiment.
-        seeds: Robots drawn beside the nominal one; the experiment's own number when None. Those that are about one
-            robot draw none.
-        quick: As little as shows that it runs.
-        data: Folder of recordings of real arms, where there is one.
-    """
+    """Return the cases that an experiment takes."""
     drawn = 0 if quick or not asked.drawn else asked.drawn if seeds is None else seeds
     robots = (NOMINAL, *range(1, drawn + 1))
     scope = Scope(robots, networks=1 if quick else Scope.networks, quick=quick, data=data)
@@ -55,19 +48,12 @@ def sweep(
     """Run what has no result yet; write and print every experiment's tables as its last case ends.
 
     Args:
-        planned: What is run.
         out: Folder of results.
         workers: Processes on this machine.
-        cluster: Address of a Dask scheduler in their place.
-        data: Folder of recordings of real arms.
         minutes: By the clock, after which no case begins; the next sweep goes on with those that are left.
-        console: For progress and failures.
 
     Returns:
         How many cases failed.
-
-    Raises:
-        InputError: A cluster that would give other numbers.
     """
     until = time.monotonic() + 60.0 * minutes
     store = Store(out)
@@ -119,17 +105,14 @@ def judge(name: str, committed: Path, out: Path) -> None:
     """Write and print what committed raw results show today: no robot runs.
 
     Args:
-        name: Of the experiment.
-        committed: Folder of NAME.json and the raw results.
         out: Folder that is written.
-
-    Raises:
-        InputError: There are no raw results.
     """
-    kept = read_raw(committed / f"{name}{RAW}")
+    raw = committed / f"{name}{RAW}"
+    kept = read_raw(raw)
     told = json.loads((committed / f"{name}.json").read_text(encoding="utf-8"))
     robots = tuple(NOMINAL if robot == "nominal" else robot for robot in told["robots"])
     show_results(experiment(name), Scope(robots), kept, out, 0)
+    write_atomically(out / raw.name, raw.read_bytes())  # what the cases were made with stays as they tell it
 
 
 def show_results(asked: Experiment, scope: Scope, kept: Mapping[Case, Finished], folder: Path, missing: int) -> None:

@@ -2,28 +2,98 @@
 
 The accuracy is that of table III: every method learns from the same 17 minutes of zig-zags of the same simulated robots
 and is tested on the same six unloaded hours. The time is the processor's for one correction, as a servo loop at 1 kHz
-would ask for it (latency.py says how each is run): it depends on the machine, and on how a method is written.
+would ask for it: it depends on the machine, and on how a method is written. Ours run compiled, and the filter with its
+links' dynamics; the recurrent network is plain NumPy, the process and the forest are scikit-learn's, and much of their
+time is the price of calls from Python.
 """
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from catenary import Corrector, random_sinusoids, record_simulated
 from catenary.arrays import Floats
-from papers.beyond.latency import latencies
+from catenary.calibration.features import signals_of
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.model import CalibrationModel
+from catenary.plant import MotionLog
 from papers.calibration import tables_3_and_4
-from papers.calibration.peer_hours import PEERS
+from papers.calibration.inputs import SIXTEEN
+from papers.calibration.peer_hours import PEERS, PROCESS, RECURRENT, SPACING, TWO_PHASE, UKF, UKF_TOLD, at_rows
+from papers.calibration.peers.elastic_joints import identified
+from papers.calibration.peers.gaussian_process import fit_gaussian_process
+from papers.calibration.peers.recurrent import PREVIOUS, fit_recurrent
+from papers.calibration.peers.rows import rows_of_log
+from papers.calibration.peers.two_phase import fit_two_phase
+from papers.calibration.peers.unscented import Filter
 from papers.calibration.published import TABLE_3_OURS
-from papers.calibration.recordings import BEST, NETWORK
+from papers.calibration.recordings import BEST, METHODS, NETWORK, calibration_log, draws, fitted, homed
 from papers.calibration.six_hours import OFFSET
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
-METHODS = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
+ROUNDS, SHORTEST = 9, 0.02  # and the least time of a round [s]
+TIMED = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
 SERVO = 1000.0  # [us] of a loop's period
 PUBLISHED = {NETWORK: 61e3, "linear": 380.0}  # [us] of an inference, table V
+
+
+@run(revision=1)
+def latencies(sparsity: float, seconds: float, every: int) -> Result:
+    """Fit every method to one zig-zag of the nominal robot and time it; return the median [us] of a correction.
+
+    What it was fitted to hardly matters: the cost is that of the sizes, which are those of table III.
+    """
+    plant = homed(None)
+    log = calibration_log(plant, draws(None, 90), sparsities=(sparsity,))
+    rng = draws(None, 91)
+    motion = record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, state_rate=1000.0)
+    learned, last = at_rows(log, np.arange(0, len(log), every)), len(log) - 1
+    rows = rows_of_log(learned, SIXTEEN)
+    one = rows_of_log(at_rows(log, np.array([last])), SIXTEEN)
+    few = rows_of_log(at_rows(log, np.arange(last - PREVIOUS * SPACING, last + 1)), SIXTEEN)
+    recurrent = fit_recurrent(rows, seed=0, spacing=SPACING, iterations=1)
+    process, two_phase = fit_gaussian_process(rows, seed=0, chosen=50), fit_two_phase(rows, seed=0)
+    kalman, end = Filter(identified([log])), np.array([len(few.inputs) - 1])
+    calls: dict[str, Callable[[], object]] = {
+        RECURRENT: lambda: recurrent.correction(few, end),
+        PROCESS: lambda: process.correction(one),
+        TWO_PHASE: lambda: two_phase.correction(one),
+    }
+    options: Mapping[str, FitOptions] = {OFFSET: FitOptions(kind="offset", inputs=SIXTEEN), **METHODS}
+    for name, each in options.items():
+        calls[name] = _tick(fitted([learned], each), log)
+    found = {name: _microseconds(call) for name, call in calls.items()}
+    found[UKF] = found[UKF_TOLD] = _microseconds(lambda: kalman.correction(motion)) / len(motion)
+    return {name: round(value, 3) for name, value in found.items()}
+
+
+def _tick(model: CalibrationModel, log: MotionLog) -> Callable[[], None]:
+    """Return one tick of a model in a loop, on the last row of a recording."""
+    known = signals_of(log)
+    signals = np.array([known[name][0][-1] for name in model.features.signals])
+    n = len(model.joint_names)
+    return Corrector(model, rate_hz=1000.0).bind(
+        log.q_nominal[-1].copy(), signals, np.zeros(n), np.zeros(n, dtype=bool)
+    )
+
+
+def _microseconds(call: Callable[[], object]) -> float:
+    """Return the median over rounds of the processor time of a call [us]."""
+    call()  # whatever is compiled or loaded at first
+    begin = time.perf_counter()
+    call()
+    count = max(1, int(SHORTEST / max(1e-7, time.perf_counter() - begin)))
+    taken = []
+    for _ in range(ROUNDS):
+        begin_ns = time.thread_time_ns()
+        for _ in range(count):
+            call()
+        taken.append((time.thread_time_ns() - begin_ns) / count / 1000.0)
+    return float(np.median(taken))
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -40,7 +110,7 @@ def microseconds(o: Outcomes) -> dict[str, float]:
 def present(o: Outcomes) -> list[str]:
     """Return the methods that have errors and times."""
     timed = microseconds(o)
-    return [name for name in METHODS if name in timed and tables_3_and_4.hours(o, name).size]
+    return [name for name in TIMED if name in timed and tables_3_and_4.hours(o, name).size]
 
 
 def left(o: Outcomes, method: str) -> Floats:

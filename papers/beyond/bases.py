@@ -62,12 +62,7 @@ def with_gravity(log: MotionLog, base: MovingBase, start: float) -> MotionLog:
     """Return a recording that carries the gravity model's torques as signals, GRAVITY and DIFFERENCE.
 
     Args:
-        log: Of the positioning joints, with torques.
-        base: What the robot stood on, sensed by an ideal accelerometer at its origin.
         start: When the recording began [s] since power-on.
-
-    Raises:
-        InputError: The recording has no time or no torques.
     """
     if log.time is None or log.tau is None:
         raise InputError(f'recording "{log.name}": has no time or no torques')

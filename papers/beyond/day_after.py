@@ -52,8 +52,6 @@ def simulated_day(seed: int | None, drift: str, training: float, day: float) -> 
     """Return RMSE on J1 [deg], J2 [deg], J3 [mm] by model and stage.
 
     Args:
-        seed: Of the robot.
-        drift: One of DRIFTS.
         training: Length of the first day's motion [s].
         day: Length of the new day's [s].
     """
@@ -190,5 +188,5 @@ def _near_all(o: Outcomes) -> Judgement:
 
 EXPERIMENT = Experiment(
     "beyond-day-after", "beyond figure 9", "The day after", __doc__,
-    cases, report, minutes=1.0, claims=CLAIMS, drawn=5, needs_data=True,
+    cases, report, minutes=2.0, claims=CLAIMS, drawn=5, needs_data=True,
 )  # fmt: skip

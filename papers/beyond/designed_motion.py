@@ -25,9 +25,6 @@ def crossings(duration: float, widths: Floats, speeds: Floats) -> list[int]:
         duration: [s].
         widths: (n,) of the ranges [rad|m].
         speeds: (n,) at which they are crossed, about [rad/s|m/s].
-
-    Raises:
-        InputError: No time for two crossings of a joint.
     """
     chosen: list[int] = []
     for wish in duration * speeds / widths:
@@ -47,9 +44,6 @@ def designed(
         duration: [s].
         lower: (3,) lower end of the joints' ranges [rad or m].
         upper: (3,) upper end.
-
-    Raises:
-        InputError: An empty range, or no time to cross one twice.
     """
     low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
     if not (low < high).all():

@@ -153,5 +153,5 @@ def _remarks(o: Outcomes) -> list[str]:
 
 EXPERIMENT = Experiment(
     "beyond-intervals", "beyond, error bars", "Intervals of corrections, held against errors on other data", __doc__,
-    cases, report, minutes=2.0, drawn=0, needs_data=True,
+    cases, report, minutes=3.0, drawn=0, needs_data=True,
 )  # fmt: skip

@@ -88,8 +88,6 @@ def carried_back(log: MotionLog, firmware: Firmware, to: Floats) -> MotionLog:
     """Return a recording with the positions that the robot would have reported under another registration.
 
     Args:
-        log: Carries the columns of OFFSETS.
-        firmware: Nominal ratios and coupling of the robot.
         to: (3,) the other registration, of `registration` [rad, rad, m].
     """
     shifts = shift_of(firmware, np.column_stack([log.signals[name] for name in OFFSETS]))

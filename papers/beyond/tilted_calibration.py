@@ -23,7 +23,7 @@ from papers.calibration.homings import outside
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.recordings import TEST_SECONDS, baselines, draws, fitted, mean, rmse, rows_of, unguarded
 from papers.claims import Missing
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import legend_below, log_scale, panels
 from papers.kit import IN_UNITS, by_robot, joint_tables, rows
 
@@ -59,14 +59,6 @@ def base_errors(
     test_seconds: float,
 ) -> Result:
     """Train on some bases and test on others; return RMSE on J1 [deg], J2 [deg], J3 [mm] by base and model.
-
-    Args:
-        seed: Of the robot, homed on a level base.
-        training: Base and sparsity of every part.
-        inputs: Of the models.
-        networks: Seeds of the networks.
-        bases: Of the tests, by name.
-        test_seconds: Length of each test.
 
     Returns:
         By base: errors by model, `raw` and `fixed offset` among them, and the share of rows `outside` the linear
@@ -106,7 +98,7 @@ def case(seed: int | None, training: str, inputs: str, scope: Scope, bases: Sequ
         seed=seed,
         training=parts,
         inputs=INPUTS[inputs],
-        networks=() if scope.quick else scope.network_seeds[:NETWORKS],
+        networks=() if scope.quick else scope.networks_of(NOMINAL)[:NETWORKS],
         bases=bases,
         test_seconds=seconds,
     )
@@ -119,11 +111,7 @@ def cases(scope: Scope) -> list[Case]:
 
 
 def errors(o: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
-    """Return RMSE (robots, 3) of a model on a base.
-
-    Raises:
-        Missing: None ran.
-    """
+    """Return RMSE (robots, 3) of a model on a base."""
     found = [
         result[base][model]
         for told, result in o.items(base_errors, inputs=list(INPUTS[inputs]))

@@ -48,10 +48,7 @@ def errors(train: Sequence[str], method: str, minutes: float, data: Path) -> Res
     """Return RMSE per joint [deg|mm] on what models of parts did not see, and on every other long recording.
 
     Args:
-        train: Recordings.
-        method: One of METHODS.
         minutes: How much of each counts; 0 for all.
-        data: Recordings' folder.
     """
     found = fit_logs([_first(log_of(name, data), minutes) for name in train], METHODS[method], _run())
     others = [name for name in RECORDINGS if name not in train]

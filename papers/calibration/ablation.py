@@ -1,7 +1,7 @@
 """Features of the calibration paper's models, left out and added: which group matters to which joint.
 
 After the ablation study that chose the paper's inputs (its reference 44; II-C, II-H, III). Direction J2-J3 at 1/2 +
-1/3 + 1/4 trains on the robot just homed, 20 minutes of random motion test. Network (mean of five trainings) and
+1/3 + 1/4 trains on the robot just homed, 20 minutes of random motion test. Network (mean of its trainings) and
 linear model take positions alone, torques alone, both (the paper's 16 inputs), these and one more group of the
 robot's state each, and all 138. They are asked everywhere, as the paper's are. Beside that, the models of 16 inputs
 are tested with a signal's rows shuffled, so that it tells nothing: by how much a joint's error grows then is what the
@@ -70,13 +70,6 @@ def feature_errors(
 ) -> Result:
     """Train network and linear model on a choice of features, and test them.
 
-    Args:
-        seed: The robot.
-        features: Of `FEATURES`.
-        networks: Seeds of the network, whose errors are averaged.
-        sparsities: Of the zig-zags.
-        test_seconds: Length of the test.
-
     Returns:
         `inputs`, their number; by model RMSE on J1 [deg], J2 [deg], J3 [mm]; and, of positions and torques, by model
         and signal in `shuffled` the RMSE with that signal's rows shuffled.
@@ -117,7 +110,7 @@ def cases(scope: Scope) -> list[Case]:
     quick = scope.quick
     return grid(
         feature_errors, {"seed": scope.robots, "features": (POSITIONS, BOTH) if quick else FEATURES},
-        networks=scope.network_seeds, sparsities=(1 / 2,) if quick else recordings.SPARSITIES,
+        networks=scope.networks_of, sparsities=(1 / 2,) if quick else recordings.SPARSITIES,
         test_seconds=60.0 if quick else recordings.TEST_SECONDS,
     )  # fmt: skip
 
@@ -233,5 +226,5 @@ def _torques_on_joint_3(o: Outcomes) -> Judgement:
 
 EXPERIMENT = Experiment(
     "calibration-ablation", "II-C, II-H, reference 44", "Features left out and added", __doc__,
-    cases, report, minutes=50.0, claims=CLAIMS, drawn=2,
+    cases, report, minutes=29.0, claims=CLAIMS, drawn=2,
 )  # fmt: skip

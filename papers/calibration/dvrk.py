@@ -26,7 +26,7 @@ from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
 from papers.calibration.peers.rows import Peer, Rows, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import legend_below, panels
 from papers.kit import by_robot, cells, grid, table
 
@@ -127,12 +127,12 @@ def _found(rmse: Sequence[float], outside: float = 0.0) -> dict[str, object]:
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every recording, kind of model and training."""
     recordings = ("insertion_train",) if scope.quick else tuple(RECORDINGS)
-    found = []
+    found, seeds = [], scope.networks_of(NOMINAL)
     for recording in recordings:
         for kind in ("linear",) if scope.quick else KINDS:
-            seeds = scope.network_seeds if kind.startswith("neural") else (0,)
-            found += grid(model_errors, {"seed": seeds}, recording=recording, kind=kind)
-        found += grid(peer_errors, {"peer": PEERS, "seed": scope.network_seeds}, recording=recording, quick=scope.quick)
+            trained = seeds if kind.startswith("neural") else (0,)
+            found += grid(model_errors, {"seed": trained}, recording=recording, kind=kind)
+        found += grid(peer_errors, {"peer": PEERS, "seed": seeds}, recording=recording, quick=scope.quick)
     return found
 
 

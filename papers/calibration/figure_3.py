@@ -126,11 +126,7 @@ def written(sparsities: Sequence[float]) -> str:
 
 
 def of(o: Outcomes, *sparsities: float) -> Result:
-    """Return what the zig-zags of J2-J3 at some sparsities cover.
-
-    Raises:
-        Missing: They have not run.
-    """
+    """Return what the zig-zags of J2-J3 at some sparsities cover."""
     for found in o.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities)):
         return found
     raise Missing(written(sparsities))

@@ -35,14 +35,6 @@ def sections(
 ) -> Result:
     """Return true and calibrated positions at the beginning of hours 0, 2 and 5, unloaded.
 
-    Args:
-        seed: The robot.
-        training_set: What models are trained on.
-        models: Names, of `six_hours`.
-        seconds: Length of a section.
-        zigzags: Denominators of the sparsities that are recorded.
-        hour_seconds: How long an hour takes.
-
     Returns:
         By hour, `time` [s] and by name, true positions and those of each model, rows of J1 [deg], J2 [deg], J3 [mm].
     """
@@ -114,5 +106,5 @@ def _picture(result: Result, names: Sequence[str]) -> Any:
 
 EXPERIMENT = Experiment(
     "calibration-figure-7", "figure 7", "Calibrated positions in hours 0, 2 and 5", __doc__,
-    cases, report, minutes=2.0, drawn=0,
+    cases, report, minutes=1.0, drawn=0,
 )  # fmt: skip

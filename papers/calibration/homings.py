@@ -76,13 +76,8 @@ def homing_errors(
     """Train on both parts of every combination, home again and again, and test after each homing.
 
     Args:
-        seed: Of the robot.
         seen: Homings between the parts, 0 or 1.
-        networks: Seeds of the paper's networks.
         ours: Seeds of our network, which is fitted to the last combination; none leaves it out.
-        combinations: Sparsities of the first and of the second part.
-        homings: How many in all.
-        test_seconds: Length of every test.
 
     Returns:
         By chain of tests and method: for every combination, RMSE after 0, 1 ... homings on J1 [deg], J2 [deg], J3
@@ -160,11 +155,7 @@ def tool_shift(train: Sequence[MotionLog], test: MotionLog) -> float:
 
 
 def errors(o: Outcomes, chain: str, method: str) -> Floats:
-    """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests.
-
-    Raises:
-        Missing: None ran.
-    """
+    """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests."""
     found = [result[chain][method] for result in o.of(homing_errors) if method in result.get(chain, {})]
     if not found:
         raise Missing(f"{chain}, {method}")

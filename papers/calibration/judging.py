@@ -46,11 +46,6 @@ def statement(core: Iterable[bool], beside: Iterable[bool], measured: str) -> Ju
 
     Reproduced where all holds; the same direction where the statement itself holds in more than half of its parts, and
     more than half of all parts hold.
-
-    Args:
-        core: Parts of the statement.
-        beside: What the claim says beside it.
-        measured: What was measured.
     """
     own, other = [bool(each) for each in core], [bool(each) for each in beside]
     verdict: Verdict = "not reproduced"
@@ -69,9 +64,6 @@ def near(
 
     Args:
         reached: Numbers (robots,) by name.
-        published: The paper's, by the same names.
-        share: Largest relative difference that counts as reproduced.
-        direction: Statements that all hold where the numbers go the paper's way.
     """
     close = all(
         abs(values.mean() - published[name]) <= share * abs(published[name]) for name, values in reached.items()

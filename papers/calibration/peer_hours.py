@@ -29,7 +29,7 @@ PEERS = (UKF, UKF_TOLD, RECURRENT, PROCESS, TWO_PHASE)
 TRAINING = "1/2+1/3+1/4"
 RATE, EVERY = 30.0, 15  # [Hz] of the tests, and rows from one that counts to the next
 SPACING = 12  # rows between the commands of a sequence
-TRAININGS = 3  # of the recurrent network, the process and the forest, whose errors are averaged
+TRAININGS = 3  # of the recurrent network, the process and the forest at most, whose errors are averaged
 
 
 @run(revision=1)
@@ -44,13 +44,8 @@ def peer_hours(
     """Record a robot's unloaded session, fit every peer, and test it in every hour.
 
     Args:
-        seed: The robot.
-        trainings: Seeds of those peers that have one; their errors are averaged.
-        training: Training set.
         effort: Share of the recurrent network's steps, the process's rows and the forest's trees; 1 but to see that it
             runs.
-        zigzags: Denominators of the sparsities that are recorded.
-        hour_seconds: How long an hour takes.
 
     Returns:
         By peer, a list with an entry for each hour: `errors`, RMSE on J1 [deg], J2 [deg], J3 [mm]; `tip`, RMSE of the
@@ -108,7 +103,7 @@ def peer_cases(scope: Scope) -> list[Case]:
     return [
         peer_hours.case(
             seed=seed,
-            trainings=list(range(min(TRAININGS, scope.networks))),
+            trainings=scope.networks_of(seed)[:TRAININGS],
             training="1/2" if scope.quick else TRAINING,
             effort=0.02 if scope.quick else 1.0,
             **few,

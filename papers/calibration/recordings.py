@@ -15,7 +15,9 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import CalibrationModel, Target
+from catenary.calibration.neural import NetworkSettings, fit_neural
+from catenary.calibration.predictors import Network
 from catenary.calibration.spike_filter import ANY
 from catenary.calibration.valid_range import ValidRange
 from catenary.simulation.cable_parameters import CableArm
@@ -44,7 +46,6 @@ def homed(seed: int | None, *, arm: CableArm | None = None, payload: float = 0.0
     """Return a simulated robot, homed.
 
     Args:
-        seed: Of a drawn robot; the nominal one when None.
         arm: Its numbers, of which `seed` then draws; the package's when None.
         payload: At the tool's wrist [kg].
     """
@@ -81,6 +82,24 @@ def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:
     """Fit a model to recordings."""
     inputs = choose_inputs(logs, options)
     return fit(calibration_data(logs, inputs.features), inputs, options)
+
+
+def network_model(
+    logs: Sequence[MotionLog], settings: NetworkSettings, *, inputs: Sequence[str], seed: int, target: Target = "error"
+) -> CalibrationModel:
+    """Fit a network of given settings to recordings; in all else it is what `fitted` makes."""
+    model = fitted(logs, FitOptions(kind="linear", inputs=inputs, target=target))
+    (group,) = model.groups
+    data = calibration_data(logs, model.features)
+    wanted = data.error if target == "error" else data.q_nominal + data.error
+    nothing_late = np.zeros(len(data), dtype=bool)
+    network = fit_neural(np.ascontiguousarray(data.X[:, group.columns]), wanted, settings, seed=seed, late=nothing_late)
+    return replace(model, kind="neural", groups=(replace(group, predictor=network),))
+
+
+def parameters(network: Network) -> int:
+    """Return how many weights and biases a network has."""
+    return sum(each.size for each in (*network.weights, *network.biases))
 
 
 def unguarded(model: CalibrationModel) -> CalibrationModel:

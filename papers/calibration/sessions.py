@@ -54,11 +54,6 @@ def recorded(
     """Record a session: the zig-zags, 1/n for every n, then six hours.
 
     Args:
-        seed: The robot.
-        condition: What the arm carries and does.
-        zigzags: Denominators of the sparsities.
-        hour_seconds: How long an hour takes; less to see that it runs.
-        columns: Further columns of the robot's state.
         test_rate: [Hz] at which tests are sampled; the robot's motion does not depend on it.
     """
     number = CONDITIONS.index(condition)

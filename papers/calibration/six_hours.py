@@ -35,7 +35,7 @@ from papers.gravity.raven_base import SHOWN
 SHORTEST, LONGEST = SETS[:3], SETS[-3:]  # of which the paper gives means
 SHORT = SETS[:3]  # below 500 s
 LONG = SETS[6:]  # above 800 s
-GROUPS = (SETS[:6], SETS[6:])  # of training sets, a case each
+DRAWN = 2  # robots beside the nominal one that are trained on every set; more of them on the last alone
 INPUTS = {"16": SIXTEEN, "all": ALL_138, "stamped": STAMPED_138}
 RAW, OFFSET = "raw", "fixed offset"
 MODELS = ("linear", "polynomial", NETWORK, BEST)
@@ -66,7 +66,6 @@ def tip_rmse(log: MotionLog, left: Floats) -> list[float]:
     Both tips have the reported positions of joints 4 to 7, taken as accurate; the tool does not bend (II-K).
 
     Args:
-        log: N rows with the true positions of joints 1 to 3.
         left: (N, 3) true less corrected positions of these [rad, rad, m].
     """
     jaws = log.signals["q:jaw1"], log.signals["q:jaw2"]
@@ -82,8 +81,6 @@ def tested(fits: Sequence[CalibrationModel], log: MotionLog, *, guard: bool) -> 
     """Return the errors of trainings of one model on a recording, averaged: see `six_hours`.
 
     Args:
-        fits: Models that differ in the seed of their training.
-        log: The recording.
         guard: Whether `errors` and `tip` are those with the fixed offset outside the valid range.
     """
     rows: list[list[float]] = []
@@ -110,21 +107,16 @@ def six_hours(
     networks: Sequence[int],
     target: Target,
     columns: str,
+    ours: Sequence[str] = (),
     zigzags: Sequence[int] = DENOMINATORS,
     hour_seconds: float = HOUR,
 ) -> Result:
     """Record a session, fit every model on every training set, and test it in every hour.
 
     Args:
-        seed: The robot.
-        condition: What the arm carries and does.
-        sets: Training sets, of `SETS`.
-        models: Of `MODELS`.
-        networks: Seeds of the paper's network, whose errors are averaged; ours is trained with the first.
         target: What models learn: the joints' error, or their position (end to end).
         columns: "16" inputs of the paper, "all" 138, or "stamped", with the time stamp among them; ours keeps its own.
-        zigzags: Denominators of the sparsities that are recorded.
-        hour_seconds: How long an hour takes.
+        ours: Training sets on which our network is trained.
 
     Returns:
         By model and training set, a list with an entry for each hour that was tested (`HOURS`): `errors`, RMSE on
@@ -138,7 +130,7 @@ def six_hours(
     found: dict[str, dict[str, list[Plain]]] = {RAW: {}}
     for name in sets:
         training = session.training(name)
-        for model in (OFFSET, *models):
+        for model in (OFFSET, *(each for each in models if each != BEST or name in ours)):
             seeds = {NETWORK: networks, BEST: networks[:1]}.get(model, (0,))
             made = fit_options(model, target, columns)
             fits = [fitted(training, replace(made, seed=each)) for each in seeds]
@@ -160,23 +152,23 @@ def cases_of(
     models: Sequence[str] = MODELS,
     target: Target = "error",
     columns: str = "16",
+    sets: Sequence[str] = SETS,
 ) -> list[Case]:
-    """Return the cases of robots and conditions, two groups of training sets each; the quick ones take seconds."""
-    few = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {}
+    """Return a case for every robot and condition; the quick ones take seconds."""
+    few = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {"ours": LONGEST} if BEST in models else {}
     return [
         six_hours.case(
             seed=seed,
             condition=condition,
-            sets=list(sets),
+            sets=SETS[:1] if scope.quick else sets,
             models=_few_models(condition, models) if scope.quick else list(models),
-            networks=list(scope.network_seeds),
+            networks=scope.networks_of(seed),
             target=target,
             columns=columns,
             **few,
         )
         for seed in scope.robots
         for condition in conditions
-        for sets in ((SETS[:1],) if scope.quick else GROUPS)
     ]
 
 
@@ -198,13 +190,7 @@ def measured(
     """Return what was measured of a model, (robots, sets, hours, numbers); sets as far as every robot has them.
 
     Args:
-        o: Of `six_hours`.
-        condition: Its argument.
-        model: Name, "raw" and "fixed offset" among them.
-        sets: Training sets.
         kind: "errors", "guarded" or "tip".
-        target: Argument of the cases.
-        columns: Argument of the cases.
     """
     robots: dict[int | None, dict[str, list[list[float]]]] = {}
     for told, result in o.items(six_hours, condition=condition, target=target, columns=columns):

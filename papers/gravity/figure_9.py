@@ -26,7 +26,10 @@ from papers.kit import UNITS, cells, filled, grid, rows, sample, table, told, un
 ANGLES_DEG = (0, 5, 10, 15, 20)
 BASES = tuple(str(angle) for angle in ANGLES_DEG)
 LAST = BASES[-1]
-WAYS = {"increments": "Sent as workspace increments, as the paper did", "joints": "Sent as joint references"}
+WAYS = {
+    "increments": "Sent as workspace increments, as the paper did",
+    "joints": "Sent as joint references, nominal robot",
+}
 OTHERS = ("elastic-constant", "elastic-online", "elastic-biased", "inertia", "computed-torque")
 FOLLOW_VELOCITY = ("inertia", "computed-torque")  # damped relative to the reference by their law
 USUAL = tuple((name, "absolute") for name in CONTROLLERS)
@@ -41,11 +44,12 @@ NO_GAIN = 2.0  # percent of PD's error below which a gain counts as lost
 
 
 def cases(scope: Scope) -> list[Case]:
-    """Return a case for every robot, base and way of sending, and further controllers on the nominal robot."""
+    """Return a case for every robot and base; of the nominal robot also the other way, and further controllers."""
     if scope.quick:
         return quick(LAST, USUAL)
     return [
-        *grid(follow_sinusoids, {"seed": scope.robots, "base": BASES, "way": WAYS}, controllers=USUAL),
+        *grid(follow_sinusoids, {"seed": scope.robots, "base": BASES}, way="increments", controllers=USUAL),
+        *grid(follow_sinusoids, {"base": BASES}, seed=None, way="joints", controllers=USUAL),
         follow_sinusoids.case(seed=None, base=LAST, way="increments", controllers=BETTER_SENSORS),
         follow_sinusoids.case(seed=None, base=LAST, way="joints", controllers=ALL_OTHERS),
     ]
@@ -195,14 +199,16 @@ def _gain(o: Outcomes) -> Judgement:
     "At 20 deg SG's wrong vector has negated its improvement of joint 1",
     "V-B, figure 9",
     "no improvement",
-    f"less than {NO_GAIN:.0f} % below PD in the mean over robots; same direction: a smaller gain than DG's",
+    f"less than {NO_GAIN:.0f} % below PD in the mean over robots, and less than on the level base; same direction: the "
+    "latter",
     "SG lacks a part of gravity, PD alone all of it (remark), so SG must still help; to lose all gain the nominal "
     "vector would have to be as wrong as none. The paper's robot may have been off level at its 0 deg.",
 )
 def _no_gain_of_sg(o: Outcomes) -> Judgement:
     gain, level = gains(o, "sg", 0), gains(o, "sg", 0, "0")
     said = f"{gain:.1f} % below PD at {LAST} deg, {level:.1f} % at 0 deg"
-    return graded(gain.mean() < NO_GAIN, gain.mean() < gains(o, "dg", 0).mean(), said)
+    falls = gain.mean() < level.mean()
+    return graded(falls and gain.mean() < NO_GAIN, falls, said)
 
 
 @CLAIMS(
@@ -269,5 +275,5 @@ def _joint_3_not_better(o: Outcomes) -> Judgement:
 
 
 EXPERIMENT = Experiment(
-    "gravity-figure-9", "figure 9", "Tracking on a tilted base", __doc__, cases, report, minutes=17.0, claims=CLAIMS
+    "gravity-figure-9", "figure 9", "Tracking on a tilted base", __doc__, cases, report, minutes=11.0, claims=CLAIMS
 )

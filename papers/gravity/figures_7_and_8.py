@@ -253,5 +253,5 @@ def _contrast(o: Outcomes) -> Judgement:
 
 FIGURE_8 = Experiment(
     "gravity-figure-8", "figure 8", "The PD term's share of the torque at static poses", OF_FIGURE_8,
-    cases, report_8, minutes=20.0, claims=CLAIMS_8,
+    cases, report_8, minutes=1.0, claims=CLAIMS_8,
 )  # fmt: skip

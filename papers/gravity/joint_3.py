@@ -67,16 +67,7 @@ def errors(
     controllers: Sequence[str],
     axes: Sequence[str],
 ) -> Result:
-    """Follow the motion with each controller; return joint 3's RMS error by controller [mm].
-
-    Args:
-        seed: Of the robot; the nominal one when None.
-        friction: Factor of joint 3's friction.
-        coupling: Factor of c02 and c12.
-        damping: Of the controllers.
-        controllers: Of which each follows one cycle.
-        axes: Of the sinusoids.
-    """
+    """Follow the motion with each controller; return joint 3's RMS error by controller [mm]."""
     arm = varied_joint_3(Variation("", friction, coupling))
     wanted = [(name, damping) for name in controllers]
     runs = run_controllers(seed, turned_base(BASE_DEG), wanted, cycles=1, axes=axes, arm=arm)

@@ -42,7 +42,6 @@ def held(*, seed: int | None, angle_deg: float, poses_deg: Sequence[float]) -> R
     """Hold joint 1 at each pose by every law, each on a robot just homed on a base turned about Z0.
 
     Args:
-        seed: Of the robot; the nominal one when None.
         angle_deg: Of the base [deg].
         poses_deg: Of joint 1, in their order [deg].
 
@@ -132,5 +131,5 @@ def _picture(o: Outcomes, angles: Sequence[float]) -> Any:
 
 EXPERIMENT = Experiment(
     "gravity-own-compensation", "beyond", "The robot's own gravity compensation, PD+SG and PD+DG", __doc__,
-    cases, report, minutes=4.0,
+    cases, report, minutes=6.0,
 )  # fmt: skip

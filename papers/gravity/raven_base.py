@@ -1,4 +1,4 @@
-"""The bases of the gravity paper's experiments, turned about Z0, joint 1's axis; units of joints; an ideal sensor.
+"""The gravity paper's bases, turned about Z0, joint 1's axis; units of joints; an ideal sensor; the true attitude.
 
 Lewis and Hannaford 2014, sections IV-B and V: base angles "about the Z0 axis" of the mechanism's frame 0.
 """
@@ -7,8 +7,10 @@ import numpy as np
 
 from catenary import FixedBase
 from catenary.arrays import frozen
+from catenary.sensing.checks import Fault
 from catenary.sensing.mounting import Mounting
-from catenary.simulation.base_motion import RockingBase
+from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.simulation.base_motion import MovingBase, RockingBase
 from catenary.simulation.sensors import SensorModel
 
 SHOWN = frozen(np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0]))  # rad, rad, m to deg, deg, mm
@@ -35,3 +37,16 @@ def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0), hz: float 
 def ideal_sensor(rate_hz: float, mounting: Mounting | None = None, *, has_gyroscope: bool = True) -> SensorModel:
     """Return a sensor without noise, resolution, latency or end of range."""
     return SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0, has_gyroscope, mounting or Mounting(checked=True))
+
+
+class TrueAttitude:
+    """Gravity along the true vertical, without the base's acceleration or turning; a GravitySource."""
+
+    def __init__(self, base: MovingBase) -> None:
+        """Take the base."""
+        self._base = base
+
+    def read(self, time: float) -> GravityReading:
+        """Return gravity at a time [s]."""
+        gravity = self._base.sample(np.array([time])).gravity[0]
+        return GravityReading(gravity, 0.0, np.zeros((2, 3)), ReadingStatus.LIVE, Fault.NONE)

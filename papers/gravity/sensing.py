@@ -64,8 +64,6 @@ def residuals(base: RockingBase = ROCKING, *, seed: int = 0, quick: bool = False
     """Return every row of the table; errors of joint positions have the signs that do most harm.
 
     Args:
-        base: What the arm stands on.
-        seed: Of the sensors' noise.
         quick: Leaves out sensors of 100 Hz, and mountings askew by another angle than 1 deg.
     """
     model = load_robot("raven2")

@@ -65,7 +65,6 @@ def static(*, seed: int | None, angle_deg: float, approach: Approach, poses_deg:
     """Hold joint 1 at each pose with each controller, on a base turned about Z0 from power-on.
 
     Args:
-        seed: Of the robot; the nominal one when None.
         angle_deg: Of the base about Z0 [deg].
         approach: How the arm comes to the poses.
         poses_deg: Of joint 1, in their order [deg].

@@ -36,8 +36,7 @@ from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.trials import track
 from papers.experiment import Result, run
-from papers.gravity.events import TrueAttitude
-from papers.gravity.raven_base import ASIDE, SHOWN, ideal_sensor, rocking_base, turned_base
+from papers.gravity.raven_base import ASIDE, SHOWN, TrueAttitude, ideal_sensor, rocking_base, turned_base
 
 # the base of figure 10, and one that is rocked alike about an axis 0.32 m away; others are angles about Z0 [deg]
 ROCKING, ROCKING_ASIDE = "rocking", "rocking aside"
@@ -167,13 +166,7 @@ def run_controllers(
     """Home a robot, and let each controller follow the motion from there.
 
     Args:
-        seed: Of the robot; the nominal one when None.
-        base: What it stands on from power-on.
-        wanted: Names of controllers, each with its damping.
-        cycles: Of the sinusoids.
-        axes: Of them.
         arm: Another robot than the package's, of which `seed` then draws.
-        way: How the motion is sent.
     """
     plant = CablePlant(arm, seed=seed, base=base)
     plant.home()

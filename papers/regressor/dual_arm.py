@@ -43,8 +43,11 @@ from papers.experiment import Result, run
 from papers.regressor.published import APPROACH_ONE, APPROACH_POSE, APPROACH_TWO, ESTIMATION, HOMING, HOMING_AGAIN
 
 # printed: as the paper prints it, damping -Kd qd, and estimation from 7 to 12 s on the compact or the full Z; longer:
-# the same to the end of the motion
-ControllerName = Literal["pd", "law", "rls", "printed-pd", "printed-compact", "printed-full", "printed-longer"]
+# the same to the end of the motion; moving: the same for the five seconds of homing that follow
+ControllerName = Literal[
+    "pd", "law", "rls", "printed-pd", "printed-compact", "printed-full", "printed-longer", "printed-moving"
+]
+LEARNS = {"printed-longer": (ESTIMATION[0], HOMING_AGAIN[1]), "printed-moving": HOMING}  # [s]; others: ESTIMATION
 Start = Literal["zero", "wrong"]
 ALONE = ("pd", "printed-pd")
 LIMBS = {"trunk": slice(0, 3), "left arm": slice(3, 11), "right arm": slice(11, 19)}
@@ -173,7 +176,7 @@ def controller_of(controller: ControllerName, start: Start, model: RobotModel, *
     s0 = wrong_parameters(model, form=form) if start == "wrong" else None
     if controller.startswith("printed"):
         law = GravityEstimator(model, KP, kd, omega=OMEGA * pace, s0=s0, max_speed=NO_GATE, form=form)
-        begin, end = ESTIMATION[0], TIMELINE[-1].end if controller == "printed-longer" else ESTIMATION[1]
+        begin, end = LEARNS.get(controller, ESTIMATION)
         return EstimatedGravityPD(KP, kd, Scheduled(law, begin / pace, end / pace), damping="absolute")
     if controller == "law":
         return EstimatedGravityPD(KP, kd, GravityEstimator(model, KP, kd, omega=OMEGA, s0=s0))
@@ -194,11 +197,7 @@ def errors_of(
     """Run the motion; return the errors q_ref - q (ticks, 19) [rad], a row per millisecond.
 
     Args:
-        seed: Draws the robot; None is the nominal one.
-        controller: One of ControllerName.
-        start: Of the estimate.
         payload_kg: What the right hand takes up at PICK_UP, unknown to the controller; 0 for nothing.
-        timeline: Of the motion.
         pace: How many times faster than the paper's all of it goes, to try it.
         duration: [s], to its end when None.
     """

@@ -72,9 +72,6 @@ def simulate(
     M(q) qdd = tau - C(q, qd) qd - g(q), by Runge-Kutta of fourth order over each tick, the torque held.
 
     Args:
-        model: With inertia.
-        controller: Of its joints.
-        trajectory: Of its joints.
         gravity: (3,) in base axes [m/s2].
         start: (2,) where the arm stands at first [rad]; where the motion begins when None.
     """

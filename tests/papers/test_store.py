@@ -190,3 +190,23 @@ def test_names_and_their_beginnings_choose_experiments() -> None:
     assert "calibration-table-1" in named(["calibration"])
     with pytest.raises(catalog.InputError, match="calibration-table-1"):
         named(["table-1"])
+
+
+def test_no_model_of_six_hours_is_trained_twice_over_figures_and_tables() -> None:
+    robots = Scope((None, 1, 2))
+    asked = {
+        name: catalog.experiment(f"calibration-{name}").cases(robots) for name in ("figure-6", "table-3", "table-5")
+    }
+    on_error = {
+        name: [case for case in cases if case.function.endswith(".six_hours") and case.arguments["columns"] == "16"]
+        for name, cases in asked.items()
+    }
+    assert set(on_error["table-3"]) <= set(on_error["figure-6"])
+    extra = [case for case in on_error["table-5"] if case not in on_error["figure-6"]]
+    assert {case.arguments["target"] for case in extra} == {"position"}
+    trained = [
+        (case.arguments["seed"], case.arguments["condition"], name)
+        for case in on_error["figure-6"]
+        for name in case.arguments["sets"]
+    ]
+    assert len(set(trained)) == len(trained) == 3 * 3 * 11

@@ -79,7 +79,6 @@ def identified(logs: Sequence[MotionLog], stiffness: Floats | None = None) -> Jo
     the stretch, (h + M q'' + Fl sgn(q')) / k.
 
     Args:
-        logs: Recordings of one robot.
         stiffness: (3,) where it is known; identified when None, between `SOFTEST` and `STIFFEST`.
     """
     arm, model = load_cable_arm(), load_robot(ROBOT)
@@ -134,12 +133,10 @@ def advance(x: Floats, joints: Joints, torque: Floats, bias: Floats, inverse: Fl
 
     Args:
         x: State [rad, rad, m and per second].
-        joints: Numbers of the joints.
         torque: (3,) of the motors, held.
         bias: (3,) h, held.
         inverse: (3, 3) of M, held.
         step: [s].
-        count: Steps.
     """
     for _ in range(count):
         push_0 = joints.stiffness[0] * (x[0] - x[3]) + joints.damping[0] * (x[6] - x[9])

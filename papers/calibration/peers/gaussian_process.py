@@ -37,14 +37,7 @@ class GaussianProcess:
 
 
 def fit_gaussian_process(rows: Rows, *, seed: int, carried: int = CARRIED, chosen: int = CHOSEN) -> GaussianProcess:
-    """Fit a process per joint to rows drawn from those with a measurement.
-
-    Args:
-        rows: Of a recording.
-        seed: Of the draw.
-        carried: Rows that a process keeps.
-        chosen: Rows of these that its lengths are chosen on.
-    """
+    """Fit a process per joint to rows drawn from those with a measurement."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel

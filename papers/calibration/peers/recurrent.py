@@ -144,12 +144,7 @@ def fit_recurrent(
     """Train a network on the rows with a measurement.
 
     Args:
-        rows: Of a recording.
-        seed: Of the weights and the batches.
         spacing: Rows between the commands of a sequence.
-        units: Of the layer.
-        previous: Commands before the present one.
-        iterations: Steps of Adam.
     """
     rng = np.random.default_rng(seed)
     which = np.flatnonzero(rows.known)

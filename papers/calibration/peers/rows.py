@@ -48,8 +48,6 @@ def rows_of_log(log: MotionLog, words: tuple[str, ...], known: NDArray[np.bool_]
     """Return a recording as rows.
 
     Args:
-        log: With external encoders.
-        words: Signals or groups of them that are the inputs.
         known: (N,) rows to learn from; those with a measurement when None.
     """
     if log.q_encoder is None:

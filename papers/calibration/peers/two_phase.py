@@ -36,14 +36,7 @@ class TwoPhase:
 
 
 def fit_two_phase(rows: Rows, *, seed: int, settings: NetworkSettings = PAPER, trees: int = TREES) -> TwoPhase:
-    """Train the network, then the forest on what it leaves.
-
-    Args:
-        rows: Of a recording.
-        seed: Of both.
-        settings: Of the network.
-        trees: Of the forest.
-    """
+    """Train the network, then the forest on what it leaves."""
     from sklearn.ensemble import RandomForestRegressor
 
     which = np.flatnonzero(rows.known)

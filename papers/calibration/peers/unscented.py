@@ -46,8 +46,6 @@ def run_filter(drive: Drive, joints: Joints, counts: np.ndarray, x: Floats, P: F
     """Filter row after row.
 
     Args:
-        drive: Rows.
-        joints: Numbers of the joints.
         counts: (N,) steps of integration before each row.
         x: (12,) the first state, overwritten.
         P: (12, 12) its covariance, overwritten.

@@ -18,7 +18,7 @@ from catenary.workflows.gravity.simulated_arm import rigid_arm
 from catenary.workflows.robot.motion import move_to
 from papers.beyond import paths
 from papers.beyond.bases import AXES, BASES, DIFFERENCE, GRAVITY, SetBase, with_gravity
-from papers.beyond.calibrated_gravity import CalibratedGravity
+from papers.beyond.calibration_and_gravity import CalibratedGravity
 from papers.beyond.designed_motion import crossings, designed
 from papers.beyond.registration import (
     ELBOW_FIRST,

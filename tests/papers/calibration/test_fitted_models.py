@@ -15,13 +15,12 @@ from catenary.calibration.predictors import Network, fit_polynomial
 from catenary.dynamics.kinematics import jacobian
 from catenary.robots.catalog import load_robot
 from papers.calibration import ablation, dvrk, published
-from papers.calibration.all_inputs import principal, sizes
+from papers.calibration.figure_8 import principal, sizes
 from papers.calibration.homings import tool_shift
 from papers.calibration.inputs import SIXTEEN
-from papers.calibration.networks import network_model, parameters
 from papers.calibration.peer_hours import PEERS, peer_hours
 from papers.calibration.peers.rows import rows_of_log
-from papers.calibration.recordings import METHODS, fitted, rows_of, unguarded
+from papers.calibration.recordings import METHODS, fitted, network_model, parameters, rows_of, unguarded
 from papers.calibration.six_hours import tip_rmse
 from recordings import recording as made
 

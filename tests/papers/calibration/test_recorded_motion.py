@@ -13,12 +13,11 @@ from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.predictors import Linear, Network
 from papers.calibration import figure_3
-from papers.calibration.figure_5 import deviations
+from papers.calibration.figure_5 import LONG, RECORDINGS, deviations, parts, recorded, sparsity_errors
 from papers.calibration.homings import home_here, random_tests, stay
 from papers.calibration.inputs import ALL_138, SIXTEEN
 from papers.calibration.peer_hours import at_rows
 from papers.calibration.recordings import SETS, homed
-from papers.calibration.sparsities import LONG, RECORDINGS, parts, recorded, sparsity_errors
 from papers.experiment import Outcomes, Result
 
 

@@ -9,12 +9,12 @@ from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains
 from papers.experiment import Result
-from papers.gravity import own_compensation, sustained
-from papers.gravity.events import CuedBase, homed, respond
+from papers.gravity import own_compensation
 from papers.gravity.own_compensation import DG, LAWS, LEVEL, PD, SG, TOLD, held
 from papers.gravity.passive import neutral, rocked
 from papers.gravity.raven_base import Z0, turned_base
 from papers.gravity.static_poses import HOME, rms, static
+from papers.gravity.steps import CuedBase, homed, respond
 
 
 def run(approach: str, angle_deg: float, poses_deg: list[float]) -> Result:
@@ -94,45 +94,3 @@ def test_an_accelerometer_knows_sustained_acceleration_and_an_inclinometer_does_
     # friction may hold a joint short of that place, or have held it before
     assert 0.5 < attitude.final / expected < 1.5
     assert abs(dg.final) < 0.25 * abs(attitude.final)
-
-
-ARM = load_cable_arm()
-
-
-def test_drives_as_believed_give_what_was_asked_for() -> None:
-    assert_allclose(sustained.drive_gain(sustained.with_believed_drives(ARM)), np.eye(3), atol=1e-14)
-
-
-def test_a_weak_drive_lets_the_joint_go_further_by_as_much() -> None:
-    believed = sustained.with_believed_drives(ARM)
-    weak = believed._replace(cable=believed.cable.replace(ratio_error=np.array([-0.1, 0.0, 0.0])))
-    # true ratio 0.9 of the believed: 0.9 of the torque. Gravity's own stiffness, a hundredth, weighs a tenth more
-    assert_allclose(
-        sustained.frictionless(weak, "pd")[0] / sustained.frictionless(believed, "pd")[0], 1.0 / 0.9, rtol=3e-3
-    )
-
-
-def test_a_stiff_arm_of_ideal_drives_goes_by_the_missing_torque_over_kp() -> None:
-    believed = sustained.with_believed_drives(ARM)
-    stiff = believed._replace(
-        cable=believed.cable.replace(stiffness=100.0 * believed.cable.stiffness),
-        firmware=believed.firmware.replace(kp=100.0 * believed.firmware.kp),
-    )
-    expected = sustained.missing() / raven_gains(stiff.firmware).kp
-    # gravity's own stiffness is 1e-4 of theirs
-    assert_allclose(sustained.frictionless(stiff, "pd"), expected, rtol=2e-3)
-
-
-@pytest.mark.slow
-def test_without_friction_the_simulated_arm_goes_where_it_is_expected() -> None:
-    free = sustained.accelerated(robot=sustained.NO_FRICTION, onset=sustained.ONSET, controllers=["sg"])["sg"]
-    # expected is about the pose that is reported; the true one is 2 deg off
-    assert_allclose(free["simulated"], free["expected"], rtol=0.03)
-    assert free["simulated"] / free["ideal"] > 1.04  # by which the drives are weak
-
-
-@pytest.mark.slow
-def test_with_friction_it_comes_to_rest_within_what_friction_can_hold() -> None:
-    held = sustained.accelerated(robot=sustained.AS_IT_IS, onset=sustained.ONSET, controllers=["sg"])["sg"]
-    assert abs(held["simulated"] - held["expected"]) < 2.0 * held["band"]  # at either rest
-    assert abs(held["simulated"] - held["largest"]) < 1e-3  # deg: it stays where it was carried

@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary import FixedBase, MotionLog, compact_regressor, gravity_torque, load_robot
 from catenary.arrays import Floats
 from catenary.identification.base_parameters import gravity_base_parameters
-from papers.regressor import raven_identification
+from papers.regressor import identification as raven_identification
 
 ARM = load_robot("raven2")
 REGRESSOR = compact_regressor(ARM)

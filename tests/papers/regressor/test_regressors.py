@@ -9,9 +9,10 @@ from catenary.identification.samples import Samples
 from catenary.robots.catalog import robot_names
 from catenary.spatial import LEVEL
 from papers.experiment import Scope
-from papers.regressor import figure_2, payload
+from papers.regressor import figure_2
+from papers.regressor import unknown_payload as payload
 from papers.regressor.decomposition import NO_EFFECT, decomposition, with_bodies
-from papers.regressor.evaluation_time import evaluation, full_kernel
+from papers.regressor.figure_2 import evaluation, full_kernel
 from papers.regressor.recorded_arms import law, least_squares, replayed
 from papers.regressor.unknown_payload import LOOKED_AT, arm, trial
 
