@@ -31,7 +31,7 @@ def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
     """
     q = scales(log) * log.q_nominal
     moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED]
-    turns = [_reversals(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]
+    turns = [reversals_of(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]
     if log.q_encoder is None or log.ok.sum() < FEWEST_ROWS:
         return [Hysteresis(np.nan, np.nan, count) for count in turns]
     rows = np.flatnonzero(log.ok)
@@ -68,6 +68,7 @@ def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats)
     return float(2.0 * np.array(RADII) @ weights), slack
 
 
-def _reversals(command: Floats) -> int:
+def reversals_of(command: Floats) -> int:
+    """Return how often a command (N,) turns, by TURNS of its range or more."""
     way = np.sign(np.diff(play(np.ascontiguousarray(command), TURNS / 2.0 * float(np.ptp(command)))))
     return int((np.diff(way[way != 0.0]) != 0.0).sum())

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.verdict.delay import FEWEST_ROWS, TRIM, Explanation
+from catenary.verdict.delay import TRIM, Explanation
 from catenary.verdict.finding import Finding
-from catenary.verdict.hysteresis import RADII
+from catenary.verdict.hysteresis import RADII, reversals_of
 from catenary.verdict.pairs import Pairs, scales
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
@@ -24,7 +24,10 @@ FEW = 0.05  # of the rows: fewer are single wild measurements
 # A drift is told where it is this many standard errors, of the rows' own and of their whole error's deviations. The
 # first rows, in which nobody knows on which side of its slack a joint lies, do not count. Untouched real runs of half
 # a minute drift by up to 3.3 of their rows' deviations and 9 standard errors, but by 0.08 of the error's.
-STEADY, OF_ROWS, OF_ERROR, LEAP_OF_ERROR = 8.0, 1.5, 0.1, 0.25
+STEADY, OF_ROWS, OF_ERROR, LEAP_OF_ERROR = 8.0, 2.0, 0.1, 0.25
+# In fewer rows, or with fewer reversals, slack and friction are hardly told from a zero that moves: windows of two
+# minutes of a real wrist's poses stray by up to 20 deviations.
+FEWEST_ROWS, MANY_ROWS, MANY_TURNS, OF_FEW = 400, 1000, 12, 25.0
 BEGUN, PARTS, MOST_ROWS = 0.15, 20, 2000
 EDGES = np.linspace(0.15, 0.85, 15)  # of the rows that count, at which a leap is tried
 ZEROED = "an encoder, camera or robot that was zeroed anew half-way, or a slipped cable"
@@ -120,7 +123,9 @@ def _drift(pairs: Pairs, joint: int, own: int) -> list[Finding]:
     # rows depend on each other, parts of the recording hardly
     scatter = float(np.sqrt(np.square(np.bincount(part, free * left, minlength=PARTS)).sum())) / size
     usual, whole, unit = float(np.std(left)), float(np.std(error[good])), pairs.unit(joint)
-    if abs(by) <= max(STEADY * scatter, OF_ROWS * usual, (OF_ERROR if way == 0 else LEAP_OF_ERROR) * whole):
+    many = len(kept) >= MANY_ROWS and reversals_of(pairs.q[:, own]) >= MANY_TURNS
+    of_rows, of_error = OF_ROWS if many else OF_FEW, OF_ERROR if way == 0 else LEAP_OF_ERROR
+    if abs(by) <= max(STEADY * scatter, of_rows * usual, of_error * whole):
         return []
     if way == 0:
         name, says = "drift", f"the error drifts by {by / (1.0 - BEGUN):+.2g} {unit} along the recording"
