@@ -140,7 +140,7 @@ REFUSALS = {
     "excitation panda --out x.npz --no-collision-check --floor-m 0": "--floor-m: does not go with --no-collision-check",
     "excitation panda --out x.npz --floor-m 0.4": "q2 and floor in 100 %",
     "excitation panda --out x.npz --link-radius-mm 0": "link radius: expected above 0",
-    "excitation panda --out x.npz --effort 1,1,1,1,1,1,1": "can its own weight be held",
+    "excitation panda --out x.npz --effort 1,1,1,1,1,1,1": "its own weight cannot be held",
     "excitation panda --out x.npz --trajectory x.csv": "expected .json or .yaml",
     "excitation panda --out x.npz --trajectory x.json --static 20": "--trajectory: does not go with --static",
     "excitation panda --out x.npz --harmonics 1": "three or more harmonics",
