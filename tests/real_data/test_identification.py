@@ -9,6 +9,7 @@ import pytest
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.gravity.torque import gravity_torque
+from catenary.identification.cable_loops import cable_loops
 from catenary.identification.identification import Identification, identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
@@ -203,3 +204,20 @@ def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> 
     )
     assert result.identification.tests[0].verdict != "holds"
     assert any("mixed: accepted swapped: q1, q2: axes q1 and q2 look swapped" in note for note in result.notes)
+
+
+def test_lost_motion_of_a_da_vinci_tool_is_that_of_its_torque(recordings: Path) -> None:
+    path = recordings / "davinci_tools" / "4LPitch1_000.npz"
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    with np.load(path) as run:
+        t, q, jaw, tau = (run[name] for name in ("t", "q_des", "q_act", "tau"))
+    log = MotionLog("jaw", ("jaw",), ("rad",), q, np.ones(len(t), bool), q_encoder=jaw, time=t, tau=tau)
+    (backwards,), doubts = cable_loops(log)
+    assert [doubt.name for doubt in doubts] == ["sign"]  # it counts against the motion
+    assert backwards.friction.high < 0.0
+    (found,), doubts = cable_loops(replace(log, tau=-tau))
+    assert not doubts
+    loop = np.deg2rad(80.0) * 2.0 * found.friction.value  # a compliance under load of 70 to 93 deg/Nm
+    assert loop / 3.0 * 0.9 < found.width.value < loop / 2.0 * 1.1
+    assert found.stiffness.low > 1.0 / np.deg2rad(93.0)  # a reversal meets a stiffer cable than a load does

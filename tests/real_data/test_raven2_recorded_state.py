@@ -6,11 +6,15 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
+from catenary.identification.cable_loops import cable_loops
+from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
+from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import Pose
+from catenary.transmission.cable_coupling import winding_of
 from oracles.random_trees import Floats
-from papers.plant.circles import followed, read_circles
+from papers.plant.circles import SPACING, followed, read_circles
 
 
 @pytest.fixture(scope="module")
@@ -52,3 +56,25 @@ def test_following_errors_are_those_that_were_measured_on_another_clock(recordin
     found = followed(load_cable_arm().firmware, read_circles(path))
     assert_allclose(found.error[:3], [0.185, 0.304, 0.358], rtol=0.08)  # deg, deg, mm; rows come in bursts
     assert_allclose(found.likeness, [0.57, -0.28, 0.94, 0.12, 0.52, -0.01], atol=0.06)
+
+
+def test_friction_of_circles_without_an_encoder_is_that_which_was_found_by_hand(recordings: Path) -> None:
+    path = recordings / "raven2_recorded_state" / "raven_state_circle.npz"
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    circles, firmware = read_circles(path)[:], load_cable_arm().firmware
+    time, q, asked = (each[:: round(SPACING / PERIOD)] for each in circles)
+    names, units = ("shoulder", "elbow", "insertion"), ("rad", "rad", "m")
+    lag, speed = ([*winding_of(firmware.coupling, each.T[:3])] for each in (asked - q, np.gradient(q, SPACING, axis=0)))
+    ratio, gearbox = firmware.ratio[:3], firmware.gearbox[:3]
+    tau = (firmware.kp[:3] * np.transpose(lag) - firmware.kd[:3] * np.transpose(speed)) * ratio**2 / gearbox
+    log = MotionLog(
+        "circles", names, units, asked[:, :3], np.ones(len(q), bool), time=time, tau=tau, q_reported=q[:, :3]
+    )
+    for found, least, most, missed in zip(
+        cable_loops(log)[0], (0.86, 1.29, 15.8), (0.92, 1.35, 18.5), (0.00323, 0.00531, 0.000358), strict=True
+    ):
+        assert found.friction.low <= most
+        assert found.friction.high >= least
+        assert found.following == pytest.approx(missed, rel=0.08)
+        assert "pose and speed" in found.untold[0]  # circles are one motion of all joints

@@ -20,7 +20,10 @@ GROUPS: dict[str, dict[str, str]] = {
         "fit": "fit", "evaluate": "fit", "refresh": "fit", "drift": "fit", "deploy": "deploy", "demo": "calibrate",
     },
     "Gravity": {"gravity": "gravity", "track": "gravity", "hold": "gravity", "sense": "sense", "gravity-node": "nodes"},
-    "Identify": {"excitation": "excitation", "identify": "identify", "payload": "identify", "regressor": "robots"},
+    "Identify": {
+        "excitation": "excitation", "identify": "identify", "identify-cable": "identify", "payload": "identify",
+        "regressor": "robots",
+    },
     "Move": {
         "goto": "motion", "random": "motion", "follow": "motion", "teleop": "motion", "serve": "nodes",
         "button": "nodes", "encoders": "nodes",

@@ -1,7 +1,9 @@
-"""catenary identify, payload: an arm's dynamics from recordings of it, and what it carries."""
+"""catenary identify, identify-cable, payload: an arm's dynamics from recordings of it, and what it carries."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -115,6 +117,44 @@ def identify(
         shown = result.tests or result.training
         write_identification_report(report, found, result.card, shown, notes=result.notes)
         print_page(report, as_json)
+
+
+def identify_cable(
+    recordings: RecordingOptions,
+    data: Path = argument(
+        "LOG", "Recording with positions, torques and, where there is one, an encoder at the joints."
+    ),
+    accept: Sequence[str] = ACCEPT,
+    as_json: bool = AS_JSON,
+) -> None:
+    """Find friction, stiffness and hysteresis of each joint's cable.
+
+    From reversals, with 95 % intervals; best one joint at a time, at 100 Hz or more, with several speeds. Without an
+    encoder at the joints, friction alone.
+
+    Example: catenary identify-cable shoulder.parquet
+    """
+    from catenary.identification.cable_loops import CableLoop, cable_loops
+    from catenary.recording.logs import read_recording
+    from catenary.reports.page import Table, TableColumn
+    from catenary.verdict.check import verdict
+    from catenary.verdict.finding import judge
+
+    def cell(loop: CableLoop, key: str) -> str | None:
+        value, low, high = getattr(loop, key)
+        return None if isnan(value) else f"{value:.3g} ({low:.3g} to {high:.3g})"
+
+    log = read_recording(data, recordings.reading())
+    notes = verdict([log], accept=accept, testing=True, done="identified").notes
+    loops, doubts = cable_loops(log)
+    notes += judge([(log.name, each) for each in doubts], accept, done="identified")
+    columns = [TableColumn(key, key, ".3g") for key in ("joint", "unit", "following")]
+    for key in ("friction", "joint_side", "motor_side", "stiffness", "width"):
+        columns.append(TableColumn(key.replace("_", " "), partial(cell, key=key)))
+    table = Table(columns, loops, "Cables, in rad and Nm or m and N")
+    lines = [f"{loop.joint}: not told: {why}" for loop in loops for why in loop.untold]
+    content = {"log": log.name, "joints": [loop._asdict() for loop in loops], "notes": notes}
+    print_result(as_json, content, table, *lines, notes=notes)
 
 
 def payload(

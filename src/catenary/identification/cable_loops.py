@@ -1,0 +1,230 @@
+"""What reversals tell of a cable: friction on both its sides, stiffness, lost motion.
+
+When a motor turns back, friction holds the joint until the cable has wound up the other way. While the encoder at the
+joint stands, gravity, run-out and errors of ratio stand too: all that the motor moves stretches the cable, and all that
+its torque changes, less the motor's own friction, is the cable's.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.stats import t as student
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.units import DISPLAY
+from catenary.verdict.finding import Finding
+from catenary.verdict.pairs import MOVED, play
+
+BLOCKS, FEWEST = 8, 4  # of time, whose spread gives the intervals; with reversals (rows of a slope, too)
+TURN = 0.05  # share of a joint's range that it must go back by for a reversal to count
+SMOOTHED = 0.01  # [s] to either side, over which readings are averaged; speeds over thrice that
+MOVING, FOLLOWS = 0.25, 0.5  # of a joint's RMS speed, of its motor's: slower rows tell nothing of friction
+OWN = 0.1  # of the variance of a joint's direction that pose and speed must leave
+STANDS, ABOVE = 3.0, 4.0  # of what an encoder jumps by; of that, the least lost motion that is told
+EVEN = 2.0  # at most, between the 16th and 84th percentile of lost motion, where a joint moves alone
+SAME, APART = 0.3, 3.0  # difference of a wind-up's halves that is none; factor from which neither is a stiffness
+SLOW = 0.3  # [s] that a wind-up lasts at least: in a faster one rotor inertia looks like friction
+MOST_ROWS = 6000
+NO_BACKLASH = (
+    "backlash: at most the lost motion; it is not told from stretch, and a load that keeps a cable taut hides it"
+)
+PARTS = (0.1, 0.9), (0.1, 0.5), (0.5, 0.9)  # of a wind-up
+
+
+class Interval(NamedTuple):
+    """An estimate with the ends of its 95 % interval, which blocks of time give; NaN where it cannot be told."""
+
+    value: float = np.nan
+    low: float = np.nan
+    high: float = np.nan
+
+
+class CableLoop(NamedTuple):
+    """What a recording shows of one joint's cable, seen at the joint: rad and Nm, or m and N."""
+
+    joint: str
+    unit: str
+    friction: Interval  # Coulomb friction between the motor's torque and the load
+    joint_side: Interval = Interval()  # the part that stretches the cable: joint, and inside the cable
+    motor_side: Interval = Interval()
+    stiffness: Interval = Interval()  # over a reversal
+    width: Interval = Interval()  # lost motion at a reversal: the hysteresis between motor and joint
+    following: float = np.nan  # RMS of setpoint less reported position; NaN without setpoints
+    reversals: int = 0
+    untold: tuple[str, ...] = ()  # what could not be told, and why
+
+
+def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
+    """Return what a recording with torques shows of each joint's cable, and friction that drives, as findings.
+
+    Raises:
+        InputError: No torques, or no time.
+    """
+    if log.tau is None or log.time is None:
+        raise InputError(f'recording "{log.name}": friction needs torques (tau) and time stamps')
+    motor = log.q_nominal if log.q_reported is None else log.q_reported
+    half = SMOOTHED / float(np.median(np.diff(log.time)))
+    q, tau = _smoothed(motor, half), _smoothed(log.tau, half)
+    seen = None if log.q_encoder is None or not log.ok.all() else log.q_encoder
+    x = q if seen is None else _smoothed(seen, half)
+    missed = np.sqrt(np.mean((log.q_nominal - motor) ** 2, axis=0)) if log.q_reported is not None else q[0] * np.nan
+    loops, findings = [], []
+    for j, (joint, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
+        turns = _turns(np.ascontiguousarray(q[:, j]))
+        friction, untold = Interval(), ["friction: the joint hardly moves"]
+        if moves := DISPLAY[unit][1] * np.ptp(q[:, j]) > MOVED:
+            friction, untold = _friction(log.time, q, x[:, j], tau[:, j], j, half)
+        found = CableLoop(joint, unit, friction, following=float(missed[j]), reversals=len(turns))
+        if seen is None or not moves:
+            untold += ["stiffness, hysteresis: no encoder on every row, or the joint hardly moves"]
+        else:
+            jumps = float(np.median(np.abs(np.diff(seen[:, j], n=2))))
+            fine = STANDS * max(jumps, 1e-5 * float(np.ptp(q[:, j])))
+            rows = _windups(log.time, q[:, j], x[:, j], tau[:, j], turns, fine)
+            block = np.floor((rows[:, 0] - log.time[0]) / (log.time[-1] - log.time[0] + 1e-9) * BLOCKS)
+            found, more = _of_windups(found, rows[:, 1:], block, fine)
+            untold = [*untold, *more]
+        if friction.high < 0.0:
+            says = f"friction of {friction.value:.3g} drives the joint"
+            findings += [Finding("sign", (joint,), says, "torques negated", f"--sign tau:{joint}")]
+        loops.append(found._replace(untold=tuple(untold)))
+    return loops, findings
+
+
+def _smoothed(values: Floats, half: float) -> Floats:
+    """Return running means (N, n) over so many rows to either side."""
+    means: Floats = uniform_filter1d(values, 2 * round(half) + 1, axis=0, mode="nearest")
+    return means
+
+
+def _turns(q: Floats) -> list[tuple[int, int]]:
+    """Return the rows at which a motor turns back, and the way in which it goes on, 1 or -1."""
+    way = np.sign(np.diff(play(q, 0.5 * TURN * float(np.ptp(q))), prepend=q[0]))
+    rows = np.flatnonzero(way)
+    changes = rows[1:][np.diff(way[rows]) != 0.0]
+    pairs = zip([0, *changes[:-1]], changes, strict=True) if len(changes) else ()
+    return [(a + int(np.argmax(-way[b] * q[a : b + 1])), int(way[b])) for a, b in pairs]
+
+
+def _friction(time: Floats, q: Floats, x: Floats, tau: Floats, j: int, half: float) -> tuple[Interval, list[str]]:
+    """Return half of the torque's difference between both ways of travel at equal poses.
+
+    Where a joint's direction follows from pose and speed, two laws explain the torque: with viscous friction, inertia
+    and squares of the pose, and without. The interval then holds both.
+    """
+    qd = _smoothed(np.gradient(np.column_stack([q[:, j], x]), time, axis=0), max(1.0, 3.0 * half))
+    qdd = _smoothed(np.gradient(qd[:, :1], time, axis=0), max(1.0, 3.0 * half))[:, 0]
+    radius = TURN * float(np.ptp(q[:, j]))
+    past = np.abs(q[:, j] - play(np.ascontiguousarray(q[:, j]), radius)) > 0.999 * radius  # beyond the last reversal
+    past &= (qd[:, 1] * np.sign(qd[:, 0]) > FOLLOWS * np.abs(qd[:, 0])) | (qd[:, 1] == qd[:, 0])
+    rows = np.flatnonzero(past & (np.abs(qd[:, 0]) > MOVING * np.sqrt(np.mean(qd[:, 0] ** 2))))
+    rows = rows[:: len(rows) // MOST_ROWS + 1]
+    side, own = np.sign(qd[rows, 0]), rows * BLOCKS // len(q)
+    if any(len(np.unique(side[own == b])) < 2 for b in range(BLOCKS)):
+        return Interval(), [f"friction: the joint does not move both ways in each of {BLOCKS} blocks of time"]
+    z = (q[rows] - q.mean(axis=0)) / np.maximum(np.ptp(q, axis=0), 1e-9)
+    lean = np.column_stack([side, np.ones(len(rows)), z])
+    squares = [z[:, a] * z[:, b] for a in range(z.shape[1]) for b in range(a, z.shape[1])]
+    full = np.column_stack([lean, qd[rows, 0] / np.ptp(qd[:, 0]), qdd[rows] / max(float(np.ptp(qdd)), 1e-9), *squares])
+    left = side - full[:, 1:] @ np.linalg.lstsq(full[:, 1:], side, rcond=None)[0]
+    whole = _jackknife(full, tau[rows], own)
+    if np.mean(left**2) >= OWN:
+        return whole, []
+    simple = _jackknife(lean, tau[rows], own)
+    told = simple._replace(low=min(simple.low, whole.low), high=max(simple.high, whole.high))
+    return told, ["friction: its side follows from pose and speed in this motion; viscous friction is not told apart"]
+
+
+def _jackknife(X: Floats, y: Floats, block: NDArray[np.int64]) -> Interval:
+    """Return the first weight of a fit, with an interval by leaving out each block in turn [Tukey 1958]."""
+    whole = _first_weight(X, y)
+    without = np.array([_first_weight(X[block != b], y[block != b]) for b in range(BLOCKS)])
+    reach = student.ppf(0.975, BLOCKS - 1) * np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((without - without.mean()) ** 2))
+    return Interval(whole, whole - float(reach), whole + float(reach))
+
+
+def _first_weight(X: Floats, y: Floats) -> float:
+    """Return the first weight of a fit whose loss is linear for large errors [Huber 1964]."""
+    share = np.ones_like(y)
+    for _ in range(5):
+        weights = np.linalg.lstsq(X * share[:, np.newaxis], y * share, rcond=None)[0]
+        left = np.abs(y - X @ weights)
+        share = np.sqrt(np.minimum(1.0, 2.0 * np.median(left) / np.maximum(left, 1e-12)))
+    return float(weights[0])
+
+
+def _windups(time: Floats, q: Floats, x: Floats, tau: Floats, turns: list[tuple[int, int]], fine: float) -> Floats:
+    """Return what each reversal of a motor (q) shows until its joint (x) has moved by `fine`, (R, 8).
+
+    That is: when, the lost motion, by how much the torque swings once the motor's own friction has turned, as the first
+    half's line tells it and as the row at a tenth does, the slopes of PARTS, and the time that it takes.
+    """
+    found = []
+    for (row, way), end in zip(turns, [row for row, _ in (*turns, (len(q), 0))][1:], strict=True):
+        joint = way * (x[row:end] - x[row])
+        near = np.flatnonzero(way * (q[row:end] - q[row]) > TURN * np.ptp(q))
+        rest = int(np.argmin(joint[: max(3, near[0] if len(near) else len(joint))]))
+        goes = np.flatnonzero(joint[rest:] > joint[rest] + fine)
+        if len(goes):
+            rows = slice(row, row + rest + int(goes[0]) + 1)
+            stretch, torque = way * (q - x)[rows], way * tau[rows]
+            stretch = stretch - stretch[0]
+            wide = stretch[-1] > ABOVE * fine
+            lines = [_line(stretch, torque, *part) if wide else (np.nan, np.nan) for part in PARTS]
+            early = (torque[-1] - torque[np.argmax(stretch >= 0.1 * stretch[-1])]) / 0.9
+            until, slopes = time[rows][-1], [slope for slope, _ in lines]
+            found.append((time[row], stretch[-1], torque[-1] - lines[1][1], early, *slopes, until - time[row]))
+    return np.array(found).reshape(-1, 8)
+
+
+def _line(stretch: Floats, torque: Floats, first: float, last: float) -> tuple[float, float]:
+    """Return slope and torque at no stretch of the line through part of a wind-up."""
+    rows = (stretch >= first * stretch[-1]) & (stretch <= last * stretch[-1])
+    if rows.sum() < FEWEST or np.ptp(stretch[rows]) == 0.0:
+        return np.nan, np.nan
+    slope, start = np.polyfit(stretch[rows], torque[rows], 1)
+    return float(slope), float(start)
+
+
+def _of_blocks(values: Floats, block: Floats) -> Interval:
+    """Return the mean of the blocks' medians, with its interval."""
+    told = np.isfinite(values)
+    medians = np.array([np.median(values[told & (block == b)]) for b in np.unique(block[told])])
+    if len(medians) < FEWEST:
+        return Interval()
+    mean, reach = medians.mean(), student.ppf(0.975, len(medians) - 1) * medians.std(ddof=1) / np.sqrt(len(medians))
+    return Interval(*map(float, (mean, mean - reach, mean + reach)))
+
+
+def _of_windups(found: CableLoop, rows: Floats, block: Floats, fine: float) -> tuple[CableLoop, list[str]]:
+    """Return what wind-ups (R, 7) tell, and what they do not."""
+    width, swing, early, whole, first, second, lasts = (_of_blocks(column, block) for column in rows.T)
+    if not np.isfinite(width.value):
+        return found, [f"stiffness, hysteresis: reversals in fewer than {FEWEST} of {BLOCKS} blocks of time"]
+    low, high = np.percentile(rows[:, 0], [16.0, 84.0])
+    if width.value < ABOVE * fine:
+        found = found._replace(width=Interval(width.value, 0.0, max(width.high, ABOVE * fine)))
+        return found, [f"stiffness, sides of friction: the encoder resolves {fine:.2g} {found.unit}"]
+    if high > EVEN * low:
+        why = f"lost motion is {low:.2g} to {high:.2g} {found.unit}: other joints move this cable, or it is little"
+        return found, [f"stiffness, hysteresis: {why}; record one joint at a time"]
+    if not all(v > 0.0 for v in (whole.low, second.low, first.value, APART * first.value - second.value)):
+        why = "the torque does not rise evenly with the stretch, as in a backlash, or rows are too few"
+        return found._replace(width=width), [f"stiffness, sides of friction: {why}", NO_BACKLASH]
+    last = second.value + 0.75 * (second.value - first.value)  # where the trend leads at the wind-up's end
+    ends = [max(last, 0.0), *(end for each in (whole, first, second) for end in each[1:])]
+    found, untold = found._replace(width=width, stiffness=Interval(whole.value, min(ends), max(ends))), []
+    if lasts.value >= SLOW:
+        side = Interval(0.5 * swing.value, 0.5 * min(swing.low, early.low), 0.5 * max(swing.high, early.high))
+        rest = Interval(*(found.friction[a] - side[b] for a, b in ((0, 0), (1, 2), (2, 1))))
+        found = found._replace(joint_side=side, motor_side=rest)
+    else:
+        untold = [f"sides of friction: wind-ups of {lasts.value:.2g} s are too fast, move more slowly"]
+    if abs(first.value - second.value) > SAME * whole.value:
+        why = "friction or hysteresis inside the cable" if first.value > second.value else "backlash, or soft at first"
+        untold += [f"one stiffness: it is {first.value:.4g}, then {second.value:.4g} along a wind-up; {why}"]
+    return found, [*untold, NO_BACKLASH]
