@@ -100,6 +100,13 @@ def twice(log: MotionLog) -> MotionLog:
     return replace(log, time=time, signals={}, signal_units={}, sha256=None, **arrays)
 
 
+def tiny(log: MotionLog) -> MotionLog:
+    """Return a log in rad and m that somebody took for degrees and millimetres, and converted."""
+    assert log.q_encoder is not None
+    factors = 1.0 / np.array([DISPLAY[unit][1] for unit in log.joint_units])
+    return replace(log, q_nominal=log.q_nominal * factors, q_encoder=log.q_encoder * factors)
+
+
 def filled(log: MotionLog, share: float, by_commands: bool = False) -> MotionLog:
     """Return a log whose camera lost the arm for 3 s now and then, and somebody filled the gaps: nothing says so."""
     assert log.q_encoder is not None
@@ -132,6 +139,7 @@ SPOILINGS = (
     Spoiling("half of the minutes twice", twice, ("in the data twice",)),
     Spoiling("one row in 100 wild", lambda log: wild(log, 0.01), ("robust", "--max-error")),
     Spoiling("fast rows lost", lambda log: dropped(log, 0.3), NOT_ALIKE),
+    Spoiling("converted to rad and m twice", tiny, ("converted twice",)),
     Spoiling("gaps of 3 s filled by lines", lambda log: filled(log, 0.2), ("straight lines",)),
     Spoiling("gaps of 3 s filled with commands", lambda log: filled(log, 0.1, True), ("commands themselves",)),
     Spoiling("steps of 0.5 deg or mm", lambda log: coarse(log, 0.5), ("come in steps",)),
