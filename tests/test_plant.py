@@ -161,3 +161,20 @@ def test_a_part_of_a_log_has_its_rows_of_every_array() -> None:
     assert part.ok.all()
     with pytest.raises(InputError, match="has rows 0 to 6, got 5:5"):
         log.part(5, 5)
+
+
+def test_minutes_of_a_recording_are_known_again_in_single_precision_and_others_on_the_same_way_are_not() -> None:
+    log = recording(np.random.default_rng(0), rows=3000)
+    known = [{"sha256": None, "marks": log.marks}]
+    short = log.part(1200, 1500)
+    assert short.is_among(known)
+    assert replace(short, q_encoder=short.q_encoder.astype(np.float32).astype(float), time=None).is_among(known)
+    step = 0.02  # coarser than the noise: many rows of the same way are alike by chance
+    days = [
+        replace(log, q_encoder=np.round((log.q_nominal + noise) / step) * step)
+        for noise in 0.01 * np.random.default_rng(1).normal(size=(2, *log.q_nominal.shape))
+    ]
+    alike = (days[0].q_encoder == days[1].q_encoder).all(axis=1)
+    assert 0.02 < alike.mean() < 0.5
+    assert not days[1].is_among([{"sha256": None, "marks": days[0].marks}])
+    assert not log.is_among([])

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from hashlib import sha256
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
@@ -16,7 +15,9 @@ JOINT_UNITS = ("rad", "m")
 # a step in time is a gap where it is longer than so many median ones, and than twice what this share of the steps keep:
 # messages that come in bursts leave no gaps
 GAP_STEPS, GAP_SHARE = 10.0, 0.95
-KNOWN_AGAIN = 20  # rows of a recording: fewer may be alike by chance, such as those of a robot at rest
+# rows by which a recording is known again, and how many together: single ones are alike by chance, at rest or coarse
+MARKS, LEAST_MARKS = 256, 8
+HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd, of no pattern: rows that differ in one digit have unlike hashes
 UNUSED = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
@@ -374,17 +375,30 @@ class MotionLog:
         return (0, *(int(i) + 1 for i in np.flatnonzero(np.diff(self.time) < 0.0)))
 
     @property
-    def runs(self) -> tuple[str, ...]:
-        """A hash of each recording in it, of all that was reported, measured and exerted: the same in any file."""
-        arrays = [np.nan_to_num(each) for each in (self.q_nominal, self.q_encoder, self.tau) if each is not None]
-        ends = sorted({*self.starts, *self.gaps(), len(self)})
-        rows = [slice(*pair) for pair in pairwise(ends) if pair[1] - pair[0] >= KNOWN_AGAIN]
-        return tuple(sha256(b"".join(each[part].tobytes() for each in arrays)).hexdigest()[:16] for part in rows)
+    def row_hashes(self) -> NDArray[np.uint64]:
+        """A hash of each row (N,), of what was reported, measured and exerted, in single precision: 0 if unmeasured."""
+        arrays = [each for each in (self.q_nominal, self.q_encoder, self.tau) if each is not None]
+        values = (np.nan_to_num(np.hstack(arrays)).astype(np.float32) + np.float32(0.0)).view(np.uint32)
+        factors = np.cumprod(np.full(values.shape[1], HASH_FACTOR, dtype=np.uint64))
+        measured = self.ok | (self.q_encoder is None)
+        return np.where(measured, (values * factors).sum(axis=1, dtype=np.uint64), np.uint64(0))
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Hashes of some rows of each recording in it: by these it is known again in any file, cut or whole."""
+        ends, hashes = sorted({*self.starts, *self.gaps(), len(self)}), self.row_hashes
+        rows = [slice(a, b, max(1, min(len(self) // MARKS, (b - a) // LEAST_MARKS))) for a, b in pairwise(ends)]
+        found = dict.fromkeys(f"{mark:x}" for part in rows for mark in hashes[part] if mark)
+        return tuple(found)
 
     def is_among(self, sources: Iterable[Mapping[str, Any]]) -> bool:
-        """Return whether it, or a recording in it, is one of those that a card lists under `data`."""
-        known = {each for one in sources for each in (one["sha256"], *one.get("runs", ()))} - {None}
-        return bool({self.sha256, *self.runs} & known)
+        """Return whether it, or minutes of it, are among the recordings that a card lists under `data`."""
+        sources = list(sources)
+        if self.sha256 is not None and self.sha256 in {one["sha256"] for one in sources}:
+            return True
+        known = np.array([int(mark, 16) for one in sources for mark in one.get("marks", ())], dtype=np.uint64)
+        hits = np.r_[False, np.isin(known, self.row_hashes)]
+        return bool((np.convolve(hits, np.ones(LEAST_MARKS)) >= LEAST_MARKS).any())
 
     def gaps(self, least: float = 0.0) -> tuple[int, ...]:
         """Return the rows behind a gap in time: a step of more than GAP_STEPS median ones, and than `least` [s]."""

@@ -1,6 +1,7 @@
 import io
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from shutil import copy
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 import simulated_arm
 from catenary.cli.main import main
+from catenary.recording.logs import read_log, write_parquet
 from catenary.reports import calibration
 from catenary.reports.page import Picture
 from catenary.robots.catalog import load_robot
@@ -53,7 +55,10 @@ def test_evaluate_as_json_has_the_documented_keys(model: Path, run: Path) -> Non
         assert joint["n"] == 400
     assert content["seen_in_training"] == ["run"]
     assert [round(window["start"]) for window in content["windows"]] == [0, 5, 10]
-    assert "run: the model was fitted to this recording" in catenary("evaluate", model, run).err
+    part = run.with_name("part.parquet")
+    write_parquet(replace(read_log(run).part(150, 300), name="part", sha256=None), part)
+    for name, path in (("run", run), ("part", part)):
+        assert f"{name}: the model was fitted to rows of this recording" in catenary("evaluate", model, path).err
 
 
 def test_evaluate_tells_whether_intervals_hold(tmp_path: Path, model: Path) -> None:

@@ -100,6 +100,27 @@ def twice(log: MotionLog) -> MotionLog:
     return replace(log, time=time, signals={}, signal_units={}, sha256=None, **arrays)
 
 
+def tiny(log: MotionLog) -> MotionLog:
+    """Return a log in rad and m that somebody took for degrees and millimetres, and converted."""
+    assert log.q_encoder is not None
+    factors = 1.0 / np.array([DISPLAY[unit][1] for unit in log.joint_units])
+    return replace(log, q_nominal=log.q_nominal * factors, q_encoder=log.q_encoder * factors)
+
+
+def filled(log: MotionLog, share: float, by_commands: bool = False) -> MotionLog:
+    """Return a log whose camera lost the arm for 3 s now and then, and somebody filled the gaps: nothing says so."""
+    assert log.q_encoder is not None
+    assert log.time is not None
+    rng, long = np.random.default_rng(1), max(2, round(3.0 / float(np.median(np.diff(log.time)))))
+    lost = np.zeros(len(log), dtype=bool)
+    while lost.mean() < share:
+        first = int(rng.integers(long, len(log) - 2 * long))
+        lost[first : first + long] = True
+    good, rows = np.flatnonzero(log.ok & ~lost), np.arange(len(log))
+    lines = np.column_stack([np.interp(rows, good, column) for column in log.q_encoder[good].T])
+    return replace(log, q_encoder=np.where(lost[:, None], log.q_nominal if by_commands else lines, log.q_encoder))
+
+
 DELAYS = (-0.15, -0.1, -0.05, -0.02, 0.02, 0.05, 0.1, 0.15, 0.2, 0.5)
 NOT_ALIKE = ("not like the others",)
 NOTHING = Spoiling("untouched", lambda log: log)
@@ -118,6 +139,9 @@ SPOILINGS = (
     Spoiling("half of the minutes twice", twice, ("in the data twice",)),
     Spoiling("one row in 100 wild", lambda log: wild(log, 0.01), ("robust", "--max-error")),
     Spoiling("fast rows lost", lambda log: dropped(log, 0.3), NOT_ALIKE),
+    Spoiling("converted to rad and m twice", tiny, ("converted twice",)),
+    Spoiling("gaps of 3 s filled by lines", lambda log: filled(log, 0.2), ("straight lines",)),
+    Spoiling("gaps of 3 s filled with commands", lambda log: filled(log, 0.1, True), ("commands themselves",)),
     Spoiling("steps of 0.5 deg or mm", lambda log: coarse(log, 0.5), ("come in steps",)),
     Spoiling("slack cut out", lambda log: slack_cut(log, 0.85), NOT_ALIKE),
     *(Spoiling(f"{s:.0%} of rows withheld singly", lambda log, s=s: withheld(log, s), NOT_ALIKE) for s in (0.1, 0.3)),

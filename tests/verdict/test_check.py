@@ -102,3 +102,13 @@ def test_a_recording_without_measurements_is_judged_by_its_commands() -> None:
 @pytest.mark.parametrize("factor", [0.9, 1.1])
 def test_a_scale_that_cables_may_have_passes(factor: float) -> None:
     assert not any(f.refuses for f in findings_of(scaled(recording(), MEASURED, [4], factor)))
+
+
+@pytest.mark.parametrize(("joints", "told"), [([0, 1, 3, 4], ("J1", "J2", "J4", "J5")), ([2], ("J3",)), ([0, 1], ())])
+def test_numbers_that_were_converted_twice_are_told_before_errors_look_as_small(joints: list[int], told: tuple) -> None:
+    log, factors = recording(), np.ones(5)
+    factors[joints] = [{"rad": np.pi / 180.0, "m": 1e-3}[log.joint_units[j]] for j in joints]
+    tiny = replace(log, q_nominal=log.q_nominal * factors, q_encoder=log.q_encoder * factors)
+    named = [each for each in findings_of(tiny) if "converted twice" in str(each)]
+    assert [each.joints for each in named] == ([told] if told else [])
+    assert not any(each.refuses for each in named)

@@ -1,5 +1,6 @@
 """Stuck encoders and slack, over every container that a recording may come in."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +15,12 @@ from catenary.calibration.fit_recordings import fit_logs
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import Quantity, RecordingMapping
 from catenary.recording.logs import Reading, read_recording
+from catenary.recording.mend import Mend
 from catenary.verdict.check import findings_of
+from catenary.verdict.sensors import filled_findings
+from hysteretic_arm import recording as hysteretic
 from tests.lab_bags import JOINT_STATE, joint_state, write_bag
+from tests.truth.spoilings import filled
 
 NAMES = ("a", "b")
 STEP = 0.02  # [s]
@@ -173,3 +178,23 @@ def test_single_rows_that_somebody_took_out_are_told_by_stamps_and_motion(way: s
         "w", ("a", "b", "c"), ("rad",) * 3, q[kept], np.ones(kept.sum(), dtype=bool), (q + error)[kept], time=t[kept]
     )
     assert any(each.name == "missing" for each in findings_of(log)) is (way == "worst")
+
+
+@pytest.mark.parametrize(("by_commands", "says"), [(False, "straight lines"), (True, "commands themselves")])
+def test_gaps_that_somebody_filled_are_told_and_left_out_by_the_remedy(by_commands: bool, says: str) -> None:
+    log = filled(hysteretic(), 0.1, by_commands)
+    (told,) = [each for each in findings_of(log) if each.name == "filled"]
+    assert (says in told.says, told.refuses) == (True, False)
+    mended = Mend(leave_out=(told.remedy.split()[1],))(log)
+    touched = (log.q_encoder != hysteretic().q_encoder).all(axis=1)
+    assert (touched & mended.ok).sum() <= 0.1 * touched.sum()
+    assert not any(each.name == "filled" for each in findings_of(mended))
+
+
+@pytest.mark.parametrize("seen", [lambda q: q, lambda q: np.round(q / COUNT) * COUNT, np.sin, behind_slack])
+def test_smooth_motion_without_noise_is_not_taken_for_filled_gaps(seen: Callable[[Floats], Floats]) -> None:
+    t = 1e-3 * np.arange(20_000)[:, None]
+    q = np.sin(t * [0.3, 0.5])  # hardly bent from row to row
+    commands = np.round(q / 1e-4) * 1e-4
+    log = MotionLog("smooth", NAMES, ("rad", "rad"), commands, np.ones(len(t), dtype=bool), 0.9 * seen(q), t[:, 0])
+    assert filled_findings(log) == []

@@ -34,7 +34,7 @@ class TrainingSource:
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
     beyond: Mapping[str, int] = field(default_factory=dict)  # by joint, rows dropped for its error
-    runs: tuple[str, ...] = ()  # hashes of the recordings in it, as of `MotionLog.runs`
+    marks: tuple[str, ...] = ()  # hashes of some rows, as of `MotionLog.marks`
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def _usable_rows(
     source = TrainingSource(
         name=log.name,
         sha256=log.sha256,
-        runs=log.runs,
+        marks=log.marks,
         rows=len(q),
         without_truth=int((~ok).sum()),
         incomplete=int((ok & ~complete).sum()),

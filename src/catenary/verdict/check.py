@@ -19,13 +19,20 @@ from catenary.verdict.finding import Finding, judge, require_names
 from catenary.verdict.levels import leap_findings, turn_findings
 from catenary.verdict.out_of_step import delay_findings
 from catenary.verdict.pairs import Pairs, pairs_of
-from catenary.verdict.sensors import coarse_findings, missing_findings, outlier_findings, sensor_findings, zero_findings
+from catenary.verdict.sensors import (
+    coarse_findings,
+    filled_findings,
+    missing_findings,
+    outlier_findings,
+    sensor_findings,
+    zero_findings,
+)
 from catenary.verdict.stamps import arrival_findings, stamp_findings
-from catenary.verdict.units_and_scale import range_findings, slope_findings, trained_findings
+from catenary.verdict.units_and_scale import range_findings, slope_findings, tiny_findings, trained_findings
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
-REPEATED_ROWS = 20  # of motion, that no other minutes repeat to the last bit
+REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 
 
 def findings_of(
@@ -47,14 +54,14 @@ def findings_of(
             within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
         log = replace(log, ok=log.ok & within)
     ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
-    findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges]
+    findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
         findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
         delay = next((each.delay for each in findings if each.delay is not None), None)
         findings += arrival_findings(log, delay) + zero_findings(log)
         if not any(each.refuses for each in findings):  # what is wrong everywhere is far from the rest somewhere
-            findings += [*outlier_findings(log), *coarse_findings(pairs), *missing_findings(log)]
+            findings += [*outlier_findings(log), *coarse_findings(pairs), *filled_findings(log), *missing_findings(log)]
     return tuple(sorted(findings, key=lambda each: not each.refuses))
 
 
@@ -128,17 +135,17 @@ def verdict(
 
 
 def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
-    """Refuse tests of which rows were trained on, to the last bit, whatever their file is called.
+    """Refuse tests of which rows were trained on, to seven digits, whatever their file is called.
 
     Returns:
         Notes on those that were accepted.
     """
     found = []
     for log in test:
-        own = _rows(log)
+        own = np.unique(log.row_hashes[log.ok])
         for other in train:
-            same = sum(row in own for row in set(_rows(other)))
-            if own and same > MOST_SHARED * len(own):
+            same = len(np.intersect1d(own, other.row_hashes[other.ok]))
+            if same > MOST_SHARED * len(own):
                 says = f'{same} of its {len(own)} measured rows are in "{other.name}", which is trained on'
                 culprit = "one recording copied, cut or renamed"
                 found.append((log.name, Finding("tested", (), says, culprit)))
@@ -146,14 +153,13 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
 
 
 def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
-    """Note minutes that are in the data twice, to the last bit: a fit then sees blocks that are left out."""
+    """Note minutes that are in the data twice, to seven digits: a fit then sees blocks that are left out."""
     hashes, where = [], []
     for number, log in enumerate(logs):
         if log.q_encoder is not None:
-            rows = np.ascontiguousarray(np.hstack([log.q_nominal, log.q_encoder])[log.ok])
-            rows = rows[np.r_[True, (np.diff(rows, axis=0) != 0.0).any(axis=1)]] if len(rows) else rows
-            factors = np.random.default_rng(0).integers(1, 2**63, rows.shape[1] + REPEATED_ROWS, dtype=np.uint64)
-            of_row = (rows.view(np.uint64) * factors[REPEATED_ROWS:]).sum(axis=1, dtype=np.uint64)
+            of_row = log.row_hashes[log.ok]
+            of_row = of_row[np.diff(of_row, prepend=np.uint64(0)) != 0]
+            factors = np.random.default_rng(0).integers(1, 2**63, REPEATED_ROWS, dtype=np.uint64)
             count = max(0, len(of_row) - REPEATED_ROWS + 1)
             stretches = sum(
                 (of_row[k : k + count] * factors[k] for k in range(REPEATED_ROWS)), np.zeros(count, np.uint64)
@@ -170,17 +176,8 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     for number, log in enumerate(logs):
         share = float(again[numbers == number].mean()) if (numbers == number).any() else 0.0
         if share > MOST_SHARED:
-            says = (
-                f"{share:.0%} of its motion is in the data twice, to the last bit: errors on blocks are no test of it"
-            )
+            says = f"{share:.0%} of its motion is in the data twice, digit by digit: errors on blocks are no test of it"
             found.append(
                 (log.name, Finding("twice", (), says, "one recording copied, or joined to itself", refuses=False))
             )
     return found
-
-
-def _rows(log: MotionLog) -> set[bytes]:
-    """Return commands and measurements of the trusted rows as bytes."""
-    if log.q_encoder is None:
-        return set()
-    return {row.tobytes() for row in np.hstack([log.q_nominal, log.q_encoder])[log.ok]}

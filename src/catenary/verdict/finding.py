@@ -25,6 +25,7 @@ NAMES = {
     "clock": "two clocks that run apart, or rows that one of the two lost",
     "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
     "stuck": "a measurement that stands still while its joint is moved",
+    "filled": "measurements that were interpolated, or filled in with commands",
     "coarse": "measurements in coarse steps",
     "missing": "rows without a measurement that are not like the others",
     "zeros": "rows of zeros marked as measured",

@@ -1,5 +1,7 @@
 """Did the sensors measure? Stuck encoders, rows of zeros, single wild measurements."""
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +28,6 @@ MOST_SHOWN, MOST_MENDED = 4, 40  # stretches that a message lists, and that its 
 # of the rows that repeat all of the last measurement, and of what a command moves in the others: encoders repeat
 # themselves where the arm is slow, a slow sensor's last reading is repeated at any speed
 HELD, AS_FAST = 0.1, 0.5
-MOST_LEVELS = 0.2  # different numbers over rows, from which on a measurement is on no grid
 COARSE = 0.05  # [deg, mm] RMS of rounding that is worth a word
 MISSING = 0.03  # of the rows without a measurement: fewer hide little
 SHARP = 1.2  # times what 95 % lie below, the largest errors, mean of joints: 1.01 to 1.2 where cut, else 1.22 and more
@@ -35,6 +36,9 @@ ABSENT = 1.75  # usual steps between stamps, from which on rows are absent betwe
 SMOOTH = 0.5  # share of the way between rows that these may be off a straight line, for absent ones to lie there
 TINY = 1e-6  # [rad, m] of a command that is not zero
 CATCHES_UP = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack
+ON_LINE = (1e-6, 1e-11)  # [rad, m] within which three rows lie on a line: of six digits or single precision, of double
+OFF_LINE = 100.0  # times as far that the median of other rows lies off: noise-free motion is bent evenly
+FILLED, FEWEST_FILLED = 0.03, 2  # share of the rows that were filled in, and rows of a gap: one alone lies so by chance
 
 
 def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
@@ -81,6 +85,40 @@ def _held(pairs: Pairs) -> list[Finding]:
     )
     culprit = "a sensor slower than the recorder, whose last reading was written again"
     return [Finding("stuck", (), says, culprit, refuses=False)]
+
+
+def filled_findings(log: MotionLog) -> list[Finding]:
+    """Note measurements on straight lines between others, or equal to commands that bend: gaps that somebody filled."""
+    rows = np.flatnonzero(log.ok)
+    if log.q_encoder is None or len(rows) < WINDOWS[0]:
+        return []
+    q, m = log.q_nominal[rows], log.q_encoder[rows]
+    fine = [j for j, x in enumerate(m.T) if _step_of(x) is None]  # on a grid, three rows lie on lines often
+    stamps = [rows.astype(float), *([] if log.time is None else [log.time[rows]])]
+    moves = np.abs(m[2:, fine] - m[:-2, fine]).max(axis=1, initial=0.0)
+    ways = [("are on straight lines between others", _off_lines(m[:, fine], at), _off_lines(q, at)) for at in stamps]
+    ways += [("are the commands themselves", np.abs(m - q)[1:-1, fine], _off_lines(q, at)) for at in stamps[:1]]
+    for (what, off, bent), line in itertools.product(ways, ON_LINE):
+        away = off.max(axis=1, initial=0.0)
+        on, bends = (away <= line) & (moves > 10.0 * line), bent.max(axis=1) > 10.0 * line
+        stretches = [(a, b) for a, b in _stretches(on) if b - a >= FEWEST_FILLED and bends[a:b].any()]
+        count = sum(b - a for a, b in stretches)
+        if count > FILLED * len(on) and np.median(np.r_[0.0, away[away > line]]) > OFF_LINE * line:
+            says = (
+                f"{count} of {len(rows)} measurements {what}, while the commands bend; expected ok to be set "
+                "where something was measured: errors printed here hold these rows too"
+            )
+            culprit = "gaps filled by interpolation or with commands, or a slower sensor's readings up-sampled"
+            remedy = f"--leave-out {','.join(f'{rows[a + 1]}:{rows[b] + 1}' for a, b in stretches)}"
+            return [Finding("filled", (), says, culprit, remedy * (len(stretches) <= MOST_MENDED), refuses=False)]
+    return []
+
+
+def _off_lines(x: Floats, at: Floats) -> Floats:
+    """Return how far rows lie off the lines between their neighbours, (N - 2, n)."""
+    whole = at[2:] - at[:-2]
+    share = np.divide(at[1:-1] - at[:-2], whole, out=np.full(len(whole), np.nan), where=whole > 0.0)[:, None]
+    return np.asarray(np.abs(x[1:-1] - (1.0 - share) * x[:-2] - share * x[2:]))
 
 
 def _stuck(pairs: Pairs, joints: list[int], still: NDArray[np.bool_]) -> Finding:
@@ -134,16 +172,19 @@ def _frozen(command: Floats, measured: Floats, least: float) -> NDArray[np.bool_
     return frozen
 
 
+def _step_of(x: Floats) -> float | None:
+    """Return the step of numbers on a grid, such as an encoder's count; None of others."""
+    steps = np.diff(np.unique(np.round(x, 9)))
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return step if step and (np.abs(steps / step - np.round(steps / step)) < 0.01).mean() > 0.99 else None
+
+
 def coarse_findings(pairs: Pairs) -> list[Finding]:
     """Note measurements in steps so coarse that errors are those of rounding."""
     findings = []
     for i, name in enumerate(pairs.names):
-        steps = np.diff(np.unique(np.round(pairs.m[:, i], 9)))
-        if not len(steps) or len(steps) > MOST_LEVELS * len(pairs.m):
-            continue
-        step = float(np.median(steps))
-        on_grid = np.abs(steps / step - np.round(steps / step)) < 0.01
-        if step / np.sqrt(12.0) > COARSE and on_grid.mean() > 0.99:
+        step = _step_of(pairs.m[:, i])
+        if step is not None and step / np.sqrt(12.0) > COARSE:
             says = (
                 f"measurements come in steps of {step:.3g} {pairs.unit(i)}: rounding alone makes errors of "
                 f"{step / np.sqrt(12.0):.2g} {pairs.unit(i)} RMS, which every error printed here holds"

@@ -29,6 +29,7 @@ SPOKEN = {
     "cm": "centimetres",
     "mdeg": "metres times 180/pi (as RAVEN-II's firmware writes every joint)",
 }
+TINY = {"rad": 2.0 * np.pi / np.rad2deg(1.0), "m": 2e-3}  # a turn and two metres, converted twice
 BEYOND = 5.0  # times half the trained range about its middle: a test rarely goes there, degrees and mm nearly always
 WITHIN = 2.0  # the same of what it becomes in the other unit
 
@@ -121,6 +122,19 @@ def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Find
         kin = {log.joint_units[i]: name for i, name in units.items()}
         units |= {j: kin[unit] for j, unit in enumerate(log.joint_units) if unit in kin}
     return _beyond(log, beyond, units, (low, high), "expected")
+
+
+def tiny_findings(log: MotionLog) -> list[Finding]:
+    """Note positions that hardly leave zero: angles in rad that somebody took for degrees, metres for millimetres."""
+    reach, moved = np.abs(_reached(log)).max(axis=0), np.ptp(log.q_nominal, axis=0) > 0.0
+    found = []
+    for kind, most in TINY.items():
+        joints = np.flatnonzero(moved & (np.array(log.joint_units) == kind))
+        if len(joints) and (reach[joints] < most).all():
+            says = f"all that moves stays within {reach[joints].max():.2g} {kind} of zero; expected more of an arm"
+            culprit = "numbers converted twice: errors printed here are then as many times too small"
+            found.append(Finding("units", tuple(log.joint_names[j] for j in joints), says, culprit, refuses=False))
+    return found
 
 
 def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Finding]:

@@ -93,7 +93,7 @@ class HeldAgainst:
         data = calibration_data(self.logs, self.model.features, max_error=self.limits)
         seen = tuple(log.name for log in self.logs if log.is_among(self.card["data"]))
         notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
-        notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
+        notes += [f"{name}: the model was fitted to rows of this recording; its error is no test" for name in seen]
         found = evaluate(self.model, data, window=window)
         return EvaluationResult(self.model, self.card, found, (*notes, *warnings_of(found)), seen)
 

@@ -69,7 +69,7 @@ def dataset(
 def test_the_whole_dataset_and_its_episodes_are_known_by_the_same_hashes(tmp_path: Path) -> None:
     path, mapping = dataset(tmp_path / "pusht", lengths=(60, 100)), ["q_nominal=observation.state@rad"]
     whole = import_recording(path, mapping)
-    known = [{"sha256": whole.sha256, "runs": whole.runs}]
+    known = [{"sha256": whole.sha256, "marks": whole.marks}]
     assert all(import_recording(path / str(episode), mapping).is_among(known) for episode in range(len(whole.starts)))
 
 
