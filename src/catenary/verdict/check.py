@@ -149,8 +149,9 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     """Note minutes that are in the data twice, to the last bit: a fit then sees blocks that are left out."""
     hashes, where = [], []
     for number, log in enumerate(logs):
-        if log.q_encoder is not None:
-            rows = np.ascontiguousarray(np.hstack([log.q_nominal, log.q_encoder])[log.ok])
+        measured = log.q_encoder if log.q_encoder is not None else log.tau
+        if measured is not None:
+            rows = np.ascontiguousarray(np.hstack([log.q_nominal, measured])[log.ok])
             rows = rows[np.r_[True, (np.diff(rows, axis=0) != 0.0).any(axis=1)]] if len(rows) else rows
             factors = np.random.default_rng(0).integers(1, 2**63, rows.shape[1] + REPEATED_ROWS, dtype=np.uint64)
             of_row = (rows.view(np.uint64) * factors[REPEATED_ROWS:]).sum(axis=1, dtype=np.uint64)
@@ -170,9 +171,7 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     for number, log in enumerate(logs):
         share = float(again[numbers == number].mean()) if (numbers == number).any() else 0.0
         if share > MOST_SHARED:
-            says = (
-                f"{share:.0%} of its motion is in the data twice, to the last bit: errors on blocks are no test of it"
-            )
+            says = f"{share:.0%} of its motion is in the data twice, to the last bit: it is no test of a fit to it"
             found.append(
                 (log.name, Finding("twice", (), says, "one recording copied, or joined to itself", refuses=False))
             )
