@@ -90,12 +90,10 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
     at = few.time[np.searchsorted(along, EDGES[max(0, shape - (way == "zero"))])]
     size = f"{sizes[place]:+.2g} {TORQUE_UNIT[result.model.joint_units[axis]]}"
     says, culprit = {
-        "zero": (f"the zero of its torque leaps by {size}", "a sensor zeroed anew, or something that pushes"),
+        "zero": (f"the zero of its torque {'drifts' if drifts else 'leaps'} by {size}", "a sensor, or a push"),
         "sign": ("the sign of its torque turns", "a drive or a recorder that was set up anew"),
         "load": (f"the load on {result.model.tip} changes", "something taken up, put down or touched"),
     }[way]
-    if drifts:
-        says, culprit = f"the zero of its torque drifts by {size}", "a sensor that warms"
     where = "along the recording" if drifts else f"at about {at:.3g} s"
     says = f"{says} {where}: what is printed is a mean of before and after"
     joints = () if way == "load" else (result.model.joint_names[axis],)
