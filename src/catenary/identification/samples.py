@@ -28,6 +28,7 @@ from catenary.verdict.units_and_scale import LARGEST, limits_of
 FAITHFUL = 0.5  # least correlation of a velocity with the derivative of its position
 MOVING = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
 SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
+CLOSE, ALIKE, OTHER = 0.99, 0.02, 0.03  # correlation, spread and distance from 1 of slopes that stamps make; real 0.012
 
 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
@@ -48,8 +49,8 @@ def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
     return log
 
 
-def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> None:
-    """Refuse velocities that are not those of the positions.
+def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> tuple[str, ...]:
+    """Refuse velocities that are not those of the positions; note those that are all faster or slower by one factor.
 
     Args:
         derivative: (N, n) derivative of the positions.
@@ -62,6 +63,7 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
     moving = (size > least) & (given_size > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = own.T @ given / size[:, None] / given_size
+        slopes = np.sum(own * given, axis=0) / size**2
     for i in np.flatnonzero(moving):
         name = model.joint_names[i]
         if correlation[i, i] < FAITHFUL:
@@ -73,13 +75,17 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
                 f"{where}: the velocity of joint {name} is not the derivative of its position "
                 f"(correlation {correlation[i, i]:.2f}){hint}"
             )
-        slope = float(own[:, i] @ given[:, i] / size[i] ** 2)
+        slope = slopes[i]
         if not SLOPES[0] < slope < SLOPES[1]:
             degrees = abs(slope / np.rad2deg(1.0) - 1.0) < 0.3
             hint = "degrees per second?" if degrees else "another unit, or another sampling rate than stated?"
             raise InputError(
                 f"{where}: the velocity of joint {name} is {slope:.3g} times the derivative of its position: {hint}"
             )
+    same = slopes[moving & (np.diag(correlation) > CLOSE)]
+    if len(same) < 2 or np.ptp(same) > ALIKE or abs(np.median(same) - 1.0) < OTHER:
+        return ()
+    return (f"velocities are {np.median(same):.3g} times the derivatives of positions: is the time or the rate wrong?",)
 
 
 UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
@@ -199,19 +205,19 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
             f"which needs {least} (order {settings.order}, {cut} samples cut at each end)"
         )
     rows = {key: np.concatenate([part[key][cut : len(part[key]) - cut] for part in parts]) for key in parts[0]}
+    recorded, made = sum(part.stop - part.start for part, _, _ in used), sum(len(even) for _, even, _ in used)
+    told = _told(len(stretches) - len(used), gaps, (len(log), recorded, made, len(rows["q"])))
     if log.qd is not None:
-        check_rates(f'recording "{log.name}"', model, rows["derivative"], rows["qd"])
+        told += check_rates(f'recording "{log.name}"', model, rows["derivative"], rows["qd"])
     q, qdd, time = rows["q"], rows["qdd"], rows["time"]
     known = known_torque(actuation, q) + known_rotors(model, options) * qdd
     rate = 1.0 / float(np.median(np.diff(time)))
     sections = _filter(settings, 2.0 * used[0][2] * settings.cutoff_hz)
     history = FrictionHistory(tuple((part["q"], part["qd"]) for part in parts), cut, sections, np.arange(len(q)))
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
-    recorded, made = sum(part.stop - part.start for part, _, _ in used), sum(len(even) for _, even, _ in used)
     return Samples(
         log.name, q, rows["qd"], qdd, rows["tau"] - known, known, time, independent, gravity=rows.get("gravity"),
-        base=rows.get("base"), history=history,
-        notes=_told(len(stretches) - len(used), gaps, (len(log), recorded, made, len(q))),
+        base=rows.get("base"), history=history, notes=told,
     )  # fmt: skip
 
 

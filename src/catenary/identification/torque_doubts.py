@@ -13,6 +13,7 @@ from catenary.identification.identification import Identification
 from catenary.identification.least_squares import solve, triangles
 from catenary.identification.mounting import mounting_finding
 from catenary.identification.samples import Samples
+from catenary.identification.torque_course import course_findings
 from catenary.verdict.finding import Finding
 
 # Friction of real arms takes 8 to 170 % of a recording's mean torque times its mean speed, 2 to 70 standard deviations
@@ -31,7 +32,7 @@ RATIO = (0.4, 2.5)  # of a torque to the model's own: assumed masses are wrong b
 def torque_findings(
     result: Identification, samples: Samples, *, fitted: bool, may_carry: bool = False
 ) -> list[Finding]:
-    """Find torques under another gravity, of the wrong sign, of swapped axes, or in another unit.
+    """Find torques under another gravity, of the wrong sign, of swapped axes, in another unit; late ones are noted.
 
     Args:
         result: What was identified; where the recording was fitted, by a free fit: friction of a wrong sign tells.
@@ -82,7 +83,7 @@ def torque_findings(
         # torques that fit together, of which friction brakes none, are all counted the other way
         turned = set(range(result.model.n)) if len(driven) > 1 and not braked else driven
     turned |= against
-    return findings + [
+    findings += [
         Finding(
             "sign",
             (result.model.joint_names[i],),
@@ -93,6 +94,7 @@ def torque_findings(
         )
         for i in sorted(turned)
     ]
+    return findings or course_findings(result, samples)
 
 
 def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], set[int]]:

@@ -156,7 +156,7 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     """Note minutes that are in the data twice, to seven digits: a fit then sees blocks that are left out."""
     hashes, where = [], []
     for number, log in enumerate(logs):
-        if log.q_encoder is not None:
+        if log.q_encoder is not None or log.tau is not None:
             of_row = log.row_hashes[log.ok]
             of_row = of_row[np.diff(of_row, prepend=np.uint64(0)) != 0]
             factors = np.random.default_rng(0).integers(1, 2**63, REPEATED_ROWS, dtype=np.uint64)
@@ -176,7 +176,7 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     for number, log in enumerate(logs):
         share = float(again[numbers == number].mean()) if (numbers == number).any() else 0.0
         if share > MOST_SHARED:
-            says = f"{share:.0%} of its motion is in the data twice, digit by digit: errors on blocks are no test of it"
+            says = f"{share:.0%} of its motion is in the data twice, digit by digit: it is no test of a fit to it"
             found.append(
                 (log.name, Finding("twice", (), says, "one recording copied, or joined to itself", refuses=False))
             )

@@ -25,6 +25,7 @@ from catenary.recording.logs import Reading, read_torque_recording
 from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from catenary.verdict.check import repeated_findings
 from catenary.verdict.finding import judge, require_names
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.external_torque import ExternalTorques, external_torques
@@ -97,6 +98,7 @@ def identify_files(
         read = [part_of(log, rows) for log in read]
     require_names(accept)
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
+    stamps += repeated_findings((*read, *read_tests))
     gains, weighed = None, list[Samples]()
     if reading is not None and reading.currents and (model.actuation is None or model.actuation.effort_scale is None):
         if load is None:
