@@ -120,7 +120,7 @@ def fit(
     report: Path | None = REPORT,
     as_json: bool = AS_JSON,
 ) -> None:
-    """Fit a calibration model and print its error on unseen data.
+    """Fit a calibration model; print its error on other data.
 
     Example: catenary fit run1.npz --out arm.npz
     """

@@ -127,7 +127,7 @@ def identify_cable(
     accept: Sequence[str] = ACCEPT,
     as_json: bool = AS_JSON,
 ) -> None:
-    """Find friction, stiffness and hysteresis of each joint's cable.
+    """Find friction and stiffness of each joint's cable.
 
     From reversals, with 95 % intervals; best one joint at a time, at 100 Hz or more, with several speeds. Without an
     encoder at the joints, friction alone.
