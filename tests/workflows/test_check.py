@@ -63,6 +63,13 @@ def test_findings_of_a_recording(changes: dict[str, Any], faults: list[str], rem
         assert all(map(str.startswith, said, expected or []))
 
 
+def test_the_verdict_names_a_doubt_that_is_no_fault() -> None:
+    leapt = ARRAYS["q_act"] + np.outer(np.arange(len(ARRAYS["q_act"])) >= 200, [0.04, 0.0, 0.0])
+    found = check_recording(replace(LOG, q_encoder=leapt))
+    assert found.faults == []
+    assert found.verdict.startswith("in doubt: jump of J1; otherwise nothing wrong found")
+
+
 def test_readings_of_an_inertial_unit_are_no_failed_import(tmp_path: Path) -> None:
     rows = np.column_stack([0.01 * np.arange(50), np.tile([0.0, 0.0, 9.8, 0.0, 0.0, 0.0], (50, 1))])
     np.savetxt(tmp_path / "imu.csv", rows, delimiter=",", header="time,ax,ay,az,gx,gy,gz", comments="")

@@ -16,6 +16,7 @@ ROWS = 18  # of a screen of 24, that facts, joints, faults and remarks of two ro
 LONGEST = 170  # letters of a remark on it
 Line = tuple[str, str]  # what a fact is called, and what it says
 SOUND = "nothing wrong found"
+DOUBTS = ("jump", "drift", "filled", "missing", "units")  # notes by which errors are those of something else
 
 
 @dataclass
@@ -41,7 +42,10 @@ class FileReport:
     @property
     def verdict(self) -> str:
         """What it comes to, in a sentence."""
-        return f"{len(self.faults)} fault(s) found" if self.faults else self.sound
+        if self.faults:
+            return f"{len(self.faults)} fault(s) found"
+        doubted = [" of ".join(filter(None, (x.name, ", ".join(x.joints)))) for x in self.findings if x.name in DOUBTS]
+        return f"in doubt: {', '.join(doubted)}; otherwise {self.sound}" if doubted else self.sound
 
     @property
     def shown_remarks(self) -> list[str]:
