@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from catenary.reports.page import Table
+from catenary.simulation.cable_parameters import RAVEN2
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,7 +117,7 @@ LOADED = (
 @functools.cache
 def robots_digest(named: frozenset[str] = frozenset()) -> str:
     """Return a digest of data files on which results depend: robots of LOADED, those named, and mechanics."""
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(RAVEN2.encode())
     counted = {f"{name}.toml" for name in (*LOADED, *named)}
     for room in ("robots", "simulation"):
         for entry in sorted((files("catenary") / room / "data").iterdir(), key=lambda each: each.name):

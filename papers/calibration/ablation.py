@@ -75,9 +75,11 @@ def feature_errors(
         and signal in `shuffled` the RMSE with that signal's rows shuffled.
     """
     columns = () if set(FEATURES[features]) <= set(SIXTEEN) else ("all",)
-    plant = recordings.homed(seed)
-    train = recordings.calibration_log(plant, recordings.draws(seed, 70, 0), sparsities=sparsities, columns=columns)
-    test = recordings.random_log(plant, recordings.draws(seed, 70, 1), test_seconds, columns=columns)
+    plant, beside = recordings.homed(seed), recordings.homed(seed, side="right") if columns else None
+    train = recordings.calibration_log(
+        plant, recordings.draws(seed, 70, 0), sparsities=sparsities, columns=columns, beside=beside
+    )
+    test = recordings.random_log(plant, recordings.draws(seed, 70, 1), test_seconds, columns=columns, beside=beside)
     found: dict[str, object] = {}
     shuffled: dict[str, dict[str, list[float]]] = {}
     for name in MODELS:

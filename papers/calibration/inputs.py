@@ -3,8 +3,8 @@
 Section IV-C lists what the robot state holds: operating status, encoder values and offsets, motor and joint positions
 and velocities, the desired ones, tip pose and desired pose, current commands, torques, Jacobian velocity and force. Of
 one arm that is 122 numbers, the time stamp among them; the paper counts 138, and does not say which the other 16 are.
-Here they are the other arm's joint positions and torques: constants, as that arm is parked, which cost parameters and
-tell nothing. The robot's `dt` stands in the stamp's place, which is beyond all training in every test.
+Here they are the other arm's joint positions and torques, which hold a setpoint meanwhile and tell nothing. The robot's
+`dt` stands in the stamp's place, which in an hour's test goes beyond all training.
 """
 
 from catenary.raven2.topics import AXES

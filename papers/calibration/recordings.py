@@ -42,14 +42,14 @@ METHODS = {
 }
 
 
-def homed(seed: int | None, *, arm: CableArm | None = None, payload: float = 0.0) -> CablePlant:
+def homed(seed: int | None, *, arm: CableArm | None = None, payload: float = 0.0, side: str = "left") -> CablePlant:
     """Return a simulated robot, homed.
 
     Args:
         arm: Its numbers, of which `seed` then draws; the package's when None.
         payload: At the tool's wrist [kg].
     """
-    plant = CablePlant(arm, seed=seed, start=START, substeps=1, payload=payload)
+    plant = CablePlant(arm, side=side, seed=seed, start=START, substeps=1, payload=payload)
     plant.home()
     return plant
 
@@ -66,16 +66,22 @@ def calibration_log(
     sparsities: Sequence[float] = SPARSITIES,
     *,
     columns: Sequence[str] = (),
+    beside: CablePlant | None = None,
 ) -> MotionLog:
     """Record the zig-zags of a direction, one sparsity after the other."""
-    return record_simulated(plant, zigzag(direction, sparsities), "zigzag", rng, columns=columns)
+    return record_simulated(plant, zigzag(direction, sparsities), "zigzag", rng, columns=columns, beside=beside)
 
 
 def random_log(
-    plant: CablePlant, rng: np.random.Generator, seconds: float = TEST_SECONDS, *, columns: Sequence[str] = ()
+    plant: CablePlant,
+    rng: np.random.Generator,
+    seconds: float = TEST_SECONDS,
+    *,
+    columns: Sequence[str] = (),
+    beside: CablePlant | None = None,
 ) -> MotionLog:
     """Record independent random motion of every joint."""
-    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns)
+    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns, beside=beside)
 
 
 def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:

@@ -54,19 +54,25 @@ def recorded(
     """Record a session: the zig-zags, 1/n for every n, then six hours.
 
     Args:
+        columns: Further ones of the robot's state; its other arm holds its setpoint meanwhile, and is in them.
         test_rate: [Hz] at which tests are sampled; the robot's motion does not depend on it.
     """
     number = CONDITIONS.index(condition)
     plant = homed(seed, payload=PAYLOAD if condition == "loaded" else 0.0)
+    beside = homed(seed, side="right") if columns else None
     train = {
-        n: _stamped(plant, calibration_log(plant, draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns))
+        n: _stamped(
+            calibration_log(plant, draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns, beside=beside)
+        )
         for n in zigzags
     }
 
     def motion(seconds: float, *what: int) -> MotionLog:
         rng = draws(seed, 30 + number, *what)
         path = random_sinusoids(rng, seconds)
-        return _stamped(plant, record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns))
+        return _stamped(
+            record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns, beside=beside)
+        )
 
     if condition == "idle":
         seconds = min(TEST_SECONDS, hour_seconds)
@@ -76,10 +82,9 @@ def recorded(
     return Session(train, {hour: motion(hour_seconds, hour) for hour in range(6)})
 
 
-def _stamped(plant: CablePlant, log: MotionLog) -> MotionLog:
-    """Return a recording that ended now with its rows' time since power-on, as a signal."""
-    time = np.asarray(log.time)
-    stamp = plant.time - time[-1] + time
+def _stamped(log: MotionLog) -> MotionLog:
+    """Return a recording with its rows' time since its beginning as a signal: the authors' stamps begin at 0."""
+    stamp = np.asarray(log.time) - np.asarray(log.time)[0]
     return replace(log, signals={**log.signals, STAMP: stamp}, signal_units={**log.signal_units, STAMP: "s"})
 
 

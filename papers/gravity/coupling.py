@@ -35,11 +35,10 @@ from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import RockingBase
-from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains, raven_motor_inertia
-from papers.gravity.raven_base import Z0, turned_base
+from papers.gravity.raven_base import Z0, raven_of_2014, turned_base
 
 Complexes = NDArray[np.complexfloating[Any, Any]]
 Response = Callable[[Floats], Complexes]  # of frequencies (N,) [Hz]
@@ -92,7 +91,7 @@ def held_sample(rate_hz: float, latency: float) -> Response:
 
 def raven_on(motion: str, q: ArrayLike = RAVEN_START, base_deg: float = BASE_DEG) -> Linear:
     """Return RAVEN-II at rest on a base that turns about Z0 ("turn"), or sways along its x, y or z."""
-    model, arm = load_robot("raven2"), load_cable_arm()
+    model, arm = load_robot("raven2"), raven_of_2014()
     pose, zero = np.asarray(q, dtype=float)[None], np.zeros((1, model.n))
     gains = raven_gains(arm.firmware)
     links = mass_matrix(model, pose)[0]

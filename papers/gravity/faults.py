@@ -35,7 +35,7 @@ from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
-from papers.gravity.raven_base import SHOWN, turned_base
+from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base
 from papers.kit import by_robot, grid, sample, table
 
 BASE_DEG = 20.0  # about Z0
@@ -70,7 +70,7 @@ class Start(NamedTuple):
 def ready(*, seed: int | None = None, base_deg: float = BASE_DEG, motion_seed: int = 0) -> Start:
     """Home a robot on a tilted base and bring it to the motion's start."""
     base = turned_base(base_deg)
-    plant = CablePlant(seed=seed, base=base)
+    plant = CablePlant(raven_of_2014(), seed=seed, base=base)
     plant.home()
     arm = raven_arm(plant)
     begin = _motion(motion_seed, SECONDS)(0.0).q

@@ -15,11 +15,11 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.pd import Damping
-from catenary.simulation.cable_parameters import CableArm, load_cable_arm
+from catenary.simulation.cable_parameters import CableArm
 from papers.claims import Missing, mean_and_spread
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import COLORS, LABELS, legend_above, panels
-from papers.gravity.raven_base import turned_base
+from papers.gravity.raven_base import raven_of_2014, turned_base
 from papers.gravity.tracking import CONTROLLERS, run_controllers
 from papers.kit import rows, sample, table
 
@@ -50,7 +50,7 @@ VARIATIONS = (
 
 def varied_joint_3(variation: Variation) -> CableArm:
     """Return the nominal robot with another joint 3."""
-    arm = load_cable_arm()
+    arm = raven_of_2014()
     only_3 = np.array([1.0, 1.0, variation.friction])
     changed: dict[str, Floats] = {name: getattr(arm.cable, name) * only_3 for name in FRICTION}
     changed["coupling"] = arm.cable.coupling * [1.0, variation.coupling, variation.coupling]

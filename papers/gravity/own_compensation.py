@@ -28,7 +28,7 @@ from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
-from papers.gravity.raven_base import SHOWN, turned_base
+from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base
 from papers.gravity.static_poses import ANGLES_DEG, POSES_DEG, QUICK_POSES_DEG, SETTLE, WATCHED, pose, stand
 from papers.kit import IN_UNITS, grid, rows, sample, table
 
@@ -50,7 +50,7 @@ def held(*, seed: int | None, angle_deg: float, poses_deg: Sequence[float]) -> R
     """
     errors = {}
     for grav_dir in (None, NOMINAL):
-        plant = CablePlant(seed=seed, base=turned_base(angle_deg), grav_dir=grav_dir)
+        plant = CablePlant(raven_of_2014(), seed=seed, base=turned_base(angle_deg), grav_dir=grav_dir)
         plant.home()
         if grav_dir is None:
             errors[PD] = _firmware(deepcopy(plant), poses_deg)

@@ -47,7 +47,7 @@ from papers.experiment import (
     run,
 )
 from papers.figures import COLORS, legend_above, panels
-from papers.gravity.raven_base import SHOWN, rocking_base, turned_base
+from papers.gravity.raven_base import SHOWN, raven_of_2014, rocking_base, turned_base
 from papers.gravity.tracking import gravity_source
 from papers.kit import IN_UNITS, UNITS, by_robot, cells, filled, grid, rows, sample, table
 
@@ -76,7 +76,7 @@ def on_cables(*, seed: int | None, angle_deg: float, seconds: float) -> Result:
         By controller the largest drift of each joint [deg, deg, mm], and "missing" [Nm, Nm, N], the gravity that SG
         does not hold at the start.
     """
-    plant = CablePlant(seed=seed, base=turned_base(angle_deg))
+    plant = CablePlant(raven_of_2014(), seed=seed, base=turned_base(angle_deg))
     plant.home()
     drift = {}
     for name in CONTROLLERS:
@@ -100,7 +100,7 @@ def rocked(*, seed: int | None, hz: float, seconds: float) -> Result:
     Returns:
         By what tells gravity the largest drift of each joint [deg, deg, mm].
     """
-    plant = CablePlant(seed=seed, base=rocking_base(hz=hz))
+    plant = CablePlant(raven_of_2014(), seed=seed, base=rocking_base(hz=hz))
     plant.home()
     drift = {}
     for name in ROCKED_BY:

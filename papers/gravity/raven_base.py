@@ -11,7 +11,14 @@ from catenary.sensing.checks import Fault
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.simulation.base_motion import MovingBase, RockingBase
+from catenary.simulation.cable_parameters import RAVEN2_STIFF, CableArm, load_cable_arm
 from catenary.simulation.sensors import SensorModel
+
+
+def raven_of_2014() -> CableArm:
+    """Return the robot of the gravity paper's experiments: joint 1's friction of 0.2 to 0.5 Nm in all."""
+    return load_cable_arm(RAVEN2_STIFF)
+
 
 SHOWN = frozen(np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0]))  # rad, rad, m to deg, deg, mm
 Z0 = frozen(np.array([0.0, -1.0, 0.0]))  # in base axes, whose z is up

@@ -33,7 +33,7 @@ from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Case, Outcomes, Result, Scope, run
-from papers.gravity.raven_base import SHOWN, turned_base
+from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base
 from papers.gravity.tracking import gravity_source
 from papers.kit import grid
 
@@ -73,7 +73,7 @@ def static(*, seed: int | None, angle_deg: float, approach: Approach, poses_deg:
         By controller, "error" [deg, deg, mm], "feedback" (the PD term) and "torque" [Nm, Nm, N], a row per pose; of
         PD also the gravity torques "sg" and "dg", calculated where it reports to stand.
     """
-    plant = CablePlant(seed=seed, base=turned_base(angle_deg))
+    plant = CablePlant(raven_of_2014(), seed=seed, base=turned_base(angle_deg))
     plant.home()
     whole = _placed(plant, poses_deg) if approach == "placed" else _driven(plant, poses_deg)
     results: dict[str, dict[str, list[list[float]]]] = {

@@ -36,7 +36,7 @@ from catenary.workflows.gravity.trials import with_approach
 from papers.claims import mean_and_spread
 from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledPicture, run
 from papers.figures import COLORS, LABELS, panels
-from papers.gravity.raven_base import Z0, TrueAttitude, turned_base
+from papers.gravity.raven_base import Z0, TrueAttitude, raven_of_2014, turned_base
 from papers.kit import filled, grid, rows, sample, table
 
 Event = Literal["reference", "tilt", "drive"]
@@ -121,7 +121,7 @@ def homed(event: Event, *, seed: int | None = None) -> CablePlant:
         base = CuedBase(turn=float(np.deg2rad(TILT_DEG)), turn_time=TILT_SECONDS)
     else:
         base = CuedBase(acceleration=ACCELERATION)
-    plant = CablePlant(seed=seed, base=base)
+    plant = CablePlant(raven_of_2014(), seed=seed, base=base)
     plant.home()
     return plant
 

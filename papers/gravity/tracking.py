@@ -36,7 +36,7 @@ from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.trials import track
 from papers.experiment import Result, run
-from papers.gravity.raven_base import ASIDE, SHOWN, TrueAttitude, ideal_sensor, rocking_base, turned_base
+from papers.gravity.raven_base import ASIDE, SHOWN, TrueAttitude, ideal_sensor, raven_of_2014, rocking_base, turned_base
 
 # the base of figure 10, and one that is rocked alike about an axis 0.32 m away; others are angles about Z0 [deg]
 ROCKING, ROCKING_ASIDE = "rocking", "rocking aside"
@@ -168,7 +168,7 @@ def run_controllers(
     Args:
         arm: Another robot than the package's, of which `seed` then draws.
     """
-    plant = CablePlant(arm, seed=seed, base=base)
+    plant = CablePlant(arm or raven_of_2014(), seed=seed, base=base)
     plant.home()
     model = raven_arm(plant).model
     sinusoids = CartesianSinusoids(model, RAVEN_START, cycles=cycles, axes=axes)

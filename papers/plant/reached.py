@@ -21,7 +21,6 @@ from papers.plant import evaluation
 from papers.plant.pd_share import BASE_ANGLES_DEG, pd_share
 from papers.plant.targets import CLOSE, JOINT_1_FRICTION, PD_SHARE_LIMIT, STATIC_SHARE_LIMIT, TARGETS, joint_1_friction
 
-ROBOT = "raven2_friction.toml"
 UNITS = "deg, deg, mm"
 DRAWN = (1, 2, 3)  # robots of the kind
 HELD_OUT = {NETWORK: published.TABLE_1["J2-J3"][NETWORK]}
@@ -30,7 +29,7 @@ ORDERS = (("fixed offset", "linear"), ("linear", NETWORK), ("polynomial", "linea
 
 
 def _arm() -> CableArm:
-    return load_cable_arm(ROBOT)
+    return load_cable_arm()
 
 
 def _plain(values: dict[str, Floats]) -> dict[str, list[float]]:

@@ -46,6 +46,7 @@ from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import legend_below, panels
+from papers.gravity.raven_base import raven_of_2014
 from papers.kit import cells, grid, rows, sample, table
 from papers.plant.evaluation import linear_model
 
@@ -99,7 +100,7 @@ def believed(model: RobotModel) -> RobotModel:
 
 def calibration(seed: int | None, sparsities: Sequence[float] = (1 / 2, 1 / 3, 1 / 4)) -> CalibrationModel:
     """Fit a linear model of the joint errors to the published zig-zag on a level base."""
-    plant = CablePlant(seed=seed, substeps=1)
+    plant = CablePlant(raven_of_2014(), seed=seed, substeps=1)
     plant.home()
     return linear_model(record_simulated(plant, zigzag("J2-J3", sparsities), "zig-zag", np.random.default_rng(7)))
 
@@ -107,7 +108,7 @@ def calibration(seed: int | None, sparsities: Sequence[float] = (1 / 2, 1 / 3, 1
 def hold_poses(base: FixedBase, count: int, seed: int, robot: int | None, model: CalibrationModel | None) -> Poses:
     """Record random poses on a base, each reached from both sides."""
     rng = np.random.default_rng(seed)
-    plant = CablePlant(seed=robot, substeps=1, base=base)
+    plant = CablePlant(raven_of_2014(), seed=robot, substeps=1, base=base)
     plant.home()
     goals = rng.uniform(LOWER, UPPER, (count, 3))
     stops = np.stack([goals - ASIDE, goals, goals + ASIDE, goals], axis=1).reshape(-1, 3)
@@ -181,7 +182,7 @@ class Held(NamedTuple):
 
 def hold_with(regressor: CompactRegressor, s: Floats, *, count: int, robot: int | None) -> Held:
     """Hold random poses with PD and the gravity of parameters s, sensed gravity, reported positions."""
-    plant = CablePlant(seed=robot, base=TEST_BASE)
+    plant = CablePlant(raven_of_2014(), seed=robot, base=TEST_BASE)
     plant.home()
     arm = raven_arm(plant)
     goals = np.random.default_rng(99).uniform(LOWER, UPPER, (count, 3))

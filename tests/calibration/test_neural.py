@@ -87,7 +87,11 @@ def assert_slopes_of(
 
 
 @pytest.mark.parametrize("activation", ["logistic", "tanh"])
-@pytest.mark.parametrize("others", [Penalties(), Penalties(0.02, 0.03, 0.04)], ids=["l2", "all"])
+@pytest.mark.parametrize(
+    "others",
+    [Penalties(), Penalties(0.02, 0.03, 0.04), Penalties(0.02, 0.03, 0.04, output=False)],
+    ids=["l2", "all", "hidden"],
+)
 def test_gradient_is_that_of_keras_loss(activation: Any, others: Penalties) -> None:
     rng = np.random.default_rng(0)
     rows, outputs, l2 = 11, 2, 0.05
@@ -101,8 +105,9 @@ def test_gradient_is_that_of_keras_loss(activation: Any, others: Penalties) -> N
             layer = 1.0 / (1.0 + np.exp(-layer)) if activation == "logistic" else np.tanh(layer)
             activity += np.sum(layer**2) / rows
         errors = layer @ network.weights[-1] + network.biases[-1] - Y
-        penalty = sum(l2 * np.sum(W**2) + others.l1 * np.sum(np.abs(W)) for W in network.weights)
-        penalty += others.bias_l2 * sum(np.sum(b**2) for b in network.biases)
+        held = slice(None if others.output else -1)
+        penalty = sum(l2 * np.sum(W**2) + others.l1 * np.sum(np.abs(W)) for W in network.weights[held])
+        penalty += others.bias_l2 * sum(np.sum(b**2) for b in network.biases[held])
         return float(np.mean(errors**2) + penalty + others.activity_l2 * activity)
 
     assert_slopes_of(loss, network, network.gradient(X, Y, l2, others), outputs)
@@ -115,7 +120,7 @@ def test_larger_network_of_the_paper_has_its_size_and_penalties(steps: list[dict
     # section II-H: 138 inputs, 600-500-400 units, 3 outputs
     assert sum(each.size for each in (*network.weights, *network.biases)) == 585_503
     assert {s["l2"] for s in steps} == {1e-4}
-    assert PAPER_LARGER.penalties == Penalties(l1=1e-5, bias_l2=1e-4, activity_l2=1e-5)
+    assert PAPER_LARGER.penalties == Penalties(l1=1e-5, bias_l2=1e-4, activity_l2=1e-5, output=False)
 
 
 @pytest.mark.parametrize("activation", ["logistic", "tanh"])

@@ -14,7 +14,9 @@ from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool,
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
 MOST = 1e12  # of any of its numbers
-RAVEN2 = "raven2.toml"  # of the package's data, the robot that is simulated when nobody names another
+# of the package's data: the robot that is simulated when nobody names another, and one of stiff cables, with the little
+# friction that Lewis and Hannaford tell of joint 1 (2014)
+RAVEN2, RAVEN2_STIFF = "raven2_friction.toml", "raven2.toml"
 Parameters = TypeVar("Parameters", bound=Record)
 
 

@@ -27,7 +27,7 @@ from catenary.robots.model import Massless, RobotModel
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import MovingBase
-from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
+from catenary.simulation.cable_parameters import CableArm, Firmware
 from catenary.simulation.cable_plant import CablePlant, PositioningArm
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.records import POSITIONING
@@ -155,10 +155,7 @@ def rigid_arm(
 
 def raven_arm(plant: CablePlant) -> SimulatedArm:
     """Return a homed RAVEN-II as an arm of three joints, with its firmware's gains and its nominal springs."""
-    nominal = load_cable_arm()
-    if plant.side == "right":
-        nominal = right_arm(nominal)
-    part, firmware, n = PositioningArm(plant), nominal.firmware, POSITIONING
+    part, firmware, n = PositioningArm(plant), plant.arm.firmware, POSITIONING
     return SimulatedArm(
         plant=part,
         model=load_robot("raven2" if plant.side == "left" else "raven2_right"),
@@ -168,8 +165,8 @@ def raven_arm(plant: CablePlant) -> SimulatedArm:
             firmware.dac_limit[:n], firmware.dac_per_ampere[:n], firmware.torque_constant[:n], firmware.ratio[:n]
         ),
         q_true=lambda: part.q_true,
-        motor_inertia=raven_motor_inertia(nominal),
-        stiffness=nominal.cable.stiffness.copy(),
+        motor_inertia=raven_motor_inertia(plant.arm),
+        stiffness=np.array(plant.arm.file.cable["stiffness"].value),
     )
 
 
