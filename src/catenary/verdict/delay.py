@@ -7,8 +7,9 @@ left unexplained, RSS_j(d), is least where the clocks agree, and one clock is co
 
     T(d) = -LOOKS/2 sum_j log RSS_j(d)
 
-LOOKS is no number of rows, whose errors are the explanation's and not noise: it is how many independent looks one joint
-is worth, set by how far joints of untouched real recordings stray. An interval is where T is within z^2/2 of its best.
+LOOKS is no number of rows, whose errors are the explanation's and not noise: it is how many independent looks a joint
+is worth, set by how far joints of untouched real recordings stray, and no more than it turns, since between turns
+a cable's slack looks like a delay. An interval is where T is within z^2/2 of its best.
 It widens by itself where joints disagree, where motion is slow, and where hysteresis explains as much.
 """
 
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
-from catenary.verdict.pairs import MOVED, play, scales
+from catenary.verdict.pairs import MOVED, play, reversals_of, scales
 
 Rows = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -138,6 +139,7 @@ class _JointLook:
         self, q: Floats, seen: Floats, t: Floats, own: int, moved: list[int], inside: Flags, block: Rows, coarse: Floats
     ) -> None:
         self.t, self.y, self.block = t, seen, block
+        self.share = min(1.0, reversals_of(q[inside, own]) / LOOKS)
         error = seen - q[:, own]
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
@@ -181,7 +183,7 @@ class _JointLook:
         n = np.maximum(np.bincount(b, minlength=BLOCKS), 1)
         squares = [self.unexplained(self.rows, d) ** 2 for d in delays]
         each = [np.r_[s.mean(), np.bincount(b, s, minlength=BLOCKS) / n] for s in squares]
-        found: Floats = np.log(np.array(each) + RESOLUTION**2)
+        found: Floats = self.share * np.log(np.array(each) + RESOLUTION**2)
         return found
 
 

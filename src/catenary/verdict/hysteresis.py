@@ -7,10 +7,9 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.verdict.delay import FEWEST_ROWS, MOST_ROWS, TRIM, Explanation
-from catenary.verdict.pairs import MOVED, play, scales
+from catenary.verdict.pairs import MOVED, reversals_of, scales
 
 RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)  # of plays, as shares of a range
-TURNS = 0.05  # share of a joint's range that it must go back by for a reversal to count
 FOLLOWS = 0.5  # share of a joint's full motion from which on it counts as following its command
 
 
@@ -66,9 +65,3 @@ def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats)
     late = int(np.argmax(follows >= FOLLOWS * follows[-1]))
     slack = 0.0 if alone >= FOLLOWS * follows[-1] else 2.0 * RADII[late] * size
     return float(2.0 * np.array(RADII) @ weights), slack
-
-
-def reversals_of(command: Floats) -> int:
-    """Return how often a command (N,) turns, by TURNS of its range or more."""
-    way = np.sign(np.diff(play(np.ascontiguousarray(command), TURNS / 2.0 * float(np.ptp(command)))))
-    return int((np.diff(way[way != 0.0]) != 0.0).sum())

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.verdict.delay import TRIM, Explanation
 from catenary.verdict.finding import Finding
-from catenary.verdict.hysteresis import RADII, reversals_of
-from catenary.verdict.pairs import Pairs, scales
+from catenary.verdict.hysteresis import RADII
+from catenary.verdict.pairs import Pairs, reversals_of, scales
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
 CLEARLY = 5.0

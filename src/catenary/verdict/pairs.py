@@ -11,6 +11,7 @@ from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 
 OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
+TURNS = 0.05  # share of a joint's range that it must go back by for a reversal to count
 MOVED = 1.0  # [deg, mm] least range of a joint that counts as moved: below it, encoders and cameras see noise
 
 
@@ -113,3 +114,9 @@ def pairs_of(log: MotionLog) -> Pairs | None:
         correlation[i, both] = product[both] / size[both] / own
         slope[i, both] = product[both] / size[both] ** 2
     return Pairs(log, q, m, likely, correlation, slope, moved, seen_moving)
+
+
+def reversals_of(command: Floats) -> int:
+    """Return how often a command (N,) turns, by TURNS of its range or more."""
+    way = np.sign(np.diff(play(np.ascontiguousarray(command), TURNS / 2.0 * float(np.ptp(command)))))
+    return int((np.diff(way[way != 0.0]) != 0.0).sum())

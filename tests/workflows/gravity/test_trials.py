@@ -11,20 +11,29 @@ from catenary.errors import InputError, LimitError
 from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
 from catenary.sensing.imu import SensedGravity
-from catenary.simulation.base_motion import FixedBase, RockingBase, SwayingBase, Wave
+from catenary.simulation.base_motion import FixedBase, MovingBase, RockingBase, SwayingBase, Wave
+from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
+from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.reference import Reference, Rest
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.motions import HOLD_START, make_motion, poses_along
-from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, raven_arm, simulated_arm
 from catenary.workflows.gravity.trials import hold, track
 
 AT = np.array([0.2, np.pi / 2, 0.40])
 
 
+def of_2014(base: MovingBase, seed: int | None = None) -> SimulatedArm:
+    """The gravity paper's robot, whose friction hides little of what gravity does."""
+    plant = CablePlant(load_cable_arm(RAVEN2_STIFF), base=base, seed=seed)
+    plant.home()
+    return raven_arm(plant)
+
+
 @pytest.fixture(scope="module")
 def tilted() -> SimulatedArm:
-    return simulated_arm("raven2", base=FixedBase(0.0, -0.35))
+    return of_2014(FixedBase(0.0, -0.35))
 
 
 def test_share_is_that_of_root_mean_squares() -> None:
@@ -109,7 +118,7 @@ POSE = (0.9, np.pi / 2, 0.40)
 
 def arm_at(angle_deg: float, seed: int | None = None) -> SimulatedArm:
     """An arm homed on a base turned about the mechanism's z0, which is the base's -y."""
-    return simulated_arm("raven2", base=FixedBase(0.0, float(-np.deg2rad(angle_deg))), seed=seed)
+    return of_2014(FixedBase(0.0, float(-np.deg2rad(angle_deg))), seed)
 
 
 def held(angle_deg: float, controller: str, seconds: float = 10.0, seed: int | None = None) -> Holding:
@@ -151,7 +160,7 @@ def test_rates_of_a_rocking_base_keep_the_arm_where_an_accelerometer_alone_does_
     rocking = RockingBase(np.deg2rad(15.0), np.deg2rad(5.0), 1.0, axis=(0.0, 1.0, 0.0))
     drift = {}
     for blind in (False, True):
-        arm = simulated_arm("raven2", base=rocking)
+        arm = of_2014(rocking)
         controller = make_hold("dg", arm)
         drift[blind] = hold(arm, WithoutRates(controller) if blind else controller, POSE, 3.0).drift[0]
     assert drift[False] < 0.25 * drift[True]
@@ -176,10 +185,17 @@ def test_joint_one_slips_where_its_reported_position_is_off_and_not_where_it_is_
     assert known < 0.01
 
 
-def test_an_arm_whose_joints_are_known_holds_by_a_cheap_sensor_on_a_base_that_rocks_far() -> None:
+@pytest.mark.parametrize(("rubs", "drift_deg"), [(False, 0.2), (True, 0.7)])
+def test_an_arm_whose_joints_are_known_holds_by_a_cheap_sensor_on_a_base_that_rocks_far(
+    rubs: bool, drift_deg: float
+) -> None:
     base = SwayingBase((Wave(np.deg2rad(45.0), 0.2, (1.0, 0.0, 0.0)),))
-    arm = simulated_arm("raven2", base=base)
-    sensor, told = base_sensor(base, start=arm.plant.measured_js().time)
-    source = SensedGravity(sensor.mailbox, told, feed=sensor.advance)
-    result = hold(arm, make_hold("dg", arm), HOLD_START, 6.0, gravity=source, calibrated=True)
-    assert np.rad2deg(result.drift[:2]).max() < 0.2  # 3.7 deg at joint 1 where its reported position is taken
+    drift = []
+    for sensed in (True, False):
+        arm = simulated_arm("raven2", base=base) if rubs else of_2014(base)
+        sensor, told = base_sensor(base, start=arm.plant.measured_js().time)
+        source = SensedGravity(sensor.mailbox, told, feed=sensor.advance) if sensed else None
+        held = hold(arm, make_hold("dg", arm), HOLD_START, 6.0, gravity=source, calibrated=True)
+        drift.append(np.rad2deg(held.drift[:2]))
+    assert drift[0].max() < drift_deg  # cables creep, more where they rub and are soft
+    assert_allclose(*drift, atol=0.1)  # true gravity holds no better

@@ -110,7 +110,7 @@ def hold(
 ) -> Holding:
     """Place an arm at q (n,) [rad|m] by PD and sensed gravity, then let the controller alone hold it for a time.
 
-    `gravity` says what gravity is; what the plant says when None. The controllers see joints as the robot reports them,
+    `gravity` says what gravity is; what the plant says when None. The controller sees joints as the robot reports them,
     or, calibrated, as they truly are.
 
     Raises:
@@ -124,8 +124,9 @@ def hold(
     placing = GravityPD(arm.model, arm.gains.kp, arm.gains.kd)
     whole, _ = with_approach(arm, Rest(pose, 0.0), SETTLE)
     limits, rate = arm.limits(), 1.0 / plant.period
+    # by reported positions always: a stiff PD law on the far side of a soft cable swings
+    run_loop(plant, placing, whole, limits=limits, rate_hz=rate, gravity=gravity)
     corrector = TruePositions(arm) if calibrated else None
-    run_loop(plant, placing, whole, limits=limits, rate_hz=rate, gravity=gravity, corrector=corrector)
     rows: list[tuple[float, Floats, Floats]] = []
 
     def observe(tick: Tick) -> None:
