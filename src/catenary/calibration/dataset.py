@@ -148,6 +148,8 @@ def calibration_data(
                 f"known, {s.dropped} beyond the error limit)"
                 for s in sources
             )
+            + "; a midline is known once its joint has turned either way: record longer"
+            * any(s.incomplete for s in sources)
         )
     return CalibrationData(
         joint_names=first.joint_names,
