@@ -20,12 +20,14 @@ from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, JointChoice, choose, composed, joined
 from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.predictors import fit_linear
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import mends_of
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
 from catenary.side_by_side import Progress, part_of, silent
+from catenary.units import DISPLAY
 from catenary.verdict.check import Passed, robot_of, verdict
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
@@ -155,6 +157,9 @@ def _concluded(
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
         spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals)
+        if options.kind == "polynomial":
+            spread, doubts = _off_path(model, data, spread)
+            notes = (*notes, *doubts)
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
     card["delays"] = [
@@ -163,6 +168,35 @@ def _concluded(
     ]
     card["left_out"] = [asdict(each) for each in left_out]
     return FitResult(model, card, data, spread, held_out, notes, choices, left_out, tuple(logs))
+
+
+def _off_path(
+    model: CalibrationModel, data: CalibrationData, spread: tuple[Spread, ...]
+) -> tuple[tuple[Spread, ...], list[str]]:
+    """Return errors that a polynomial may have off the path it learnt from, and a note where they are larger there.
+
+    A linear model of the same rows is nearly as good on the path. How far the two lie apart where inputs of different
+    rows meet, within the valid range, is what neither knows; that much more may be wrong there.
+    """
+    linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
+    met = np.column_stack([rng.permutation(column) for column in data.X.T])
+    met = met[model.inside(met).all(axis=1)]
+    if len(met) == 0:
+        return spread, []
+    here, there = (
+        np.mean((model.correction(X, data.q_nominal[: len(X)]) - linear.predict(X)) ** 2, axis=0) for X in (data.X, met)
+    )
+    apart = np.sqrt(np.maximum(there - here, 0.0)) * [DISPLAY[unit][1] for unit in data.joint_units]
+    wider, said = [], []
+    for joint, more in zip(spread, apart.tolist(), strict=True):
+        high = math.hypot(joint.rmse_high or 0.0, more)
+        wider.append(replace(joint, rmse_high=high, rmse_margin=max(joint.rmse_margin or 0.0, high)))
+        if more > (joint.rmse_high or 0.0):
+            said.append(f"{joint.joint} {more:.3g} {joint.unit}")
+    told = (
+        "where inputs meet that its training has apart, the polynomial and a linear model differ by more than it errs"
+    )
+    return tuple(wider), [f"{told}: {', '.join(said)}; record random motion, or take --model linear"] if said else []
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
