@@ -89,7 +89,7 @@ class GivenGravity:
 class ReadingOptions:
     """Options that say how a sensor's numbers come, and where it is fixed to a robot."""
 
-    # a board says its own units, and what it said would be converted twice; a simulated sensor is in SI and axes as ours
+    # a board says its own units, which would be converted twice; a simulated sensor is in SI, in axes as ours
     units: Names | None = option(
         "U[,U]", "Units of accelerometer (m/s2, cm/s2, g, mg) and gyroscope (rad/s, deg/s).", not_with=_SI
     )

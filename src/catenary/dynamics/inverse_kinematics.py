@@ -39,30 +39,23 @@ def inverse_kinematics(
     starts: int = 20,
     max_iterations: int = 300,
 ) -> Floats:
-    """Return coordinates within the joint limits that bring a frame to a pose.
+    """Return coordinates (n,) [rad or m] within the joint limits that bring a frame to a pose in the base frame [m].
 
     RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_inverse_kinematics.py). Other arms are
     searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
 
     Args:
-        model: The robot.
-        pose: Pose of the frame in the base frame [m].
         q_start: (n,) where to search from [rad or m]; the middle of the limits when None.
         frame: Name of the frame; the model's tip when None.
         match: "pose", or "position" alone; "pose" when None, but for fewer than 6 coordinates "position".
         position_tolerance: Largest distance that counts as reached [m]; the closed form needs none.
         orientation_tolerance: Largest angle that counts as reached [rad].
-        rng: Draws further starts within the limits; only the first one is tried when None.
-        starts: How many further starts.
+        rng: Draws further `starts` within the limits; only the first one is tried when None.
         max_iterations: Steps tried from each start.
-
-    Returns:
-        (n,) [rad or m].
 
     Raises:
         UnreachablePoseError: The remote centre or a joint limit refuses the pose, or the search did not reach
             it; the message says which, or how near it came.
-        InputError: An argument has another shape, range, or is not finite; no frame of that name.
     """
     target = Pose(as_rotation("pose rotation", pose.rotation), as_array("pose position", pose.position, (3,)))
     start = None if q_start is None else as_array("q_start", q_start, (model.n,))

@@ -71,9 +71,6 @@ class CablePlant(FirmwarePlant[TickLog]):
             substeps: Physics steps in 1 ms; 1 is enough for hours-long runs.
             grav_dir: Gravity that its own compensation goes by, three whole numbers [cm/s2] as the robot has them,
                 z down: (0, 0, 980) on the real one, on whatever base. No compensation of its own when None.
-
-        Raises:
-            InputError: An unknown side, a negative payload, fewer than one substep, or no such gravity.
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')
