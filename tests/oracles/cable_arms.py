@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
-from catenary.simulation.cable_parameters import RAVEN2, Cable, CableArm, load_cable_arm
+from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step, unstretched_rotors
 from catenary.simulation.cable_plant import CablePlant
 from catenary.transmission.cable_coupling import winding_of
@@ -43,7 +43,7 @@ def with_linear_cables(cable: Cable) -> Cable:
 
 
 def linear_arm() -> CableArm:
-    arm = load_cable_arm()
+    arm = load_cable_arm(RAVEN2_STIFF)
     return arm._replace(cable=with_linear_cables(arm.cable))
 
 

@@ -213,11 +213,13 @@ def test_idlers_rub_the_same_however_slowly_their_cable_slides():
 
 
 def test_idlers_out_of_round_move_the_joint_as_their_cable_winds():
-    cable = cable_arms.with_linear_cables(CABLE).replace(idler_runout=[1e-3, 0.0, 0.0], idler_turns=[8.0, 1.0, 1.0])
+    cable = cable_arms.with_linear_cables(CABLE).replace(
+        idler_runout=[1e-3, 0.0, 0.0], idler_turns=[8.0, 1.0, 1.0], idler_phase=[0.5, 0.0, 0.0]
+    )
     ratio, ends = cable.ratio[0] * (1.0 + cable.ratio_error[0]), np.empty((1, 2))
     for q in np.linspace(-1.0, 1.0, 9):
         state = cable_arms.resting_state(cable, np.array([q, *cable_arms.HOME[1:]]))
-        assert_allclose(state.rotor[0] / ratio, q - 1e-3 * np.sin(8.0 * q), atol=1e-12)
+        assert_allclose(state.rotor[0] / ratio, q - 1e-3 * np.sin(8.0 * q + 0.5), atol=1e-12)
         wind_up(cable, state, 0.0, q, ends)
         assert_allclose(ends, 0.0, atol=1e-9)  # no cable is stretched
 

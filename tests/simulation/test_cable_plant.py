@@ -106,7 +106,7 @@ def test_fewer_substeps_move_the_arm_nearly_as_more_do():
     assert (np.abs(b.q - c.q).max(axis=0) < [np.deg2rad(0.05), np.deg2rad(0.05), 1.5e-4]).all()
     # what calibration sees: where the joint is against where the robot believes it is
     difference = np.sqrt(np.mean(((a.q - a.joint[:, :3]) - (b.q - b.joint[:, :3])) ** 2, axis=0))
-    assert (difference < [np.deg2rad(0.005), np.deg2rad(0.005), 2e-5]).all()
+    assert (difference < [np.deg2rad(0.02), np.deg2rad(0.02), 2e-5]).all()
 
 
 def test_payload_pulls_with_the_gravity_torque_of_a_mass_at_the_wrist():

@@ -33,7 +33,7 @@ def test_an_arms_channels_are_its_own_and_the_parked_arms_are_zero(run) -> None:
     plant, log, telemetry = run
     arm, parked = ("gold", slice(8, 16)) if plant.side == "left" else ("green", slice(0, 8))
     for name, field in PER_AXIS.items():
-        assert_array_equal(telemetry[name][:, list(CHANNELS[arm])], getattr(log, field))
+        assert_array_equal(telemetry[name][:, list(CHANNELS[arm])], np.float32(getattr(log, field)))
         assert (telemetry[name][:, parked] == 0.0).all()
 
 

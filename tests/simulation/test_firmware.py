@@ -15,7 +15,7 @@ from catenary.nodes.serve import Serving, make_server
 from catenary.open_robot import Simulated
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
-from catenary.simulation.cable_parameters import load_cable_arm, right_arm
+from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm, right_arm
 from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import (
@@ -100,12 +100,6 @@ def test_dac_is_clipped_at_the_limits_of_the_source():
     control.mode[:] = POSITION
     control_motors(GOLD, control, np.zeros(7))
     assert_array_equal(np.abs(control.dac[:6]), [2500.0, 2500.0, 2000.0, 3000.0, 3000.0, 3800.0])
-
-
-@pytest.mark.parametrize(("axis", "ratio", "most"), [(0, 136.1963, 7.521), (2, 2158.59, 95.36)])  # Nm, N
-def test_joint_limits_of_torque_are_those_of_the_mechanism(axis, ratio, most):
-    _, shaft = demanded(GOLD, error=4.0, axis=axis)
-    assert_allclose(shaft[axis] * ratio, most, rtol=1e-4)  # raven2 description, at the joint
 
 
 @pytest.mark.parametrize(
@@ -209,7 +203,7 @@ def test_increments_of_a_tick_add_up_and_are_clamped(increment, in_a_tick, ticks
 
 @pytest.mark.parametrize("side", ["lower", "upper"])
 def test_setpoints_saturate_at_the_software_limits(side):
-    plant = homed_plant()
+    plant = homed_plant(robot=RAVEN2_STIFF)  # against friction the motors trip the e-stop there
     limit = getattr(plant, side)
     start, slow = plant.setpoint_js().q, 0.2 * plant.firmware.step_limit
     rows = start + np.sign(limit - start) * slow * np.arange(1, 34_000)[:, None]
