@@ -45,8 +45,8 @@ def inverse_kinematics(
     searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
 
     Args:
-        q_start: (n,) where to search from [rad or m]; the middle of the limits when None.
-        frame: Name of the frame; the model's tip when None.
+        q_start: (n,) where to search from; the middle of the limits when None.
+        frame: The model's tip when None.
         match: "pose", or "position" alone; "pose" when None, but for fewer than 6 coordinates "position".
         position_tolerance: Largest distance that counts as reached [m]; the closed form needs none.
         orientation_tolerance: Largest angle that counts as reached [rad].

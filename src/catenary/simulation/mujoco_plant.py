@@ -84,11 +84,10 @@ class MujocoPlant(SimulatedPlant):
         """Put a robot, any with inertia, on a base.
 
         Args:
-            base: What it stands on; a level base at rest when None.
+            base: A level base at rest when None.
             start: (n,) where it stands at power-on [rad|m]; zero when None, the middle of its limits for joints
                 whose limits do not hold zero.
             hardware: Friction, rotors, springs; ideal drives when None.
-            payload: What it carries.
             substeps: Physics steps in a tick of 1 ms; the refusal of springs or dampers that are too stiff says how
                 many they need.
 
