@@ -5,6 +5,7 @@ from numpy.testing import assert_allclose
 from catenary.devices.encoder_counts import CountTracker, Verdict
 from catenary.devices.encoder_rig import LONGEST, EncoderRig, Registration
 from catenary.errors import InputError
+from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 
 
@@ -122,7 +123,7 @@ def test_a_joint_that_goes_past_its_stop_shows_that_it_was_none():
 @pytest.fixture(scope="module")
 def simulated_homing():
     """An arm homes, then moves 0.1 rad, 0.1 rad, 20 mm to and fro: every 4 ms time, counts, state, its rig's positions."""
-    plant = CablePlant(start=np.array([0.3, 1.7, 0.45]))
+    plant = CablePlant(load_cable_arm(RAVEN2_STIFF), start=np.array([0.3, 1.7, 0.45]))  # with the rig of its source
     plant.state_command("enable")
     plant.state_command("home")
     rows = []

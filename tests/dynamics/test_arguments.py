@@ -18,7 +18,13 @@ from catenary.dynamics.robot_kernels import (
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.gravity_regressor import gravity_regressor, standard_gravity_regressor
-from catenary.gravity.torque import gravity_delta, gravity_torque, potential_energy
+from catenary.gravity.torque import (
+    center_of_mass,
+    center_of_mass_jacobian,
+    gravity_delta,
+    gravity_torque,
+    potential_energy,
+)
 from catenary.robots.catalog import load_robot
 
 RAVEN = load_robot("raven2")
@@ -33,11 +39,13 @@ FUNCTIONS = {
     gravity_torque: ("q", "gravity"),
     gravity_delta: ("q", "gravity"),
     potential_energy: ("q", "gravity"),
+    center_of_mass: ("q",),
+    center_of_mass_jacobian: ("q",),
     gravity_regressor: ("q", "gravity"),
     standard_gravity_regressor: ("q", "gravity"),
 }
 DYNAMICS = (mass_matrix, coriolis_matrix, inverse_dynamics)
-NEED_INERTIA = (*DYNAMICS, gravity_torque, gravity_delta, potential_energy)
+NEED_INERTIA = (*DYNAMICS, gravity_torque, gravity_delta, potential_energy, center_of_mass, center_of_mass_jacobian)
 KERNELS = (gravity_kernel, holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel)
 GOOD = {"q": [0.5, 1.5, 0.4], "qd": [0.0] * 3, "qdd": [0.0] * 3, "gravity": [0.0, 0.0, -9.81]}
 MANY = {"q": [GOOD["q"]] * 2, "qd": [GOOD["qd"]] * 2, "qdd": [GOOD["qdd"]] * 2}

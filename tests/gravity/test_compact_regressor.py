@@ -286,18 +286,6 @@ def test_formulas_give_the_torques_of_every_robot(name: str) -> None:
         assert_allclose(held(text, q), expected, atol=2e-4 * max(1.0, np.abs(expected).max()))
 
 
-def test_formulas_of_any_twists_give_the_torques(rng) -> None:
-    for seed in range(12):
-        model = random_robot(seed).model
-        if model.missing_inertia:
-            continue
-        q = rng.uniform(-1.0, 1.0, model.n)
-        expected = gravity_torque(model, q, [0.3, 0.2, -9.0])
-        assert_allclose(
-            held(gravity_latex(model, [0.3, 0.2, -9.0]), q), expected, atol=1e-3 * max(1.0, np.abs(expected).max())
-        )
-
-
 def test_a_ur10e_is_written_in_six_short_lines_that_latex_reads() -> None:
     lines = gravity_latex(load_robot("ur10e")).split("\n")
     assert len(lines) == 6

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.arrays import Floats
 from catenary.control.gravity_pd import EstimatedGravityPD
 from catenary.control.loop import run_loop
-from catenary.control.pd import JointPD
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
@@ -81,13 +80,6 @@ def test_a_payload_picked_up_on_the_way_is_learnt() -> None:
     plant = HangingPlant(PLANAR, POSE, UPRIGHT, loaded=loaded, pick_up=1.0)
     run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(POSE[None], 8.0))
     assert_allclose(estimator.torque(POSE, UPRIGHT), gravity_torque(loaded, POSE, UPRIGHT), atol=2e-3)
-
-
-def test_an_observer_learns_beside_a_controller_without_gravity() -> None:
-    estimator = GravityEstimator(PLANAR, KP, KD)
-    plant = HangingPlant(PLANAR, POSE, UPRIGHT)
-    run_loop(plant, JointPD(KP, KD), Poses(POSE[None], 6.0), observers=[estimator])
-    assert_allclose(estimator.torque(plant.q, UPRIGHT), gravity_torque(PLANAR, plant.q, UPRIGHT), atol=2e-3)
 
 
 def test_observer_and_controller_follow_the_same_law() -> None:

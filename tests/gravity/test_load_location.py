@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.estimator import RecursiveGravityEstimator
-from catenary.gravity.load_location import LoadHypotheses, likely, locate_load
+from catenary.gravity.load_location import LoadHypotheses, locate_load
 from catenary.gravity.payload import Payload, load_directions
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.assembly import Coordinate, Link, assemble
@@ -160,12 +160,6 @@ def test_an_unloaded_arm_is_called_so(rng: np.random.Generator) -> None:
     tau = gravity_torque(PLANAR, q, UPRIGHT) + NOISE * rng.normal(size=q.shape)
     # beforehand a quarter; a load of some grams nobody can exclude
     assert locate_load(PLANAR, q, tau, UPRIGHT, noise=NOISE).no_load > 0.75
-
-
-def test_fewest_names_hold_the_probability() -> None:
-    assert likely(["a", "b", "c"], [0.5, 0.03, 0.47]) == ("a", "c")
-    assert likely(["a", "b"], [0.04, 0.96]) == ("b",)
-    assert likely(["a", "b", "c"], [0.3, 0.4, 0.3]) == ("b", "a", "c")
 
 
 def test_wrong_arguments_are_refused() -> None:

@@ -27,9 +27,6 @@ def test_expressions_have_the_values_of_the_parameters(random_robots: list[Rando
 
 def test_planar_arm_has_the_papers_symbols() -> None:
     arm = load_robot("planar_3r")
-    assert symbols.expression_text(symbols.moment_expression(arm, 0, 0)) == "l1 (m2+m3) + lg1 m1"
-    assert symbols.expression_text(symbols.moment_expression(arm, 1, 0)) == "l2 m3 + lg2 m2"
-    assert symbols.expression_text(symbols.moment_expression(arm, 2, 0)) == "lg3 m3"
     assert symbols.moment_expression(arm, 0, 1) == ()
     table = symbols.symbols_of(arm, [symbols.moment_expression(arm, 0, 0)])
     assert table["l1"] == ("from link1 to link2, along x of link1 [m]", 0.4)

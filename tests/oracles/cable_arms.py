@@ -43,7 +43,7 @@ def with_linear_cables(cable: Cable) -> Cable:
 
 
 def linear_arm() -> CableArm:
-    arm = load_cable_arm()
+    arm = load_cable_arm(RAVEN2_STIFF)
     return arm._replace(cable=with_linear_cables(arm.cable))
 
 

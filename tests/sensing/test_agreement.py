@@ -99,7 +99,3 @@ def test_a_gyroscope_that_was_wrong_is_wrong_until_a_turn_shows_that_it_agrees(r
         clock += SPAN + 1.0
     assert said == [Fault.RATE_SIGN, Fault.RATE_SIGN, Fault.NONE]
     assert watch.found.agrees
-
-
-def test_nothing_was_found_before_anything_was_heard():
-    assert AgreementWatch(SensorRules(), np.zeros(3)).found.fault is Fault.NONE

@@ -13,7 +13,7 @@ from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
-from catenary.simulation.base_motion import BaseSamples, FixedBase, SwayingBase, Wave
+from catenary.simulation.base_motion import BaseSamples, SwayingBase, Wave
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SensorModel, SimulatedSensor
 from oracles.sensor_faults import NAMED
 
@@ -91,13 +91,6 @@ def test_surge_and_sway_are_passed_on_and_rules_of_a_table_fall_back():
     for mounted_on, always_live in (("ship", True), ("table", False)):
         _, readings, _ = sensed(deck, 5.0, mounted_on)
         assert all(r.status.value == "live" for r in readings[100:]) is always_live
-
-
-def test_braking_for_seconds_is_passed_on_in_a_vehicle():
-    braking = SwayingBase((), (Wave(4.0, 0.15, X), Wave(1.0, 1.5, UP)), FixedBase(0.05, 0.0))
-    _, readings, true = sensed(braking, 5.0, "vehicle")
-    assert not any(r.faults for r in readings[100:])
-    assert_allclose([r.gravity for r in readings[100:]], true[100:], atol=0.25)  # five times its noise
 
 
 def test_a_wrong_scale_from_the_start_is_found_in_the_mean_of_a_sea():

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
@@ -15,21 +13,9 @@ def filled(values, stamps, cutoff_hz):
     return fit
 
 
-@given(seed=st.integers(0, 1000))
-def test_a_parabola_is_read_exactly_with_its_derivative_whatever_the_stamps(seed):
-    rng = np.random.default_rng(seed)
-    c = rng.normal(size=(3, 3))
-    stamps = 7.0 + np.cumsum(rng.uniform(0.003, 0.012, 30))
-    fit = filled([c[0] + t * (c[1] + t * c[2]) for t in stamps], stamps, 30.0)
-    now = stamps[-1] + 0.01
-    value, derivative = fit.at(now)
-    assert_allclose(value, c[0] + now * (c[1] + now * c[2]), atol=1e-9)
-    assert_allclose(derivative, c[1] + 2.0 * now * c[2], atol=1e-7)  # divided by the window
-
-
 @pytest.mark.parametrize("window", [0.03, 0.06])
 def test_it_is_the_least_squares_parabola_of_the_window(window, rng):
-    stamps, values = np.arange(50) * 0.005, rng.normal(size=(50, 3))
+    stamps, values = np.cumsum(rng.uniform(0.003, 0.007, 50)), rng.normal(size=(50, 3))
     fit = filled(values, stamps, CUTOFF_BY_WINDOW / window)
     inside = stamps >= stamps[-1] - window - 1e-6
     expected = [np.polyfit(stamps[inside], values[inside, axis], 2) for axis in range(3)]

@@ -33,8 +33,9 @@ def test_a_mounting_that_leads_to_another_frame_of_the_base_is_seen_from_the_bas
     assert_allclose(seen.rotation, np.diag([-1.0, -1.0, 1.0]), atol=1e-12)
     assert seen.base == arm.base == "base_link"
     assert seen.in_base_of(arm) is seen
-    elsewhere = Mounting(base="cart")
-    assert elsewhere.in_base_of(arm) is elsewhere
+    for stranger in ("cart", "wrist_1_link"):  # believed, its axes would be taken for the base's
+        with pytest.raises(InputError, match=f'of "{stranger}".*expected one of base, '):
+            Mounting(base=stranger).in_base_of(arm)
 
 
 def test_what_a_sensor_distorts_the_mounting_puts_right(rng):

@@ -6,9 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
-from catenary.sensing.mounting import Mounting
 from catenary.sensing.tumble import align, fit_tumble, level_and_tilts
-from catenary.sensing.vector import Kind, tilted_gravity
+from catenary.sensing.vector import tilted_gravity
 
 SIX = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
 BIAS, SCALE = np.array([0.3, -0.2, 0.5]), np.array([1.02, 0.97, 1.01])
@@ -128,13 +127,3 @@ def test_level_and_two_tilts_show_a_wrong_sign_and_mirrored_axes():
 def test_parallel_directions_are_refused():
     with pytest.raises(InputError, match="all directions are parallel"):
         align([[0, 0, 9.8], [0, 0, 9.8]], [[0, 0, 1], [0, 0, 1]])
-
-
-def test_the_mounting_puts_readings_right(rng):
-    R_base_imu, up = Rotation.random(rng=rng).as_matrix(), spread(rng, 12)
-    readings = read(up @ R_base_imu)
-    tumble = fit_tumble(readings)
-    found = align((readings - tumble.bias) / tumble.scale, up).rotation
-    mounting = Mounting(found, np.ones(3), tumble.bias, tumble.scale)
-    assert_allclose(mounting.gravity(readings, Kind.SPECIFIC_FORCE), -9.81 * up, atol=1e-6)
-    assert_allclose(mounting.position, 1.0)

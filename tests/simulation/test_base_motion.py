@@ -5,9 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError
-from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import (
     CHANGE,
     BaseTimeline,
@@ -111,21 +109,6 @@ def test_timeline_of_a_fixed_base_holds_for_as_long_as_asked():
     assert samples.gravity.shape == (1, 3)
 
 
-def test_mirrored_bases_load_both_arms_alike():
-    # a mirror in Y turns angular velocities about x and z round, and lateral accelerations
-    rng = np.random.default_rng(2)
-    left, right = load_robot("raven2"), load_robot("raven2_right")
-    base = RockingBase(0.1, 0.3, 0.7, (1.0, 2.0, -0.5), (0.1, -0.2, 0.4))
-    mirrored = RockingBase(-0.1, -0.3, 0.7, (1.0, -2.0, -0.5), (0.1, 0.2, 0.4))
-    for t in rng.uniform(0.0, 3.0, 10):
-        q = rng.uniform(left.lower, left.upper)
-        qd, qdd = rng.normal(size=(2, 3))
-        torques = []
-        for model, samples in ((left, base.sample([t])), (right, mirrored.sample([t]))):
-            torques.append(inverse_dynamics(model, q, qd, qdd, samples.gravity[0], samples.motion[0]))
-        assert_allclose(torques[0], torques[1], atol=1e-12)
-
-
 def test_a_base_that_sways_turns_and_accelerates_as_its_pose_does():
     rocking = (Wave(0.3, 0.7, (1.0, 0.0, 0.0), 0.2), Wave(0.2, 0.9, (0.0, 1.0, 0.5), 1.1))
     base = SwayingBase(
@@ -189,14 +172,6 @@ def test_nothing_leaps_when_somebody_steers(time, roll, pitch, amplitude, freque
     now = np.array([time])
     assert_allclose(after.sample(now).gravity, before.sample(now).gravity, atol=1e-9)
     assert_allclose(after.sample(now).motion, before.sample(now).motion, atol=1e-9)
-
-
-def test_rocking_is_that_of_a_rocking_base_once_the_change_is_over() -> None:
-    base = SteeredBase().toward(0.0, 0.2, 0.0, amplitude=0.1, frequency=0.5)
-    times = np.linspace(CHANGE, 10.0, 50)
-    other = RockingBase(0.2, 0.1, 0.5).sample(times)
-    assert_allclose(base.sample(times).gravity, other.gravity, atol=1e-9)
-    assert_allclose(base.sample(times).motion, other.motion, atol=1e-9)
 
 
 def test_wrong_rocking_is_refused() -> None:

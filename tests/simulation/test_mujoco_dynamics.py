@@ -10,12 +10,10 @@ from numpy.testing import assert_allclose
 import own_base
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError
-from catenary.gravity.payload import Payload
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import parse_urdf
 from catenary.simulation.mujoco_dynamics import MujocoDynamics, tree_mjcf
 from oracles.catalogue import robots_with_inertia
-from oracles.tree_poses import frame_pose
 
 
 def test_bodies_and_joints_have_the_links_names(random_robots):
@@ -101,21 +99,3 @@ def test_without_mujoco_one_is_told_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingPackageError, match=r"pip install 'mujoco>="):
         MujocoDynamics(load_robot("two_link"))
-
-
-def test_payload_pulls_like_a_link_of_a_point_mass():
-    model = load_robot("planar_3r")
-    q, place = np.array([0.3, -0.5, 0.8]), np.array([0.05, 0.0, 0.1])
-    loaded = Payload(2.0, "hand", place).on(model)
-    empty, gravity = mass_matrix(model, q), np.array([0.0, 0.0, -9.81])
-
-    # M grows by m J' J, with the Jacobian of the place by finite differences
-    def where(q):
-        pose = frame_pose(model, "hand", q)
-        return pose[:3, :3] @ place + pose[:3, 3]
-
-    h = 1e-6
-    J = np.stack([(where(q + h * e) - where(q - h * e)) / (2 * h) for e in np.eye(3)], axis=1)
-    assert_allclose(terms(loaded, q, np.zeros(3))[0], empty + 2.0 * J.T @ J, atol=1e-8)
-    bare, heavy = (terms(m, q, np.zeros(3), gravity)[1] for m in (model, loaded))
-    assert_allclose(heavy - bare, -2.0 * J.T @ gravity, atol=1e-8)

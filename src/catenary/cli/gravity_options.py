@@ -35,6 +35,7 @@ BASE_TILT = option("R,P", "Turn the base by R about x, then by P about its own y
 GRAVITY = option("X,Y,Z", "Gravity vector in base axes, z up, in m/s2. [default: 0,0,-9.81]")
 IMU_READING = option("AX,AY,AZ", "Instead of --gravity: accelerometer's reading on the base at rest, m/s2.")
 MOUNTING_FILE = option("FILE", "Sensor's mounting file.")
+_SI = ("port", "simulated")  # sensors whose numbers come in SI
 
 
 def gravity_of_reading(reading: Triple, told: "Mounting | None" = None) -> "Floats":
@@ -88,9 +89,16 @@ class GivenGravity:
 class ReadingOptions:
     """Options that say how a sensor's numbers come, and where it is fixed to a robot."""
 
-    units: Names | None = option("U[,U]", "Units of accelerometer (m/s2, cm/s2, g, mg) and gyroscope (rad/s, deg/s).")
-    axes: Names | None = option("FRAME|X,Y,Z", "Axes of both: flu, frd, ned, enu, optical, or e.g. x,-y,-z (or six).")
-    driver: str | None = option("NAME", "Common driver, which sets --units and --axes (list: docs/gravity-vector.md).")
+    # a board says its own units, which would be converted twice; a simulated sensor is in SI, in axes as ours
+    units: Names | None = option(
+        "U[,U]", "Units of accelerometer (m/s2, cm/s2, g, mg) and gyroscope (rad/s, deg/s).", not_with=_SI
+    )
+    axes: Names | None = option(
+        "FRAME|X,Y,Z", "Axes of both: flu, frd, ned, enu, optical, or e.g. x,-y,-z (or six).", not_with="simulated"
+    )
+    driver: str | None = option(
+        "NAME", "Common driver, which sets --units and --axes (list: docs/gravity-vector.md).", not_with=_SI
+    )
     imu_frame: str | None = option(
         "ROBOT:FRAME|tf:BASE:FRAME", "Frame of the sensor in a robot's description or on /tf.", not_with="mounting"
     )

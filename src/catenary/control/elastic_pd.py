@@ -53,20 +53,14 @@ class ElasticPD:
         gravity: ArrayLike | None = None,
         damping: Damping = "relative",
     ) -> None:
-        """Take the robot, gains and springs, and refuse those that gravity overcomes.
+        """Take the robot, with inertia, gains and springs; refuse those that gravity changes too fast for.
 
         Args:
-            model: With inertia.
-            kp: (n,) [Nm/rad|N/m], positive.
-            kd: (n,) [Nms/rad|Ns/m].
+            kp: (n,) [Nm/rad|N/m], positive; kd: (n,) [Nms/rad|Ns/m].
             stiffness: (n,) K of the joints' springs [Nm/rad|N/m], positive.
             compensation: The gravity term.
             gravity: (3,) nominal vector in base axes [m/s2]; None takes the sensed one.
             damping: "relative" adds kd qd_ref; the paper regulates to a constant reference.
-
-        Raises:
-            MissingInertiaError: Links without inertia.
-            InputError: Something of another shape or range, or gravity changes faster than springs and gains follow.
         """
         self.model = model
         self.pd = JointPD(kp, kd, damping=damping, n=model.n)

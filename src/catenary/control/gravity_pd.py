@@ -33,18 +33,12 @@ class GravityPD:
         gravity: ArrayLike | None = None,
         damping: Damping = "relative",
     ) -> None:
-        """Take the robot and the gains, and compile.
+        """Take the robot, with inertia, and the gains, and compile.
 
         Args:
-            model: With inertia.
-            kp: (n,) stiffness [Nm/rad|N/m].
-            kd: (n,) damping [Nms/rad|Ns/m].
+            kp: (n,) stiffness [Nm/rad|N/m]; kd: (n,) damping [Nms/rad|Ns/m].
             gravity: (3,) nominal vector in base axes [m/s2]: PD+SG; None takes the sensed one: PD+DG.
             damping: "absolute" leaves qd_ref out.
-
-        Raises:
-            MissingInertiaError: Links without inertia.
-            InputError: Gains or gravity of another shape, negative or not finite.
         """
         self.model = model
         self.pd = JointPD(kp, kd, damping=damping, n=model.n)

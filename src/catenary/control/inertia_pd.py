@@ -37,20 +37,15 @@ class InertiaPD:
         motor_inertia: ArrayLike | None = None,
         coriolis: bool = False,
     ) -> None:
-        """Take the robot and the gains, and compile.
+        """Take the robot, with inertia, and the gains, and compile.
 
         Args:
-            model: With inertia.
             kp: () or (n,) square of the wanted natural frequency [1/s2].
             kv: () or (n,) twice damping ratio times frequency [1/s].
             gravity: (3,) nominal vector in base axes [m/s2]; None takes the sensed one.
             motor_inertia: (n, n) what motors and gearboxes add to M(q) at the joints; none when None. Behind ratios
                 of a hundred it is the larger part (reflected_inertia).
             coriolis: Add C(q, qd) qd.
-
-        Raises:
-            MissingInertiaError: Links without inertia.
-            InputError: Something of another shape, negative or not finite.
         """
         n = model.n
         self.model = model

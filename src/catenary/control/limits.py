@@ -32,18 +32,13 @@ class TorqueLimits:
         upper: ArrayLike | None = None,
         taper: ArrayLike | None = None,
     ) -> None:
-        """Take the limits.
+        """Take the limits, (n,) each.
 
         Args:
-            torque: (n,) largest torque [Nm|N]; infinity for none.
-            slew: (n,) largest rate of change [Nm/s|N/s]; any when None.
-            lower: (n,) joint limits as the robot reports positions [rad|m].
-            upper: (n,) likewise.
-            taper: (n,) distance from a joint limit over which torque fades [rad|m]; zero for a joint without, None
-                for none at all.
-
-        Raises:
-            InputError: Other shapes, negative limits, taper without joint limits.
+            torque: Largest torque [Nm|N]; infinity for none.
+            slew: Largest rate of change [Nm/s|N/s]; any when None.
+            lower: Joint limits as the robot reports positions [rad|m]; upper: likewise.
+            taper: Distance from a joint limit over which torque fades [rad|m]; zero for a joint without, None for none.
         """
         self.torque = as_not_negative("torque", torque, (None,), finite=False)
         shape = self.torque.shape

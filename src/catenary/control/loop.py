@@ -110,9 +110,6 @@ def run_loop(
     and is paused; the error is raised, with the report so far as its attribute `loop_report`.
 
     Args:
-        plant: Enabled and homed.
-        controller: Gives torques; None sends positions.
-        trajectory: Of all joints of the plant.
         limits: On torque; None stops only NaN and infinity, which become zero torque.
         rate_hz: Of ticks; the plant's own rate divided by a whole number.
         corrector: Turns reported positions into calibrated ones for the controller; limits look at reported ones.
@@ -120,7 +117,7 @@ def run_loop(
             report when None.
         observers: Called with every tick, after its command was sent.
         duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
-        real_time: Keep time also with a simulated plant, which otherwise runs as fast as it can.
+        real_time: Keep time with a simulated plant too, which otherwise runs as fast as it can.
         give_up_after: Ticks in a row with a torque or a measured position that is NaN or infinite, after which the
             loop ends. In fewer such a torque is zero.
 

@@ -65,16 +65,9 @@ class JointPD:
     """
 
     def __init__(self, kp: ArrayLike, kd: ArrayLike, *, damping: Damping = "relative", n: int | None = None) -> None:
-        """Take the gains.
+        """Take the gains, (n,) stiffness [Nm/rad|N/m] and damping [Nms/rad|Ns/m]; "absolute" leaves qd_ref out.
 
-        Args:
-            kp: (n,) stiffness [Nm/rad|N/m].
-            kd: (n,) damping [Nms/rad|Ns/m].
-            damping: "absolute" leaves qd_ref out.
-            n: Number of joints that the gains must be for; as many as there are when None.
-
-        Raises:
-            InputError: Gains of other lengths, negative or not finite; or no such damping.
+        n is the number of joints that the gains must be for; as many as there are when None.
         """
         self.kp = as_not_negative("kp", kp, (n,))
         self.kd = as_not_negative("kd", kd, self.kp.shape)

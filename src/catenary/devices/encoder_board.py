@@ -69,12 +69,7 @@ class EncoderBoard(SerialBoard):
     def __init__(
         self, port: str, rig: EncoderRig | None = None, *, baud: int = BAUD, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Open the port and begin to read.
-
-        Args:
-            rig: Of the encoders; the calibration rig's when None.
-            clock: Of the samples' times [s]; one that never goes back.
-        """
+        """Open the port and begin to read, with the calibration rig when None, on a clock [s] that never goes back."""
         self.rig = EncoderRig() if rig is None else rig
         self.tally = EncoderTally()
         self.complaint = ""

@@ -43,9 +43,7 @@ class SerialBoard(ABC):
     def __init__(self, port: str, *, baud: int, clock: Callable[[], float], ask: bytes = b"") -> None:
         """Open the port and begin to read; subclasses call this when they are ready to take lines.
 
-        Args:
-            clock: Of the lines' times [s].
-            ask: Sent whenever the port is opened.
+        The clock is of the lines' times [s]; `ask` is sent whenever the port is opened.
         """
         self.port, self.baud = port, baud
         self._clock, self._ask = clock, ask

@@ -57,13 +57,7 @@ class ActuationLoads(NamedTuple):
 
 
 def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) -> ActuationLoads:
-    """Return friction of every joint with given numbers.
-
-    Args:
-        model: The robot; its file may state at which speed Coulomb friction is smooth.
-        coulomb: One number for all joints or (n,), zero or more [Nm or N].
-        viscous: Likewise [Nms/rad or Ns/m].
-    """
+    """Return friction of every joint, Coulomb's [Nm or N] and viscous [Nms/rad or Ns/m], each one number or (n,)."""
     values = np.empty((model.n, 2))
     for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
         values[:, column] = as_not_negative(name, one_for_all(given, model.n), (model.n,))

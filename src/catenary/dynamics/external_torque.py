@@ -48,10 +48,7 @@ def external_torque(
     """Return the joint torques that the outside world causes: those of the model less those measured.
 
     Args:
-        model: The robot, its payload included.
-        q: (n,) or (N, n) coordinates [rad or m].
-        qd: The same shape, velocities.
-        qdd: The same shape, accelerations.
+        q: (n,) or (N, n) coordinates [rad or m]; qd, qdd: velocities and accelerations.
         tau: The same shape, measured at the joints [Nm or N].
         gravity: (3,) or (N, 3) [m/s2] in base axes.
         deviation: Standard deviation of torques from the model where nothing touches the arm, one number or (n,): the
@@ -73,13 +70,8 @@ def external_wrench(
     """Return the force and moment on a frame that ask for torques: J^T wrench = torque, by weighted least squares.
 
     Of an arm with fewer than six joints, or in a singular pose, what no joint feels is NaN; what is told then holds for
-    a wrench without those parts.
-
-    Args:
-        model: The robot.
-        q: (n,) [rad or m].
-        external: Torques (n,) of one configuration, with widths above zero.
-        frame: The moment is about its origin; the tip when None.
+    a wrench without those parts. q (n,) [rad or m] and the torques (n,), with widths above zero, are of one
+    configuration; the moment is about the frame's origin, the tip's when None.
     """
     torque = as_array("external torque", external.torque, (model.n,))
     spread = as_positive("half-width of the external torque", external.half_width, (model.n,))
@@ -101,13 +93,7 @@ class MomentumObserver:
     """
 
     def __init__(self, model: RobotModel, *, cutoff_hz: float = 10.0, loads: ActuationLoads | None = None) -> None:
-        """Take a robot.
-
-        Args:
-            model: The robot, its payload included.
-            cutoff_hz: K / (2 pi), where the filter halves the power.
-            loads: Friction, rotors, springs and known torques, as `known_loads(model)`; nothing when None.
-        """
+        """Take a robot, its payload included, the filter's K / (2 pi) [Hz], and loads as `external_torque` does."""
         if loads is not None and loads.depends_on_load:
             raise InputError(
                 f'robot "{model.name}": friction depends on the load: expected loads without, for momentum'

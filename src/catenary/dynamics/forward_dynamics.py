@@ -26,26 +26,16 @@ def forward_dynamics(
 ) -> Floats:
     """Return the accelerations that torques give a robot at q, qd.
 
-    M(q) qdd = tau - C(q, qd) qd - g(q). With `loads` friction, rotors, springs and known torques take part: friction as
-    in sliding, and none at rest where it has the sign of the speed, so that no joint sticks. Friction that grows with
-    the load depends on the accelerations, and is found by iteration.
+    M(q) qdd = tau - C(q, qd) qd - g(q). With `loads`, such as `known_loads(model)`, friction, rotors, springs and known
+    torques take part: friction as in sliding, and none at rest where it has the sign of the speed, so that no joint
+    sticks. Friction that grows with the load depends on the accelerations, and is found by iteration.
 
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        qd: The same shape, velocities.
-        tau: The same shape, what the actuators supply [Nm or N].
-        gravity: (3,) or (N, 3) free-fall acceleration in base axes [m/s2].
-        base: Motion of the base; at rest when None.
-        loads: Further loads on the joints, such as `known_loads(model)`; none when None.
-
-    Returns:
-        (n,) or (N, n) [rad/s2 or m/s2].
+    For q, qd and tau (n,) or (N, n) [rad or m, and per s; Nm or N], gravity and base as of `inverse_dynamics`: (n,) or
+    (N, n) [rad/s2 or m/s2].
 
     Raises:
         MissingInertiaError: Links without inertia.
-        InputError: An argument has another shape or is not finite; a motion that moves no mass; friction that
-            takes more than the load that it grows with.
+        InputError: A motion that moves no mass; friction that takes more than the load that it grows with.
     """
     (rows, rates, torques), single = motion_rows(model, q, qd=qd, tau=tau)
     still = np.zeros_like(rows)

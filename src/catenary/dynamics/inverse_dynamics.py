@@ -44,22 +44,10 @@ def inverse_dynamics(
 
     Recursive Newton-Euler (Luh, Walker, Paul 1980). A moving base loads the joints with
     gravity - a_base - alpha x r - omega x (omega x r) in place of gravity, and with the moments that turn
-    the links along with it.
+    the links along with it. Its motion is the same for every row or one for each; at rest when None.
 
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        qd: The same shape, velocities.
-        qdd: The same shape, accelerations.
-        gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-        base: Motion of the base, the same for every row or one for each; at rest when None.
-
-    Returns:
-        (n,) or (N, n) [Nm or N].
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: An argument has another shape or is not finite.
+    For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2], and gravity (3,) or (N, 3), free-fall acceleration
+    in base axes, down [m/s2]: (n,) or (N, n) [Nm or N]. Needs inertia.
     """
     if base is None:
         quick = _INVERSE_DYNAMICS.of_one(model, (q, qd, qdd, gravity, _AT_REST, _AT_REST))
@@ -78,17 +66,8 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     bilinear form that belongs to it: column j is C(q, qd) e_j = (h(qd + s e_j) - h(qd - s e_j)) / (4 s), exactly and
     for any s; s = max |qd| loses no digits.
 
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        qd: The same shape, velocities.
-
-    Returns:
-        (n, n) or (N, n, n); C qd are the torques of the velocities.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: An argument has another shape or is not finite.
+    For q and qd (n,) or (N, n) [rad or m, and per s]: (n, n) or (N, n, n); C qd are the torques of the velocities.
+    Needs inertia.
     """
     model.require_inertia()
     (rows, velocities), single = motion_rows(model, q, qd=qd)
@@ -111,18 +90,8 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
 def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the mass matrix: the kinetic energy is qd^T M qd / 2.
 
-    Composite rigid bodies (Walker, Orin 1982). Motors' inertia is not in it.
-
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-
-    Returns:
-        Symmetric (n, n) or (N, n, n) [kg m2, kg m or kg], by the units of its row and column.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: q has another shape or is not finite.
+    Composite rigid bodies (Walker, Orin 1982). Motors' inertia is not in it. For q (n,) or (N, n) [rad or m]: symmetric
+    (n, n) or (N, n, n) [kg m2, kg m or kg], by the units of row and column. Needs inertia.
     """
     quick = _MASS_MATRIX.of_one(model, (q,))
     if quick is not None:

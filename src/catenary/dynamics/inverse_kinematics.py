@@ -39,30 +39,23 @@ def inverse_kinematics(
     starts: int = 20,
     max_iterations: int = 300,
 ) -> Floats:
-    """Return coordinates within the joint limits that bring a frame to a pose.
+    """Return coordinates (n,) [rad or m] within the joint limits that bring a frame to a pose in the base frame [m].
 
     RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_inverse_kinematics.py). Other arms are
     searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
 
     Args:
-        model: The robot.
-        pose: Pose of the frame in the base frame [m].
-        q_start: (n,) where to search from [rad or m]; the middle of the limits when None.
-        frame: Name of the frame; the model's tip when None.
+        q_start: (n,) where to search from; the middle of the limits when None.
+        frame: The model's tip when None.
         match: "pose", or "position" alone; "pose" when None, but for fewer than 6 coordinates "position".
         position_tolerance: Largest distance that counts as reached [m]; the closed form needs none.
         orientation_tolerance: Largest angle that counts as reached [rad].
-        rng: Draws further starts within the limits; only the first one is tried when None.
-        starts: How many further starts.
+        rng: Draws further `starts` within the limits; only the first one is tried when None.
         max_iterations: Steps tried from each start.
-
-    Returns:
-        (n,) [rad or m].
 
     Raises:
         UnreachablePoseError: The remote centre or a joint limit refuses the pose, or the search did not reach
             it; the message says which, or how near it came.
-        InputError: An argument has another shape, range, or is not finite; no frame of that name.
     """
     target = Pose(as_rotation("pose rotation", pose.rotation), as_array("pose position", pose.position, (3,)))
     start = None if q_start is None else as_array("q_start", q_start, (model.n,))
@@ -73,6 +66,7 @@ def inverse_kinematics(
         raise InputError(f'match: expected "pose" or "position", got {match!r}')
     as_positive("position_tolerance", position_tolerance)
     as_positive("orientation_tolerance", orientation_tolerance)
+    tolerances = (position_tolerance, orientation_tolerance)
 
     tip = model.frame()
     same_point = match == "pose" or np.array_equal(wanted.pose.position, tip.pose.position)
@@ -84,19 +78,12 @@ def inverse_kinematics(
 
     best: Approach | None = None
     lower, upper = search_range(model)
-    tried = [np.clip(0.5 * (lower + upper) if start is None else start, model.lower, model.upper)]
+    tried = [0.5 * (lower + upper) if start is None else start]
     if rng is not None:
         tried += [rng.uniform(lower, upper) for _ in range(starts)]
     for q in tried:
-        found = _damped_least_squares(
-            model,
-            target,
-            q,
-            frame,
-            with_orientation=match == "pose",
-            position_tolerance=position_tolerance,
-            orientation_tolerance=orientation_tolerance,
-            max_iterations=max_iterations,
+        found = nearest_coordinates(
+            model, target, q, frame=frame, match=match, tolerances=tolerances, max_iterations=max_iterations
         )
         if found.position_error <= position_tolerance and found.orientation_error <= orientation_tolerance:
             return found.q
@@ -114,57 +101,33 @@ def nearest_coordinates(
     *,
     frame: str | None = None,
     match: Match = "pose",
+    tolerances: tuple[float, float] = (_NEAREST, _NEAREST),
     max_iterations: int = 300,
 ) -> Approach:
     """Return the coordinates within the limits whose frame comes nearest to a pose, as far as a search finds them.
 
     For poses that were measured, or asked of arms with fewer than six coordinates, which none reaches exactly. Nearest
-    in the sum of squares of the distance [m] and the angle [rad].
-    """
-    start = np.clip(q_start, model.lower, model.upper)
-    return _damped_least_squares(
-        model,
-        pose,
-        start,
-        frame,
-        with_orientation=match == "pose",
-        position_tolerance=_NEAREST,
-        orientation_tolerance=_NEAREST,
-        max_iterations=max_iterations,
-    )
-
-
-def _damped_least_squares(
-    model: RobotModel,
-    target: Pose,
-    q_start: Floats,
-    frame: str | None,
-    *,
-    with_orientation: bool,
-    position_tolerance: float,
-    orientation_tolerance: float,
-    max_iterations: int,
-) -> Approach:
-    """Approach a pose from a start until within tolerance, or until no step brings it nearer.
+    in the sum of squares of the distance [m] and the angle [rad], of which `tolerances` are near enough.
 
     Levenberg-Marquardt: step = (J^T J + damping 1)^-1 J^T e, e the position error [m] over the rotation that
     is left [rad]; the damping shrinks after a step that helped and grows until one does. A coordinate that a
     step would press against its limit is left out of it. [D. Marquardt, J. SIAM 11 (1963); for inverse
-    kinematics T. Sugihara, IEEE Trans. Robotics 27 (2011)] `q_start` (n,) is within the limits.
+    kinematics T. Sugihara, IEEE Trans. Robotics 27 (2011)]
     """
-    rows = 6 if with_orientation else 3
+    rows = 6 if match == "pose" else 3
 
     def error(placed: Configuration) -> Floats:
-        pose = placed.pose(frame)
-        left = target.position - pose.position
-        if not with_orientation:
+        there = placed.pose(frame)
+        left = pose.position - there.position
+        if match == "position":
             return left
-        return np.concatenate([left, rotation_vector(target.rotation @ pose.rotation.T)])
+        return np.concatenate([left, rotation_vector(pose.rotation @ there.rotation.T)])
 
     def reached(e: Floats) -> bool:
-        return bool(np.linalg.norm(e[:3]) <= position_tolerance and np.linalg.norm(e[3:]) <= orientation_tolerance)
+        return bool(np.linalg.norm(e[:3]) <= tolerances[0] and np.linalg.norm(e[3:]) <= tolerances[1])
 
-    q, placed = q_start, Configuration(model, q_start)
+    q = np.clip(q_start, model.lower, model.upper)
+    placed = Configuration(model, q)
     e, damping = error(placed), 1e-3
     for _ in range(max_iterations):
         if reached(e) or damping > _MOST_DAMPING:

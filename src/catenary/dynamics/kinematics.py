@@ -44,18 +44,9 @@ class Configuration:
 
 
 def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None) -> Pose:
-    """Return the pose of a frame in the base frame.
+    """Return the pose of a frame, the tip's when None, in the base frame.
 
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        frame: Name of the frame; the model's tip when None.
-
-    Returns:
-        Its rotation (3, 3) and position (3,) [m]; of many configurations (N, 3, 3) and (N, 3).
-
-    Raises:
-        InputError: q has another shape or is not finite; no frame of that name.
+    For q (n,) or (N, n) [rad or m]: its rotation (3, 3) or (N, 3, 3) and position (3,) or (N, 3) [m].
     """
     return Configuration(model, q).pose(frame)
 
@@ -63,9 +54,7 @@ def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None
 def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
     """Return the poses of all moving links in the base frame, in the order of `model.link_names`.
 
-    Returns:
-        R_base_i (n_tree, 3, 3) or (N, n_tree, 3, 3), and the origins of the links' frames in the base
-        (n_tree, 3) or (N, n_tree, 3) [m].
+    R_base_i (n_tree, 3, 3) or (N, n_tree, 3, 3), and origins of the links' frames (n_tree, 3) or (N, n_tree, 3) [m].
     """
     placed, single = Configuration(model, q), np.ndim(q) == 1
     rotations, positions = placed.rotations[:, :-1].copy(), placed.positions[:, :-1].copy()
@@ -79,22 +68,11 @@ def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) ->
 
 
 def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: ArrayLike | None = None) -> Floats:
-    """Return the Jacobian of a point fixed in a frame, in base axes.
+    """Return the Jacobian of a point (3,) [m] fixed in a frame, in base axes; of the tip, and its origin, when None.
 
     (velocity of the point; angular velocity of the frame) = J qd. A revolute joint with axis z through o
-    gives the column (z x (p - o); z), a prismatic one (z; 0); joints that do not carry the frame give zeros.
-
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        frame: Name of the frame; the model's tip when None.
-        point: (3,) in that frame [m]; its origin when None.
-
-    Returns:
-        (6, n) or (N, 6, n): rows linear then angular.
-
-    Raises:
-        InputError: q or point has another shape or is not finite; no frame of that name.
+    gives the column (z x (p - o); z), a prismatic one (z; 0); joints that do not carry the frame give zeros. For q (n,)
+    or (N, n) [rad or m]: (6, n) or (N, 6, n).
     """
     return Configuration(model, q).jacobian(frame, point)
 

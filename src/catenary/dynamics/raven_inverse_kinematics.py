@@ -41,11 +41,8 @@ class RavenArm(NamedTuple):
 def raven_candidates(arm: RavenArm, rotations: Floats, positions: Floats, k: int, out: Floats) -> tuple[int, float]:
     """Write to out (8, n) all configurations that reach pose k of the tip in frame 0, whatever the limits.
 
-    Rotations (N, 3, 3) are not read for three joints. Angles are in (-pi, pi], insertion in m.
-
-    Returns:
-        How many there are, and the wrist's distance from the RCM [m], the smaller one of two possible wrists.
-        There are none if it is within REFUSED_RADIUS.
+    Rotations (N, 3, 3) are not read for three joints. Angles are in (-pi, pi], insertion in m. Returns how many there
+    are, none within REFUSED_RADIUS, and the wrist's distance from the RCM [m], the smaller one of two possible wrists.
     """
     tip = row(positions, k)
     along = (0.0, 0.0, 0.0)

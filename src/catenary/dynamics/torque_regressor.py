@@ -27,20 +27,8 @@ def torque_regressor(
 ) -> Floats:
     """Return the matrix Y of tau = Y phi, for the robot's links and its coordinates; needs no inertia.
 
-    Args:
-        model: The robot, with inertia or without.
-        q: (n,) or (N, n) coordinates [rad or m].
-        qd: The same shape, velocities.
-        qdd: The same shape, accelerations.
-        gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-        base: Motion of the base, the same for every row or one for each; at rest when None.
-
-    Returns:
-        (n, 10 n_tree) or (N, n, 10 n_tree); columns by link in the order of `model.link_names`, within a link in that
-        of `PARAMETERS`.
-
-    Raises:
-        InputError: An argument has another shape or is not finite.
+    For arguments as of `inverse_dynamics`: (n, 10 n_tree) or (N, n, 10 n_tree), columns by link in the order of
+    `model.link_names`, within a link in that of `PARAMETERS`.
     """
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     felt = felt_rows(gravity, base, len(rows))

@@ -116,9 +116,7 @@ class GravityEstimator(EstimatedGravity):
         """Take a robot, of which only the geometry is used, and the gains.
 
         Args:
-            model: The robot.
-            kp: (n,) stiffness of the controller [Nm/rad|N/m].
-            kd: (n,) its damping [Nms/rad|Ns/m].
+            kp: (n,) stiffness of the controller [Nm/rad|N/m]; kd: (n,) its damping [Nms/rad|Ns/m].
             omega: Omega of the law [1/s]: one rate, one per joint (n,), or a symmetric positive definite (n, n).
             s0: (p,) parameters to start from, of `compact_regressor` or `gravity_parameters`; zero when None.
             max_speed: Of joints that count as resting [rad/s|m/s], one for all or (n,).
@@ -232,19 +230,15 @@ class RecursiveGravityEstimator(EstimatedGravity):
         """Take a robot, of which geometry and limits are used.
 
         Args:
-            model: The robot.
             noise: Standard deviation of torques at rest, one for all or (n,) [Nm|N].
             s0: (p,) parameters to start from, those of the compact regressor; zero when None.
             spread: Standard deviation of s0, one for all or (p,) [kg m, kg].
             forgetting: Over 0 to 1.
-            max_speed: One for all or (n,) [rad/s|m/s].
-            settle: [s].
+            max_speed: One for all or (n,) [rad/s|m/s]; settle, interval: [s].
             margin: To the model's joint limits, one for all or (n,) [rad|m].
-            interval: [s].
             novelty: In standard deviations of the noise.
-            carriers: Frames that may take up or put down a load on the way, such as hands.
-            load: Standard deviations of a large load's mass [kg], and of its moment about the frame's origin [kg m];
-                smaller ones, down to a 64th, are as likely.
+            carriers: Frames that may take up or put down a load on the way, such as hands; load: as of
+                `LoadHypotheses`.
         """
         super().__init__(model, s0)
         n, p = model.n, len(self._s)

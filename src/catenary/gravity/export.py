@@ -56,8 +56,6 @@ def export_function(
     The robot's numbers are constants of the function. It looks at no value: NaN in gives NaN out.
 
     Args:
-        model: The robot.
-        quantity: See above.
         to: "jax": a jitted function of one configuration, in float64 (`jax.vmap` for batches).
             "casadi": a `casadi.Function` with named inputs.
             "sympy": a `SymbolicFunction`, expressions that print as LaTeX.

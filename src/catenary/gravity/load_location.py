@@ -138,13 +138,11 @@ def locate_load(
 
     Args:
         model: The arm without the load; needs inertia.
-        q: (n,) or (N, n) poses [rad or m].
-        tau: The same shape: torques that hold the arm there [Nm|N].
+        q: (n,) or (N, n) poses [rad or m]; tau: torques that hold the arm there [Nm|N].
         gravity: (3,) or (N, 3) [m/s2].
         noise: Standard deviation of torques, one for all or (n,) [Nm|N].
         frames: That may carry it; every moving link that is not massless when none are named.
-        load: Standard deviations of a large load's mass [kg], and of its moment about the frame's origin [kg m];
-            smaller ones, down to a 64th, are as likely.
+        load: As of `LoadHypotheses`; smaller ones, down to a 64th, are as likely.
     """
     rows, _ = as_batch("q", q, model.n)
     torques, _ = as_batch("tau", tau, model.n)

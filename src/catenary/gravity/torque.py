@@ -28,21 +28,11 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
     surgical robot", eq. 1-3; the paper states the prismatic sign in its text, and writes k >= i for a chain]
 
     From 50 000 rows or the 101st single call on the robot's own kernel runs, which takes half a second to compile when
-    it is first used; it differs from the recursion in rounding only. Control loops hold `gravity_kernel(model)`,
-    compiled before they begin.
+    it is first used; it differs from the recursion in rounding only.
 
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-
-    Returns:
-        (n,) or (N, n) [Nm or N]: what the actuators must supply; never negate it. One q with many gravities
-        takes q repeated.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: An argument has another shape or is not finite.
+    For q (n,) or (N, n) [rad or m] and gravity (3,) or (N, 3), free-fall acceleration in base axes, down: (0, 0, -9.81)
+    upright [m/s2]: (n,) or (N, n) [Nm or N], what the actuators must supply; never negate it. One q with many gravities
+    takes q repeated. Needs inertia.
     """
     quick = _GRAVITY.of_one(model, (q, gravity))
     if quick is not None:

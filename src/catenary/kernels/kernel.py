@@ -90,11 +90,9 @@ class Kernel:
         return bind(self.into, inputs, [out])
 
     def rows(self, *inputs: ArrayLike, out: Floats | None = None) -> Floats:
-        """Return the quantity at N configurations, (N, ...).
+        """Return the quantity at N configurations, (N, ...), of an array of N rows, or of one row for all, per input.
 
-        Args:
-            inputs: For each of `kernel.inputs` an array of N rows, or of one row for all.
-            out: (N, ...) contiguous, to write into; memory that is used again saves up to half the time.
+        Memory that is used again, `out` (N, ...), contiguous, saves up to half the time.
         """
         arrays = [
             as_array(name, given, (None, width), finite=False)

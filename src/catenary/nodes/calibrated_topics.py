@@ -94,12 +94,7 @@ class CalibratedTopics:
     def __init__(
         self, client: CrtkReader, model: CalibrationModel, *, rate_hz: float = 1000.0, gravity_torque: bool = False
     ) -> None:
-        """Begin to receive and to publish.
-
-        Args:
-            client: Of a RAVEN-II's arm, or of a dVRK PSM.
-            rate_hz: At which the robot publishes; matters where that is slower than the training rows.
-        """
+        """Begin to receive and to publish, beside a RAVEN-II's arm or a dVRK PSM that publishes at a rate [Hz]."""
         self._client, self._model = client, model
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
@@ -270,12 +265,9 @@ def reader_of(
     namespace: str | None = None,
     gravity: str | None = None,
 ) -> CrtkReader:
-    """Return the robot that a model of some joints is deployed beside.
+    """Return the robot, a PSM or else a RAVEN-II, that a model of some joints is deployed beside.
 
-    Args:
-        joints: Of the model: a PSM's, or else a RAVEN-II's.
-        dialect: raven or crtk; the robot's own when None.
-        namespace: Of a PSM, /PSM1 when None.
+    Without a dialect (raven, crtk) it speaks the robot's own; the namespace is of a PSM, /PSM1 when None.
     """
     kind = kind_with_joints(joints, arm) or KINDS[ROBOT[arm]]
     if kind is not PSM and namespace is not None:

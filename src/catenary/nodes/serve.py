@@ -98,11 +98,9 @@ class _Counts(NamedTuple):
 def make_server(
     serving: Serving, transport: Transport, *, rate_hz: float = 1000.0, plants: dict[str, Plant] | None = None
 ) -> Server:
-    """Put a robot behind a transport; nothing moves before its ticks.
+    """Put a robot, or `plants` in place of its simulated arms, behind a transport; nothing moves before its ticks.
 
-    Args:
-        rate_hz: At which states are published; the robot's own rate divided by a whole number.
-        plants: The arms, in place of simulated ones that `serving` describes.
+    States are published at `rate_hz`, the robot's own rate divided by a whole number.
     """
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
@@ -184,18 +182,11 @@ def prepare(server: Server) -> None:
 def serve(
     server: Server, *, commands: deque[str], show: Callable[[ServerStatus], None], duration: float | None = None
 ) -> ServerStatus:
-    """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; the arms are paused then.
+    """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; pause the arms then, and sum up.
 
     A tick that is late is made up for by the next ones, up to 20 ms; what is later is given up and counted, so that
-    after a stall nothing runs faster than it should for long.
-
-    Args:
-        commands: From a person, put in by any thread, obeyed between two ticks: "button", or a state command for all
-            arms.
-        duration: [s]; None for ever.
-
-    Returns:
-        Status over the whole run.
+    after a stall nothing runs faster than it should for long. Commands come from a person, put in by any thread, and
+    are obeyed between two ticks: "button", or a state command for all arms.
     """
     period = max(arm.plant.period for arm in server.arms.values())
     prepare(server)

@@ -77,8 +77,7 @@ class SensedGravity:
         """Take samples from a mailbox.
 
         Args:
-            mailbox: Where they come in.
-            mounting: Of the sensor; at the base's origin, in its axes and without bias when None.
+            mounting: At the base's origin, in its axes and without bias when None.
             mounted_on: table, cart, vehicle or ship, or how the base moves: gives what is None below.
             angular: A gyroscope is there; without, angular rates are left aside.
             fallback: hold, fade, static or stop.
@@ -87,7 +86,6 @@ class SensedGravity:
             age_limit: Age from which the fallback takes its place [s].
             attitude_time: Time constant of the mean direction that `fade` goes to [s].
             start_limit: Time without any believed sample after which `stop` stops [s].
-            rules: What is believed.
             feed: Called with the time before samples are taken: what has no thread of its own delivers then.
         """
         if not 0.0 < stale_after <= age_limit < math.inf:

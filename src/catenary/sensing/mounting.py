@@ -76,10 +76,16 @@ class Mounting:
         return replace(self, rotation=frame.pose.rotation, position=frame.pose.position, base=model.base)
 
     def in_base_of(self, model: RobotModel) -> "Mounting":
-        """Return it seen from a robot's base, where it leads to another frame that is fixed to that base."""
+        """Return it seen from a robot's base; refuse axes of a frame that is none of the base's."""
         frame = model.frames.get(self.base)
-        if self.base == model.base or frame is None or frame.link >= 0:
+        if self.base == model.base:
             return self
+        if frame is None or frame.link >= 0:
+            fixed = ", ".join(name for name, known in model.frames.items() if known.link < 0)
+            raise InputError(
+                f'mounting: its axes are those of "{self.base}", which robot "{model.name}" does not have on its base; '
+                f"expected one of {fixed}"
+            )
         rotation, position = frame.pose
         place = position + rotation @ self.position
         return replace(self, rotation=rotation @ self.rotation, position=place, base=model.base)

@@ -45,14 +45,11 @@ class WristTool(NamedTuple):
 def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> WristTool:
     """Fit mass, centre of mass and biases to readings of a force/torque sensor at rest, by least squares.
 
-    Args:
-        force: (N, 3) as the sensor reads it [N], means over each pose; the weight counted along gravity.
-        torque: (N, 3) likewise, about the sensor's origin [Nm].
-        gravity: (N, 3) in the sensor's axes [m/s2], such as R_base_sensor.T @ gravity.
+    Force and torque, about the sensor's origin, are (N, 3) means over each pose as the sensor reads them [N, Nm], the
+    weight counted along gravity (N, 3) in the sensor's axes [m/s2], such as R_base_sensor.T @ gravity.
 
     Raises:
         ExcitationError: Gravity points nearly the same way in all poses, seen from the sensor.
-        InputError: Fewer than four poses, other shapes, or a mass that is not above zero.
     """
     down = as_array("gravity", gravity, (None, 3))
     forces, torques = as_array("force", force, down.shape), as_array("torque", torque, down.shape)

@@ -61,19 +61,15 @@ class CablePlant(FirmwarePlant[TickLog]):
         """Put an arm on a base.
 
         Args:
-            arm: Its numbers; the package's RAVEN-II when None.
+            arm: The package's RAVEN-II when None.
             side: "left" (gold) or "right" (green).
-            seed: Draws another robot of the same kind and where it stands; when None the nominal one, always
-                at the same place.
+            seed: Draws another robot of the kind and where it stands; None is the nominal one, always at one place.
             start: (3,) where the positioning joints stand at power-on [rad, rad, m], in place of a drawn one.
             payload: Mass at the tool's wrist [kg].
-            base: What it stands on; a level base at rest when None.
+            base: A level base at rest when None.
             substeps: Physics steps in 1 ms; 1 is enough for hours-long runs.
             grav_dir: Gravity that its own compensation goes by, three whole numbers [cm/s2] as the robot has them,
                 z down: (0, 0, 980) on the real one, on whatever base. No compensation of its own when None.
-
-        Raises:
-            InputError: An unknown side, a negative payload, fewer than one substep, or no such gravity.
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')

@@ -81,22 +81,18 @@ class MujocoPlant(SimulatedPlant):
         payload: Payload | None = None,
         substeps: int = 1,
     ) -> None:
-        """Put a robot on a base.
+        """Put a robot, any with inertia, on a base.
 
         Args:
-            model: Any robot with inertia.
-            base: What it stands on; a level base at rest when None.
+            base: A level base at rest when None.
             start: (n,) where it stands at power-on [rad|m]; zero when None, the middle of its limits for joints
                 whose limits do not hold zero.
             hardware: Friction, rotors, springs; ideal drives when None.
-            payload: What it carries.
-            substeps: Physics steps in a tick of 1 ms.
+            substeps: Physics steps in a tick of 1 ms; the refusal of springs or dampers that are too stiff says how
+                many they need.
 
         Raises:
             MissingPackageError: MuJoCo is not installed.
-            MissingInertiaError: Links without inertia.
-            InputError: Arguments out of range, joints that move no mass, or springs or dampers that are too stiff
-                for the step; the message says how many substeps they need.
             LimitError: `start` is outside the joint limits.
         """
         if substeps < 1:

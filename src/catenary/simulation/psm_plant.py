@@ -55,16 +55,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         base: MovingBase | None = None,
         substeps: int = 2,
     ) -> None:
-        """Put an arm on a base.
-
-        Args:
-            arm: Its numbers; the package's PSM when None.
-            seed: Draws another robot of the same kind and where it stands; when None the nominal one, always
-                at the same place.
-            start: (7,) where the joints stand at power-on [rad, rad, m, rad...], in place of a drawn one.
-            base: What it stands on; a level base at rest when None.
-            substeps: Physics steps in 1 ms.
-        """
+        """Put an arm on a base; arguments as of a `CablePlant`, `start` (7,) [rad, rad, m, rad...]."""
         rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_psm() if arm is None else arm
         self.arm = drawn if seed is None else varied_psm(drawn, rng)

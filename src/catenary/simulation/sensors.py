@@ -105,15 +105,10 @@ class SimulatedSensor:
         seed: int = 0,
         start: float = 0.0,
     ) -> None:
-        """Mount a sensor on a base.
+        """Mount a sensor, an MPU-6050 at the base's origin when None, on a base.
 
-        Args:
-            base: What it is fixed to.
-            mailbox: Where its samples go.
-            model: What it is like; an MPU-6050 at the base's origin when None.
-            faults: What goes wrong, and when.
-            seed: Of its noise.
-            start: Its first sample is taken then, or just after [s]; the plant's time, where that has gone by.
+        Its first sample is taken at `start`, or just after [s]; the plant's time, where that has gone by. Faults say
+        what goes wrong, and when; the seed is of its noise.
         """
         self.model = SensorModel() if model is None else model
         self.mailbox, self.faults = mailbox, tuple(faults)

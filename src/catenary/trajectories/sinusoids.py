@@ -40,14 +40,11 @@ def random_sinusoids(
     six hours of three joints take 0.2 MB.
 
     Args:
-        rng: Draws the joints' swings.
-        duration: Length [s], from twice `turn_time` to LONGEST.
-        lower: (n,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
-        upper: (n,) upper end [rad or m].
+        duration: [s], from twice `turn_time` [s], positive, to LONGEST.
+        lower: (n,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default; upper:
+            likewise.
         turning_band: (n,) how far from the ends a joint may turn [rad or m]; 0 to half of its range.
-        slowest: (n,) least speed of a swing [rad/s or m/s], positive.
-        fastest: (n,) greatest speed of a swing [rad/s or m/s].
-        turn_time: Time to slow down and to speed up again, each [s], positive.
+        slowest: (n,) least speed of a swing [rad/s or m/s], positive; fastest: its greatest.
     """
     low = as_array("lower", lower, (None,))
     n = len(low)

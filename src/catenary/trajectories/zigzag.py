@@ -115,10 +115,9 @@ def zigzag(
     Args:
         sparsities: Distance between sweeps in the unit cube, of each path, 0.01 to 1.
         form: Of J1-J2-J3; the other directions have one form, `generator`.
-        lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
-        upper: (3,) upper end [rad or m].
-        rows_per_second: Speed: how many rows of `zigzag_rows` are played in a second, positive.
-        blend: Time over which the velocity changes at a corner [s], positive.
+        lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default; upper:
+            likewise.
+        rows_per_second: Speed: how many rows of `zigzag_rows` are played in a second.
     """
     matrix, shift = _placement(direction, form, lower, upper)
     rate = float(as_positive("rows_per_second", rows_per_second))

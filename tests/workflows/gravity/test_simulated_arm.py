@@ -1,13 +1,16 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
+from catenary.robots.model import Frame
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import tilted_gravity
-from catenary.simulation.base_motion import FixedBase, SwayingBase, Wave
+from catenary.simulation.base_motion import SwayingBase, Wave
+from catenary.spatial import Pose
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import base_sensor, rigid_arm, simulated_arm, with_gains
@@ -73,10 +76,13 @@ def test_an_arm_on_a_deck_is_held_ten_times_better_by_sensed_gravity_than_by_a_l
     assert largest["dg"] < 0.1 * largest["sg"] < 0.1 * largest["pd"]
 
 
-def test_a_unit_at_a_frame_of_the_robot_tells_gravity_at_the_base_origin() -> None:
-    # a Universal Robot's controller has a base that is turned by half a turn from base_link
-    sensor, told = base_sensor(FixedBase(0.2, -0.1), noise=0.01, at=(load_robot("ur10e"), "base"))
-    source = SensedGravity(sensor.mailbox, told, feed=sensor.advance)
-    readings = [source.read(0.01 * k) for k in range(100)]
-    np.testing.assert_allclose(readings[-1].gravity, tilted_gravity(0.2, -0.1), atol=0.05)
-    assert (readings[-1].status.value, told.base) == ("live", "base_link")
+def test_a_unit_at_a_turned_frame_of_the_robot_tells_gravity_and_rates_of_the_base_origin() -> None:
+    arm, turned = load_robot("two_link"), Rotation.from_euler("xyz", [0.4, -0.9, 2.8]).as_matrix()
+    frames = {**arm.frames, "imu_link": Frame(-1, Pose(turned, np.array([0.11, 0.03, 0.35])))}
+    rocks = SwayingBase((Wave(0.35, 0.3, (1.0, 0.0, 0.0)), Wave(0.17, 0.5, (0.0, 1.0, 0.0))))
+    sensor, told = base_sensor(rocks, noise=0.0, at=(replace(arm, frames=frames), "imu_link"))
+    source, times = SensedGravity(sensor.mailbox, told, feed=sensor.advance), np.arange(3000) / 1000.0
+    readings, true = [source.read(float(t)) for t in times][1000:], rocks.sample(times[1000:])
+    assert {reading.status.value for reading in readings} == {"live"}
+    np.testing.assert_allclose([reading.gravity for reading in readings], true.gravity, atol=0.1)
+    np.testing.assert_allclose([reading.base_rates[0] for reading in readings], true.motion[:, 0], atol=5e-3)

@@ -84,9 +84,6 @@ def simulated_arm(
 
     Raises:
         UnsupportedModelError: A seed for a robot that has no cables, or joint friction for one that has.
-        MissingInertiaError: Links without inertia.
-        MissingPackageError: MuJoCo, which moves robots without cables, is not installed.
-        InputError: A negative payload, gain or friction, or another number of them than joints.
         NotReadyError: An axis that homes met no stop.
     """
     drives = None if friction is None and viscous is None else JointHardware()  # which only some robots have
