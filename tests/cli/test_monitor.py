@@ -46,8 +46,8 @@ def test_a_simulation_shows_the_true_error_of_joints_and_tip() -> None:
     shot = json.loads(outcome.out.splitlines()[-1])
     model, reported = load_robot("raven2"), np.array(shot["q"][:3])
     true = reported - shot["true_error"]
-    # cables: half a degree and a millimetre or more, and far less than an encoder's zero, 7.5 deg at the elbow
-    assert 0.001 < np.abs(shot["true_error"]).max() < 0.03
+    # cables and their friction: some degrees and millimetres, and less than an encoder's zero, 7.5 deg at the elbow
+    assert 0.001 < np.abs(shot["true_error"]).max() < 0.1
     apart = [forward_kinematics(model, q).position for q in (reported, true, np.array(shot["q_encoder"][:3]))]
     assert_allclose(shot["tip"], apart[0])
     assert_allclose(shot["tip_error"], np.linalg.norm(apart[0] - apart[1]))

@@ -153,18 +153,6 @@ def test_homing_that_fails_leaves_a_fault_and_a_living_server():
     assert "met no stop" in robot.server.reports.kinds["gold: fault"].text
 
 
-def test_a_person_at_the_server_presses_the_button_and_commands():
-    robot = ServedRobot(state="DISABLED")
-    robot.server.person_says("button")
-    robot.tick()
-    assert robot.state() == "PAUSED"  # homed already
-    robot.server.person_says("resume")
-    robot.tick()
-    assert robot.state() == "ENABLED"
-    robot.server.person_says("sing")
-    assert robot.server.reports.count("keyboard") == 1
-
-
 def test_a_published_rate_is_a_part_of_the_robots():
     network = LoopbackNetwork(clock=SetClock(BEGIN))
     server = make_server(Serving(), Loopback("robot", network), rate_hz=200.0)

@@ -278,7 +278,7 @@ def test_what_others_do_is_recorded(ready: None, tmp_path: Path) -> None:
 
 
 def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_path) -> None:
-    model, folder = write_model(tmp_path), tmp_path / "beside"
+    model = write_model(tmp_path)
     options = ("--gravity-torque", "--gravity", "/gravity", "--rate", "200", "--json")
     with (
         Program(meeting.network, GRAVITY_NODE, meeting.ros) as node,
@@ -298,8 +298,7 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_
             time.sleep(0.5)
             last = {verb: topic.take(60.0)[-1].message for verb, topic in heard.items()}
         watched = catenary(
-            "monitor", "--ros", MET[0].ros, "--simulated", "--gravity", "/gravity", "--record", folder, "--seconds",
-            "2", "--rate", "5", "--json",
+            "monitor", "--ros", MET[0].ros, "--simulated", "--gravity", "/gravity", "--seconds", "2", "--rate", "5", "--json",
         )  # fmt: skip
         deployed.interrupt()
         out, errors = deployed.finish()
@@ -324,7 +323,6 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_
     assert sample["inside_valid_range"] == [True] * 7
     assert_allclose(sample["gravity"], GRAVITY)
     assert sample["gravity_age_s"] < 5.0
-    assert open_recording(folder).topics
 
     # how many, how fast and how late depends on who else uses the machine of the tests
     assert report["published"] > 0

@@ -171,11 +171,7 @@ class CollisionScene:
         return replace(self, pairs=self.pairs[~always]), names
 
     def clearance(self, path: JointPath, margin: float) -> Clearance:
-        """Return whether all pairs stay farther apart than a margin [m] at every instant of a motion.
-
-        Raises:
-            InputError: A sliding joint has no limits.
-        """
+        """Return whether all pairs stay farther apart than a margin [m] at every instant of a motion."""
         speeds = np.maximum(self.reach @ path.extremes()[2], 1e-12)
         if not np.isfinite(speeds).all():
             raise InputError(f'robot "{self.model.name}": a sliding joint has no limits, so that nothing bounds speeds')

@@ -46,11 +46,7 @@ class Clock:
 
 
 class Rate:
-    """Paces a loop; ticks stay on their grid, so a late one does not delay those behind it.
-
-    `late` counts ticks that began a whole period late or more; the grid then begins anew, and missed ticks are not
-    made up for.
-    """
+    """Paces a loop on a grid; `late` counts ticks a period late or more: missed ones are not made up for."""
 
     def __init__(self, clock: Clock, hertz: float) -> None:
         if not 0.0 < hertz < float("inf"):

@@ -123,12 +123,7 @@ class Commander:
                     self._stood = 0
 
     def require_free(self, process: str, now: int, *, is_moving: bool) -> None:
-        """Refuse the command of a program while another one moves the arm.
-
-        Args:
-            process: As in `Arrival.process`; one that is not known is never refused.
-            now: [ns].
-        """
+        """Refuse the command of a program, as in `Arrival.process`, while another one moves the arm; `now` in ns."""
         name = process.partition(" ")[0]  # a network has one program of a name
         if self._topic is None or not self._process or name in ("", self._process[0]) or self._is_same(process):
             return

@@ -90,12 +90,10 @@ class GravityTopic:
     def __init__(
         self, transport: Transport, topic: str, type_name: str, mailbox: Mailbox, *, points_down: bool = False
     ) -> None:
-        """Subscribe.
+        """Subscribe to a topic of one of TYPES.
 
-        Args:
-            type_name: One of TYPES.
-            points_down: The vectors are free-fall acceleration, gravity itself; else specific force, which points up
-                at rest, as accelerometers and sensor_msgs/Imu have it.
+        Its vectors are specific force, which points up at rest, as accelerometers and sensor_msgs/Imu have it; gravity
+        itself where `points_down`.
         """
         if type_name not in TYPES:
             raise InputError(f'topic {topic}: type "{type_name}": expected one of {", ".join(TYPES)}')

@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from typing import Any, NamedTuple
 
 from catenary.crtk.message import Message, has_header
@@ -210,29 +211,20 @@ class Subscription:
             return None
 
 
-class Request:
+class Request(Future[bytes]):
     """A call of a service that waits for its answer."""
 
     def __init__(self, answer: Callable[[], bytes]) -> None:
+        super().__init__()
         self._answer = answer
-        self._done = threading.Event()
-        self._result = b""
-        self._error: Exception | None = None
 
     def run(self) -> None:
         """Compute the answer, in the thread that serves."""
         try:
-            self._result = self._answer()
+            self.set_result(self._answer())
         except Exception as error:  # the caller gets it, the server lives on
-            self._error = error
-        self._done.set()
+            self.set_exception(error)
 
     def wait(self, timeout: float) -> bool:
         """Wait for the answer up to `timeout` [s]; return whether it came."""
-        return self._done.wait(timeout)
-
-    def result(self) -> bytes:
-        """Return the answer, or raise what the handler raised."""
-        if self._error is not None:
-            raise self._error
-        return self._result
+        return bool(wait([self], timeout).done)

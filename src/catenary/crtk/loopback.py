@@ -149,7 +149,7 @@ class Loopback(Transport):
         called = Request(lambda: service.answer(data))
         service.transport.inbox.put(called.run)
         end = time.monotonic() + timeout
-        while not called.wait(0.0) and time.monotonic() < end:
+        while not called.done() and time.monotonic() < end:
             service.transport.poll()
         return called
 

@@ -48,15 +48,11 @@ def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
 def joint_values(
     message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
 ) -> Floats:
-    """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
+    """Return the numbers of a sensor_msgs/JointState's `field` in the order of our joints, (n,).
 
-    With names, each number goes to the joint of its name, in whatever order they come; a RAVEN-II's own names, such as
-    gold_ins, are understood, whichever arm's they are: it publishes the green arm under gold names. Without names the
-    first n count, in our order, as the RAVEN-II takes them.
-
-    Args:
-        field: "position", "velocity" or "effort".
-        rest: (n,) numbers of joints that are not named; None refuses a message that lacks some.
+    With names, each number goes to the joint of its name; a RAVEN-II's own names, such as gold_ins, are understood,
+    whichever arm's they are: it publishes the green arm under gold names. Without names the first n count, in our
+    order, as the RAVEN-II takes them. Joints that are not named get `rest` (n,); None refuses them.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
@@ -101,11 +97,9 @@ def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...
 def joint_state(
     message: Message, names: tuple[str, ...], *, gravity: ArrayLike, gravity_age: float = np.inf
 ) -> JointState:
-    """Return a joint state from a sensor_msgs/JointState; NaN where it has no velocities or efforts.
+    """Return the joint state of a sensor_msgs/JointState, NaN where it has no velocities or efforts.
 
-    Args:
-        gravity: (3,) in the base frame [m/s2], which the message does not hold.
-        gravity_age: [s] since it was measured; infinite when it is nominal.
+    Gravity (3,) [m/s2] in the base frame, which it does not hold, was measured `gravity_age` [s] ago.
     """
     q = joint_values(message, names)
     qd, tau = (

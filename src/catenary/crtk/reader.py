@@ -157,10 +157,7 @@ class CrtkReader(NeverMoved):
         return self._upper.copy()
 
     def measured_js(self) -> JointState:
-        """Return the latest joint state; its time is the robot's, since the client's first message.
-
-        Torques are those at the joints, from raven_state where there is one, as a motion log has them.
-        """
+        """Return the latest state: time since the first message by the robot, torques at the joints (raven_state)."""
         return self.state_of(self._fresh())
 
     def state_of(self, message: Message) -> JointState:
@@ -176,10 +173,7 @@ class CrtkReader(NeverMoved):
         return state._replace(time=time, q=np.array(state.q), qd=np.array(state.qd), tau=np.array(tau), q_motor=q_motor)
 
     def setpoint_js(self) -> JointState:
-        """Return the latest joint setpoint that the robot reports; at rest where it reports no velocity.
-
-        NaN where no setpoint has come, as of a recording.
-        """
+        """Return the latest setpoint, at rest where no velocity is reported; NaN where none came, as of a recording."""
         state = self.measured_js()
         message = self._latest["setpoint_js"].message()
         if message is None:

@@ -2,7 +2,6 @@
 
 import gc
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self, cast
@@ -182,7 +181,7 @@ def prepare(server: Server) -> None:
 
 
 def serve(
-    server: Server, *, commands: deque[str], show: Callable[[ServerStatus], None], duration: float | None = None
+    server: Server, *, show: Callable[[ServerStatus], None], start: bool = False, duration: float | None = None
 ) -> ServerStatus:
     """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; the arms are paused then.
 
@@ -190,8 +189,7 @@ def serve(
     after a stall nothing runs faster than it should for long.
 
     Args:
-        commands: From a person, put in by any thread, obeyed between two ticks: "button", or a state command for all
-            arms.
+        start: Press the silver button first; enable and home the arms of a robot without one.
         duration: [s]; None for ever.
 
     Returns:
@@ -205,6 +203,8 @@ def serve(
     begin = last = _Counts.now(server)
     deadline, lost = begin.time, 0
     ended_by = ""
+    if start:
+        server.start()
 
     def status(since: _Counts, now: _Counts) -> ServerStatus:
         took, missed = max(now.time - since.time, 1e-9), server.missed
@@ -224,8 +224,6 @@ def serve(
 
     try:
         while duration is None or clock() - begin.time < duration:
-            while commands:
-                server.person_says(commands.popleft())
             server.tick(late=min(max(0.0, clock() - deadline), LONGEST_CATCH_UP))
             deadline += period
             now = clock()

@@ -23,10 +23,7 @@ CAPTION = "Measured positions less their median error there. Where the lines tur
 def overlay(log: MotionLog, before: float = 0.0, after: float = 0.0) -> "Figure":
     """Draw a joint where it goes fastest to and fro, as it was recorded and re-timed.
 
-    Args:
-        log: With measured positions.
-        before: How much later its measurements were stamped when it was recorded [s|rows].
-        after: The same of the re-timed ones; as `before` where nothing was re-timed.
+    Measurements were stamped `before` later than they were, and re-timed ones `after` [s|rows].
     """
     from matplotlib.figure import Figure
 
@@ -70,9 +67,7 @@ def times_of(log: MotionLog) -> Floats:
 def busy_rows(log: MotionLog, t: Floats, delay: float = 0.0, joint: int | None = None) -> tuple[int, slice]:
     """Return a joint, and the rows where it goes most of its range to and fro: one way, a delay is an offset.
 
-    Args:
-        delay: [s|rows] that is to be seen.
-        joint: The one to take; that which goes fastest when None.
+    A delay [s|rows] is to be seen in them; the joint that goes fastest is taken when None.
     """
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     count = min(len(t), int(max(SHOWN_ROWS, (DELAYS * delay or SHOWN) / max(step, 1e-9))))

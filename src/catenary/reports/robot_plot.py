@@ -232,12 +232,9 @@ def end_frames(model: RobotModel) -> list[str]:
 
 
 def link_segments(model: RobotModel, q: Floats) -> Floats:
-    """Return the lines that an arm is drawn by, from joint to joint and on to its ends, (S, 2, 3) [m].
+    """Return the lines of an arm at q (n,) [rad|m], from joint to joint and on to its ends, (S, 2, 3) [m].
 
     The first lines lead to the links' own frames, in the order of `model.link_names`, the others to `end_frames`.
-
-    Args:
-        q: (n,) where its joints are [rad|m].
     """
     origins = link_poses(model, q)[1]
     starts = [np.zeros(3) if parent < 0 else origins[parent] for parent in model.tree.parent]

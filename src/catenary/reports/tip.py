@@ -129,10 +129,7 @@ def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
 
 
 def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
-    """Draw the arm with its tip's path, and a stretch of the path close up with where the tip was said to be.
-
-    No line goes across `row_breaks` (B,), rows before which rows are missing.
-    """
+    """Draw the arm with its tip's path, and a stretch close up; rows are missing before those of `row_breaks` (B,)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 5.0), layout="constrained")

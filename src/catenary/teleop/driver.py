@@ -58,10 +58,7 @@ class TeleopDriver:
         return True
 
     def step(self, now: float) -> tuple[str, ...]:
-        """Send the motion of one tick, and return the joints at a limit that the keys ask to pass.
-
-        Nothing is sent to a robot that is not enabled, homed and idle, nor while no key is held.
-        """
+        """Send a tick's motion to a robot that may move; return the joints at a limit that the keys ask to pass."""
         state = self.plant.operating_state()
         told = self.in_words(state)  # why a robot is in FAULT may come after its state
         if told != self._last_told:

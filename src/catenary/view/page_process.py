@@ -78,10 +78,7 @@ class PageProcess:
         return self._process.is_alive()
 
     def put(self, state: ViewState) -> None:
-        """Show a state; nothing before `open`, nor while the page does not take what was sent before.
-
-        A socket that select calls writable has three quarters of its room free, a hundred thousand bytes and more.
-        """
+        """Show a state, unless the page has not taken what was sent before, as its socket tells."""
         if self._is_open and select([], [self._pipe], [], 0.0)[1]:
             with contextlib.suppress(OSError):  # a page that is gone shows nothing
                 self._pipe.send(shortened(state))

@@ -36,14 +36,10 @@ class Mesh(NamedTuple):
 
 
 def tube(points: ArrayLike, radius: float) -> Mesh:
-    """Return a round tube along a broken line, with a hemisphere at either end; of two points it is a capsule.
+    """Return a round tube of a radius [m] along a broken line (P, 3) [m], with a hemisphere at either end.
 
-    The cross-sections are turned as little as may be from one to the next [Wang et al. 2008, Computation of rotation
-    minimizing frames], so that a tube along an arc is not twisted.
-
-    Args:
-        points: (P, 3) of its middle line [m], at least two, no two in a row the same.
-        radius: [m].
+    Cross-sections are turned as little as may be from one to the next [Wang et al. 2008, Computation of rotation
+    minimizing frames], so that a tube along an arc is not twisted. No two points in a row are the same.
     """
     line = as_array("points", points, (None, 3))
     steps = np.diff(line, axis=0)

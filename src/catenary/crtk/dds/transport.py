@@ -175,12 +175,9 @@ class DdsTransport(Transport):
     lapses = (0, 10 * SECOND, 20 * SECOND)
 
     def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE) -> None:
-        """Join the domain that ROS_DOMAIN_ID names, and wait until those who are there are known.
+        """Join the domain of ROS_DOMAIN_ID, and wait until nothing new is known of others for `settle` [s].
 
-        Args:
-            name: Node's name; ROS 2 permits two of one name.
-            arguments: Other names, as behind `--ros-args`, and the distribution that the others are of.
-            settle: [s] without news of other programs that end the waiting.
+        Arguments are other names, as behind `--ros-args`, and the distribution that the others are of.
         """
         self._arguments = arguments or RosArguments()
         super().__init__(self._arguments.node or name)

@@ -34,8 +34,7 @@ _MultiArray = message_class("std_msgs/Float64MultiArray")
 def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, int], Message]]:
     """Return what both dialects publish of an arm in every tick, verb by verb: messages of it at a stamp [ns].
 
-    Poses are in the base: PoseStamped, or TransformStamped where `child`, the tool's frame, is given. Velocities are
-    linear [m/s] and angular [rad/s], in base axes.
+    Poses are TransformStamped where `child`, the tool's frame, is given; velocities [m/s, rad/s] in base axes.
     """
 
     def pose(arm: ServedArm, pose: Pose, stamp: int) -> Message:

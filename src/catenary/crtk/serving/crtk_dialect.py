@@ -48,11 +48,7 @@ class CrtkDialect(Dialect):
     """
 
     def __init__(self, arms: Mapping[str, ServedArm], listed: Iterable[CrtkTopic] | None = None) -> None:
-        """Speak for arms.
-
-        Args:
-            listed: Topics of which those are spoken that the arms have; a RAVEN-II's when None.
-        """
+        """Speak for arms over those topics that they have, of `listed`; a RAVEN-II's when None."""
         all_topics = topics("crtk") if listed is None else listed
         spoken = (one for one in all_topics if one.arm is None or (one.arm in arms and _has(arms[one.arm], one.verb)))
         super().__init__(arms, tuple(spoken), _PUBLISHED, _OBEYED)
@@ -142,10 +138,7 @@ def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
 
 
 def _numbers(arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None) -> Floats:
-    """Return a command's numbers (n,); names may leave out joints for which `rest` (n,) has numbers.
-
-    A jaw that joint states leave out gets what `rest` has for it, or zero.
-    """
+    """Return a command's numbers (n,); joints that it does not name get those of `rest` (n,), as does a jaw apart."""
     given, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
     if not message.name and given != n:
         raise InputError(f"{given} numbers in `{field}`, expected {n}: {', '.join(names)}")

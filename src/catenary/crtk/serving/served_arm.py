@@ -33,12 +33,7 @@ class Increments:
     """
 
     def __init__(self, most: Floats, period: float) -> None:
-        """Begin empty.
-
-        Args:
-            most: (n,) largest motion in a tick [rad|m].
-            period: [s] of a tick.
-        """
+        """Begin empty, with the largest motion in a tick (n,) [rad|m] and its period [s]."""
         self._most = most
         self._patience = max(1, round(BACKLOG / period))
         self._waiting: deque[tuple[Floats, int]] = deque()
@@ -82,12 +77,7 @@ class Goal:
     """A joint position that is approached by clamped steps: so many as there were messages, or for a while."""
 
     def __init__(self, most: Floats, period: float) -> None:
-        """Begin without a goal.
-
-        Args:
-            most: (n,) largest step in a tick [rad|m].
-            period: [s] of a tick.
-        """
+        """Begin without a goal, with the largest step in a tick (n,) [rad|m] and its period [s]."""
         self.follow = max(1, round(FOLLOW / period))  # ticks
         self._most = most
         self._q: Floats | None = None
@@ -147,9 +137,8 @@ class ServedArm:
     ) -> None:
         """Take over a plant.
 
-        Args:
-            gravity_torque: What holds it still, for the compensation that CRTK's clients may ask for.
-            joints_per_actuator: (n, n) of a dVRK's arm, as its controller has it.
+        `gravity_torque` holds it still, for the compensation that clients may ask for; a dVRK's arm has (n, n) joints
+        per actuator.
         """
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
         self.reports, self.joints_per_actuator = reports, joints_per_actuator
@@ -218,10 +207,7 @@ class ServedArm:
         self._velocity, self._until = velocity, self.tick + self.goal.follow
 
     def push_with(self, tau: Floats) -> None:
-        """Command joint torques (n,) for 0.1 s, plus gravity's where that was asked for.
-
-        A joint whose torque is NaN holds its setpoint.
-        """
+        """Command torques (n,) for 0.1 s, plus gravity's where asked for; a joint with NaN holds its setpoint."""
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
         if np.isnan(tau).any() and "servo_jf_of" not in self.plant.supports:

@@ -23,10 +23,6 @@ def extract_recording(project: Project, name: str) -> bool:
 
     A recording that no step made is extracted as well: somebody put it there, or what recorded it was killed. Of one
     that is not whole what is whole is taken; the report, the log's notes and the step say so (`rescued`).
-
-    Raises:
-        ConfigError: There is no such recording.
-        FileFormatError, InputError: Nothing in it can be read, or a topic without which there is no log lacks messages.
     """
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
     recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report]

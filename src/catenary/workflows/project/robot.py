@@ -83,10 +83,6 @@ class ProjectRobot(ABC):
 
         `motion` says as plain data what the trajectory, of the calibrated joints, is; `after` is "home" or the name of
         the recording before.
-
-        Raises:
-            LimitError: The motion leaves the joint limits; nothing has moved.
-            ConfigError: The step before was not done.
         """
         before = after if after == "home" else f"record {after}"
         made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(before)]
@@ -237,12 +233,10 @@ class RosRobot(ProjectRobot):
         patience: float = PATIENCE,
         homing_patience: float = HOMING,
     ) -> None:
-        """Take a transport.
+        """Take a transport, and whether a simulation is behind the topics, which do not say it.
 
-        Args:
-            simulated: What is behind the topics, which do not say it.
-            patience: [s] until the robot must report what a person has done.
-            homing_patience: [s] from the press of its button until it must be homed.
+        The robot must report within `patience` [s] what a person has done, and that it is homed within
+        `homing_patience` [s].
         """
         self._transport, self._guide, self._simulated = transport, guide, simulated
         self._patience, self._homing_patience = patience, homing_patience

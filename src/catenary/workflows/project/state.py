@@ -13,7 +13,6 @@ from catenary.errors import ConfigError, FileFormatError
 from catenary.files import damage, fingerprint, sha256_of
 
 MOST_STATE = 2**20  # [B]; steps.json of a hundred recordings has some 50 kB
-Few = Field(max_length=1_000)  # joints
 Count = Annotated[int, Field(ge=0)]
 
 
@@ -39,43 +38,10 @@ class StepsFile(Recorded):
     steps: dict[str, StepEntry]
 
 
-class HomeFile(Recorded):
-    """robot/home.json: what is believed is known; an encoder may be missing."""
-
-    simulated: bool
-    seconds: float | None = None
-    joint_names: Annotated[tuple[str, ...], Few]
-    believed: Annotated[tuple[float, ...], Few]
-    external_encoders: Annotated[tuple[float | None, ...], Few] | None = None
-
-
-class ExtractedTopic(Recorded):
-    """A topic that was extracted; rates are null of a single message."""
-
-    topic: str
-    messages: Count
-    rate: float | None
-    longest_gap: float | None
-
-
-class ExtractionFile(Recorded):
-    """NAME.synchronised.json."""
-
-    topics: tuple[ExtractedTopic, ...]
-    rows: Count
-    problems: tuple[str, ...]
-
-
 def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None = None) -> Any:
-    """Read one of a project's JSON files, as plain data that its schema has seen.
+    """Read one of a project's JSON files, as plain data that its schema has seen, below a key or whole.
 
-    Args:
-        remedy: What makes it again, for the message.
-        below: Key of the schema that stands for the whole file.
-
-    Raises:
-        ConfigError: It is missing, empty, no JSON, or holds something else; the message names it and ends with the
-            remedy.
+    Where it is missing, or holds something else, ConfigError names it and ends with the remedy, what makes it again.
     """
     try:
         content = json_value(read_bounded(path, MOST_STATE), str(path))

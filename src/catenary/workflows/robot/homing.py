@@ -65,9 +65,7 @@ def have_done(
 ) -> None:
     """Ask for something to be done unless the robot reports that it is, and wait until it does.
 
-    Args:
-        missing: What the robot reports as missing.
-        patience: [s] after each answer until the robot must report it; then it is asked again.
+    `missing` says what it reports as missing; `patience` [s] after each answer it is asked again.
     """
     if missing() is None:
         return
@@ -110,15 +108,9 @@ class Homing:
 
 
 def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
-    """Home a robot unless it is homed; one behind a transport is paused then.
+    """Home a robot, in any state, unless it is homed; one behind a transport is paused then.
 
-    Args:
-        robot: Simulated here, in any state, or behind a transport.
-        guide: Asks the person beside a robot behind a transport; says yes by itself where that one is simulated.
-
-    Raises:
-        NotReadyError: Given up, in FAULT, or not homed in time.
-        TransportError: The robot fell silent.
+    The guide asks the person beside a robot behind a transport, unless that one is simulated.
     """
     plant = robot.plant
     begin = plant.measured_js().time
@@ -142,11 +134,8 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
 def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -> None:
     """Home a robot whose workspace is clear: by its own button, or by commands where its dialect has them.
 
-    A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state.
-
-    Args:
-        guide: Has the button pressed; one that only says yes presses a simulated robot's.
-        patience: [s] until it must be homed.
+    A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state. A guide that
+    only says yes presses a simulated robot's button; `patience` in s.
     """
     asked = False
     try:

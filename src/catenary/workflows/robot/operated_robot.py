@@ -99,12 +99,9 @@ class OperatedRobot:
 
 
 def operated_robot(robot: str, where: Simulated | OverTopics, *, real_time: bool = True) -> OperatedRobot:
-    """Open a robot that is operated; errors as `open_robot`.
+    """Open a robot of the catalogue or of a file; one behind a transport is the caller's to close.
 
-    Args:
-        robot: Name in the catalogue, or a robot file.
-        where: Simulated here, or behind a transport: the plant then is a client, the caller's to close.
-        real_time: False lets the ticks of a simulated one be as short as the machine makes them.
+    Without `real_time` the ticks of a simulated one are as short as the machine makes them.
     """
     plant, model = open_robot(robot, where), load_robot(robot)
     if isinstance(plant, CrtkReader):

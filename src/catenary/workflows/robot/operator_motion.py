@@ -93,15 +93,9 @@ def go_to_joints(
     speed: float = 1.0,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Bring joints to a position, gently, all arriving together.
+    """Bring the named joints, or the first k, to q (k,) [rad|m], all arriving together; errors as `move_to`.
 
-    Args:
-        q: (k,) [rad|m].
-        joints: Their names; the first k when None.
-        speed: Times the gentle one, 0.2 rad/s and 10 mm/s.
-
-    Raises:
-        LimitError, NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.move_to`; nothing moved.
+    `speed` is times the gentle one, 0.2 rad/s and 10 mm/s.
     """
     goal = as_array("q", q, (None,))
     names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
@@ -117,9 +111,6 @@ def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Gener
     """Return joints (n,) [rad|m], near where they are, that bring the tool to (3,) [m] in the base frame.
 
     Joints of a RAVEN-II that turn the tool stay; of other robots the tool keeps its orientation where it can.
-
-    Raises:
-        UnreachablePoseError: It cannot be reached.
     """
     q = robot.plant.setpoint_js().q
     model = robot.with_tool_at(q)
@@ -156,14 +147,9 @@ def follow(
 ) -> MotionSummary:
     """Check the whole motion of a file, go to its start gently, and follow it.
 
-    Args:
-        blend: [s] over which velocities are averaged.
-        largest_velocity: Per unit, rad and m [rad/s, m/s]; LARGEST_VELOCITY when None.
-        from_afar: Also start from farther away than NEAR.
-
-    Raises:
-        LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.
-        NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.run_trajectory`.
+    Velocities are averaged over `blend` [s]; the largest, by unit, are LARGEST_VELOCITY [rad/s, m/s] when None. A
+    motion beyond limits or speeds, or that starts farther away than NEAR, unless `from_afar`, is refused before
+    anything moves.
     """
     plant, motion = robot.plant, file.trajectory(blend)
     names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names
