@@ -207,12 +207,6 @@ def test_a_recording_that_is_none_is_refused(tmp_path: Path, changes: dict[str, 
     assert not (tmp_path / "out.npz").exists()
 
 
-def test_recordings_of_different_joints_are_refused(run: Path, tmp_path: Path) -> None:
-    names = simulated_arm.write(tmp_path / "named.npz", joint_names=["a", "b", "c"])
-    message = refusal("fit", run, names, "--model", "linear", "--out", tmp_path / "m.npz")
-    assert 'recording "named" has no joint "J1"; it has a [rad], b [rad], c [m]' in message
-
-
 WHOLE = io.BytesIO()
 np.savez(WHOLE, **simulated_arm.arrays())
 BROKEN: dict[str, bytes | None] = {
@@ -236,12 +230,6 @@ def test_an_unreadable_file_is_refused_by_name(tmp_path: Path, run: Path, model:
         assert f"bad{ending}" in refusal("fit", path, "--model", "linear", "--out", tmp_path / "out.npz")
         assert f"bad{ending}" in refusal("evaluate", model, path)
     assert "bad.npz" in refusal("evaluate", tmp_path / "bad.npz", run)
-
-
-@pytest.mark.parametrize("structure", ["nonsense", "{}", "[]", '{"format": "catenary.calibration.9"}'])
-def test_a_model_of_another_make_is_refused(tmp_path: Path, run: Path, structure: str) -> None:
-    np.savez(tmp_path / "model.npz", structure=np.array(structure), card=np.array("{}"))
-    assert "model.npz: " in refusal("evaluate", tmp_path / "model.npz", run)
 
 
 def test_a_model_that_does_harm_on_what_was_held_out_is_warned_of(tmp_path: Path) -> None:

@@ -77,11 +77,3 @@ def test_a_bare_recording_is_read_with_the_units_of_the_model_or_those_given(tmp
     told = catenary(*line, "--units", "rad,m,m").out.splitlines()
     assert json.loads(told[-1])["units"] == ["rad", "m", "m"]
     assert "--units: goes with --log" in refusal("monitor", "--units", "rad,rad,m")
-
-
-def test_a_model_of_other_joints_is_refused_with_both(tmp_path: Path) -> None:
-    path = simulated_arm.write(tmp_path / "run.npz")
-    assert catenary("fit", path, "--model", "linear", "--out", tmp_path / "m.npz").code == 0
-    other = simulated_arm.write(tmp_path / "other.npz", joint_names=["a", "b", "c"])
-    message = refusal("monitor", "--log", other, "--model", tmp_path / "m.npz")
-    assert 'recording "other" has no joint "J1"; it has a [rad], b [rad], c [m], the model is for J1 [rad]' in message

@@ -162,23 +162,6 @@ def test_ctrl_c_ends_a_homing_and_disables_the_robot(before: Before) -> None:
 
 
 @ONCE
-def test_a_robot_is_homed(before: Before) -> None:
-    found = before.home.json
-    assert found["run"]
-    assert found["state"]["is_homed"]
-    assert_allclose(found["believed"][:3], HOME, atol=0.01)
-    # the rig's registration of the elbow's stop differs by 7.5 deg by definition
-    assert_allclose(found["believed"][1] - found["external_encoders"][1], np.deg2rad(7.5), atol=0.05)
-
-
-@ONCE
-def test_a_homed_robot_is_not_homed_again(ready: None) -> None:
-    outcome = catenary("home", "--ros", MET[0].ros)
-    assert outcome.code == 0
-    assert "homed before; nothing has moved" in outcome.out
-
-
-@ONCE
 def test_a_paused_robot_is_not_moved(ready: None) -> None:
     with client() as robot:
         robot.state_command("pause")

@@ -22,10 +22,7 @@ class Clock:
         return time.time_ns()
 
     def steady(self) -> int:
-        """Return the time of day [ns since 1970] as if nobody had set the clock since this was made: it only grows.
-
-        Arrivals, ages and durations are told by it.
-        """
+        """Return the time of day [ns since 1970] as if nobody had set the clock since this was made."""
         return self._ahead + self.elapsed()
 
     def set_by(self) -> int:

@@ -88,10 +88,8 @@ class Inbox:
 class Subscription:
     """Messages of one topic, each once and in order, which `take` gives.
 
-    At most `depth` wait; then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were
-    no message of the type; they are left out. `oversized` counts those of more than `largest` bytes, which are dropped
-    as they come in. `repeated` counts what a latching publisher gave again after its connection had been broken: a
-    message that had come already is not given twice.
+    Counts what it left out: `overflowed` beyond `depth`, the oldest; `damaged`, no message of the type; `oversized`,
+    more than `largest` bytes; `repeated`, given again by a latching publisher whose connection had been broken.
     """
 
     def __init__(
@@ -138,10 +136,7 @@ class Subscription:
         return False
 
     def push(self, data: Any, time: int, origin: Origin | None = None, sent: int | None = None) -> None:
-        """Take in a message's bytes at `time` [ns]; transports call this.
-
-        `sent` [ns] is the publisher's time of the day, where the transport tells. Any thread may call.
-        """
+        """Take in a message's bytes at `time` [ns], `sent` [ns] by its publisher's clock; in any thread."""
         if not self.has_room_for(len(data)):
             return
         with self._inbox.lock:

@@ -33,10 +33,7 @@ class _Service:
 
 
 class LoopbackNetwork:
-    """What transports of one process share: topics, services, names, time.
-
-    A program of one thread can serve and call: a call polls the server.
-    """
+    """What transports of one process share: topics, services, names, time; a call polls the server."""
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()

@@ -53,11 +53,7 @@ class Codec(NamedTuple):
 
 
 def codec(name: str, encoding: Encoding = ROS1) -> Codec:
-    """Return the codec of a message type, or of a service's Request or Response.
-
-    `encode` raises InputError, naming the field, where a value does not fit; `decode` FileFormatError where bytes are
-    no such message, and this where the type is unknown. Arrays of decoded messages are the receiver's own.
-    """
+    """Return the codec of a message type, or of a service's Request or Response; InputError names a field."""
     return _codec(current_name(name), encoding)
 
 

@@ -189,11 +189,7 @@ def topics(dialect: DialectName) -> tuple[CrtkTopic, ...]:
 
 
 def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespace: str | None = None) -> CrtkTopic:
-    """Return the topic of a verb of an arm, or of the whole robot when `arm` is None.
-
-    The gripper's verbs begin with `jaw/` or `grasp_`; a namespace is of a robot that speaks `crtk`, a RAVEN-II's when
-    None.
-    """
+    """Return the topic of a verb (the gripper's begin with `jaw/` or `grasp_`) of an arm, or the robot when None."""
     listed = topics_of(dialect, arm, namespace)
     found = next((topic for topic in listed if topic.verb == verb), None)
     if found is None:

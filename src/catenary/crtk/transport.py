@@ -132,11 +132,7 @@ class HeardTopic:
 
 
 class Transport(ABC):
-    """Carries messages and calls under one name.
-
-    A name that is none and a type that is unknown raise InputError. What is closed, a topic that carries another type,
-    and a topic or service that is there already raise TransportError.
-    """
+    """Carries messages and calls under one name; wrong names and types raise InputError, all else TransportError."""
 
     encoding = ROS1  # of the bytes that its subscriptions are given
     sending = Sending()

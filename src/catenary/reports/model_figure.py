@@ -40,10 +40,7 @@ STYLE: dict[Any, Any] = {
 
 
 def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = None, *, name: str = "model") -> "Figure":
-    """Draw what a calibration model does for one joint, the first when None, one journal column wide.
-
-    The evaluation is of the model on `log`, whose commands and measurements are laid over each other, or on more.
-    """
+    """Draw what a calibration model does for one joint, the first when None, of `log`; one journal column wide."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

@@ -51,10 +51,7 @@ def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | Non
 
 
 def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluation) -> TipErrors:
-    """Compare where the tip is by measured, reported and corrected joints.
-
-    The robot has the model's joints, by name or its first ones by units; others must not move the tip, and are zero.
-    """
+    """Compare where the tip is by measured, reported and corrected joints; others must not move it, and are zero."""
     places = _places(robot, model.joint_names, model.joint_units)
     if places is None:
         raise InputError(

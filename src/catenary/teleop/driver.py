@@ -27,11 +27,7 @@ class TeleopDriver:
         keys: Mapping[str, str] = MappingProxyType({}),
         before_command: Callable[[], None] = lambda: None,
     ) -> None:
-        """Take a robot in any state, and the model of its first joints, which place the tip.
-
-        `keys` tell what to press, by the state that a robot which does not move is in, and for "home". `before_command`
-        is called before a run level is asked for, which may take its time; to show `message`.
-        """
+        """Take a robot in any state, the model of its first joints, and the `keys` to press by its state."""
         self.plant, self._before_command, self._keys = plant, before_command, keys
         self.motion = TeleopMotion(plant, model)
         self.message = "hold a key to move"

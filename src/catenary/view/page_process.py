@@ -26,11 +26,7 @@ _ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
 
 
 class PageProcess:
-    """A page in a process that ends with this program; a context manager.
-
-    The process starts on entering, and a browser can open its `url` while the program prepares its robot; `open` then
-    says what is to be shown. `put` and `changes` take microseconds, even if the page or the browsers are slow or gone.
-    """
+    """A page in a process of its own while it is entered; its `url` can be opened before `open` says what it shows."""
 
     def __init__(self, *, port: int = PORT) -> None:
         """Take a port of 127.0.0.1; the next free one where it is taken."""

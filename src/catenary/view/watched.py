@@ -23,9 +23,9 @@ _OF_JOINTS = ("q", "calibrated", "interval", "inside", "setpoint", "tau", "gravi
 def view_state(snapshot: Snapshot, n: int, nominal_hz: float, *, notes: Sequence[str] = (), **known: Any) -> ViewState:
     """Return what the view shows of a snapshot of a robot whose first n joints are the model's.
 
-    The true arm is the one that external encoders tell of where a model is there that learned from them, and that of
-    the joints themselves otherwise: a RAVEN-II's encoders call other places zero than the robot does. `notes` are
-    further warnings, `known` fields of ViewState that a snapshot does not have; None for what is not known.
+    The true arm is what external encoders tell where a model is there that learned from them, else the joints
+    themselves: a RAVEN-II's encoders call other places zero. `known` are fields of ViewState that a snapshot does not
+    have.
     """
     rows = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot)}
     known = {name: value for name, value in known.items() if value is not None}

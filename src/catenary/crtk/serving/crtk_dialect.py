@@ -42,9 +42,8 @@ _PUBLISHED: dict[str, MakeMessage] = {
 class CrtkDialect(Dialect):
     """Speaks for any arms, each in its namespace.
 
-    The operating state is latched, and sent when it changes and ten times a second while it is busy; not otherwise:
-    CRTK's Python client takes whatever state comes after its move command for the answer to it, so that an idle one,
-    sent before the command arrived, would end its waiting.
+    An idle operating state is not repeated: CRTK's Python client takes whatever state comes after its move command for
+    the answer to it.
     """
 
     def __init__(self, arms: Mapping[str, ServedArm], listed: Iterable[CrtkTopic] | None = None) -> None:

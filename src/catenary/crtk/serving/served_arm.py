@@ -24,12 +24,10 @@ FOLLOW = 0.1  # [s] after its last command during which a goal, a velocity or a 
 
 
 class Increments:
-    """Increments of any number of clients, summed as they come.
+    """Increments of any number of clients, each clamped to a millisecond's motion, and summed as they come.
 
-    A message is a millisecond's worth of motion, so each is clamped to what a joint may move in one. What comes within
-    a tick is added up as long as the sum stays within that clamp, at most four messages; the rest waits for the next
-    ticks. So however messages bunch up on their way, the way they make together is the same, and nothing leaps. The
-    robot itself clamps the sum and loses the rest.
+    What comes within a tick is added up within that clamp, at most four messages; the rest waits for the next ticks. So
+    however messages bunch up, their way is the same, and nothing leaps. The robot itself loses what is over.
     """
 
     def __init__(self, most: Floats, period: float) -> None:
@@ -118,11 +116,7 @@ GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) 
 
 
 class ServedArm:
-    """An arm, its state machine, and what it is to do next.
-
-    The last kind of command wins: a goal ends increments, increments end a goal. Only increments add up. Unless the
-    arm is ENABLED, homed and not busy with homing, all commands are forgotten; and so they are when it stops being so.
-    """
+    """An arm, its state machine, and what it is to do next: the last kind of command wins, only increments add up."""
 
     def __init__(
         self,
@@ -135,11 +129,7 @@ class ServedArm:
         gravity_torque: GravityTorque,
         joints_per_actuator: Floats | None = None,
     ) -> None:
-        """Take over a plant.
-
-        `gravity_torque` holds it still, for the compensation that clients may ask for; a dVRK's arm has (n, n) joints
-        per actuator.
-        """
+        """Take over a plant that `gravity_torque` holds still; a dVRK's arm has (n, n) joints per actuator."""
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
         self.reports, self.joints_per_actuator = reports, joints_per_actuator
         self.names = plant.joint_names

@@ -140,10 +140,7 @@ class Server:
         publish_every: int = 1,
         encoders: ServedEncoders | None = None,
     ) -> None:
-        """Publish and subscribe; nothing moves before `tick`.
-
-        `publish_every` counts ticks from one publication to the next; external encoders have topics of their own.
-        """
+        """Publish and subscribe; nothing moves before `tick`, and each `publish_every` of these is published."""
         self.transport, self.arms, self.reports = transport, arms, reports
         self.commands = 0  # taken in, whether they were obeyed or not
         self.ticks = 0
@@ -179,10 +176,7 @@ class Server:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
 
     def tick(self, late: float = 0.0) -> None:
-        """Read the commands that have come, move the arms by a tick, publish.
-
-        A tick that is `late` [s] is stamped as it was due: of several at once, each has the time of its own state.
-        """
+        """Read commands, move the arms by a tick, publish; one that is `late` [s] is stamped as it was due."""
         now = self.transport.steady()
         stamp = self._stamps.next(now - round(late * SECOND))
         self.transport.poll()

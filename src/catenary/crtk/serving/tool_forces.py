@@ -91,10 +91,7 @@ def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_A
 
 
 def torques_for(tool: ToolState, wrench: Floats, frame: FrameOfForces) -> Floats:
-    """Return joint torques (n,) [Nm|N] that exert a wrench (6,): J^T F; NaN for jaws, which hold their opening.
-
-    An arm whose jaws turn the tool keeps them where they are; they bear what the wrench asks of them.
-    """
+    """Return joint torques (n,) [Nm|N] that exert a wrench (6,): J^T F; NaN for jaws, which hold their opening."""
     in_base = _twist_map(tool.pose, frame).T @ wrench
     tau: Floats = tool.jacobian.T @ in_base
     if tool.kinematics.has_jaws:

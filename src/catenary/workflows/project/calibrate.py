@@ -45,10 +45,10 @@ RECOMMENDED = "recommended"
 
 
 def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
-    """Return options for every kind of model, and of the one that was asked for, which is recommended and deployed.
+    """Return options for every kind of model, and of the one asked for, which is recommended and deployed.
 
     The others share its memory, target and seed, and its inputs where it has any: else the paper's network takes all of
-    the paper's, and the joints of a project's `robot` what is theirs; None for recordings.
+    the paper's, and the joints of a project's `robot` (None for recordings) what is theirs.
     """
     positioning, everything, own = (
         (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot == "raven2" else (None,) * 3
@@ -111,8 +111,7 @@ def calibrate_robot(
 ) -> CalibrationResult:
     """Calibrate a project's robot, its simulated one when None, doing only what has not been done.
 
-    `asked` is the model to recommend and deploy, chosen joint by joint when None, its seed the project's; `run` says
-    which rows fits see and how they are tested. Where a step fails, what was done before stays.
+    `asked` is the model to recommend, chosen joint by joint when None; `run` says which rows fits see, and their tests.
     """
     project.ran.clear()
     run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
@@ -160,11 +159,7 @@ def calibrate_recordings(
     run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
-    """Calibrate from recordings in place of a robot: fit every model to some, test on others.
-
-    All of them are judged first: where one is refused, nothing is written, and a folder that was begun goes away. The
-    error limit of `run` holds for the test too; other arguments as of `calibrate_robot`.
-    """
+    """Calibrate from recordings in place of a robot: fit every model to some, test on others; all are judged first."""
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
     project.ran.clear()

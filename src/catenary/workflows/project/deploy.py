@@ -59,8 +59,7 @@ def deploy_on_robot(
 ) -> Deployment:
     """Run a model in the 1 kHz loop of a robot, homed and enabled, that follows a trajectory by its own firmware.
 
-    Its external encoders are read in every tick; `real_time` keeps time with the clock also on a simulated robot. A
-    trajectory beyond the limits, and a robot that lacks what the model takes, are refused before anything moves.
+    A trajectory beyond the limits, and a robot that lacks what the model takes, are refused before anything moves.
     """
     places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
     corrector = Corrector(model)

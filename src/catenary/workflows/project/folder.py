@@ -89,12 +89,7 @@ class ProjectSettings:
 
 
 class Project:
-    """A folder and what has been done in it.
-
-    What it writes it writes under the folder's lock: for one step, or as a context manager from the first step that
-    has to be done until the end. A folder that it began goes away again when what is done in it is refused before
-    anything is there.
-    """
+    """A folder and what has been done in it, under its lock; one refused before anything is there goes away again."""
 
     def __init__(self, folder: Path, settings: ProjectSettings) -> None:
         """Open a project, or begin one; the settings are written into it where they differ from its own."""
@@ -133,10 +128,9 @@ class Project:
         *,
         trusted: bool = True,
     ) -> bool:
-        """Do a step unless it was done; return whether it was done now.
+        """Do a step unless it was done with `made_from`, plain data, and its files hold; return whether it was done.
 
-        It depends on `made_from`, plain data, and writes files or folders; what `work` returns is noted beside it. What
-        was done counts as nothing where it is not `trusted`. A step whose files are not there when its work ends is not
+        What `work` returns is noted beside it. A step that is not `trusted` is done; one that left no files is not
         noted.
         """
         if trusted and self.done(step, made_from, files):

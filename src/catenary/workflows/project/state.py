@@ -39,10 +39,7 @@ class StepsFile(Recorded):
 
 
 def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None = None) -> Any:
-    """Read one of a project's JSON files, as plain data that its schema has seen, below a key or whole.
-
-    Where it is missing, or holds something else, ConfigError names it and ends with the remedy, what makes it again.
-    """
+    """Read a project's JSON file by its schema, whole or below a key; ConfigError names it and ends with the remedy."""
     try:
         content = json_value(read_bounded(path, MOST_STATE), str(path))
         parse_settings(content if below is None else {below: content}, schema, str(path))
@@ -53,10 +50,7 @@ def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None 
 
 
 def describe(folder: Path, outputs: Sequence[Path]) -> dict[str, dict[str, Any]]:
-    """Return `size`, `mtime_ns` and `sha256` of every file of a step, by its path below the project's folder.
-
-    Their bytes are then on the disk (fsync), so that what is noted as done survives a power cut.
-    """
+    """Return `size`, `mtime_ns`, `sha256` of a step's files by their path, once their bytes are on the disk (fsync)."""
     described = {}
     for output in outputs:
         for path in _files(output):
@@ -76,11 +70,7 @@ def missing(outputs: Sequence[Path]) -> list[Path]:
 
 
 def hold(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Return whether files still hold what `describe` saw: the same files, and the same bytes in each.
-
-    Cheap: a file of the same size and time is believed, and only one whose time differs is hashed. So what changes
-    bytes and leaves size and time is not found here, but by the checksums of journals, Parquet and models.
-    """
+    """Return whether files still hold what `describe` saw; one of the same size and time is believed, not hashed."""
     there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
     return there.keys() == described.keys() and all(_holds(path, described[name]) for name, path in there.items())
 

@@ -63,10 +63,7 @@ def clear_workspace(guide: Guide) -> None:
 def have_done(
     guide: Guide, text: str, missing: Check, sleep: Callable[[float], None], *, patience: float = PATIENCE
 ) -> None:
-    """Ask for something to be done unless the robot reports that it is, and wait until it does.
-
-    `missing` says what it reports as missing; `patience` [s] after each answer it is asked again.
-    """
+    """Ask for something to be done unless the robot reports that it is, and wait `patience` [s] after each answer."""
     if missing() is None:
         return
     while True:
@@ -108,10 +105,7 @@ class Homing:
 
 
 def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
-    """Home a robot, in any state, unless it is homed; one behind a transport is paused then.
-
-    The guide asks the person beside a robot behind a transport, unless that one is simulated.
-    """
+    """Home a robot, in any state, unless it is homed; one behind a transport is paused then, and its person asked."""
     plant = robot.plant
     begin = plant.measured_js().time
     was_run = not plant.operating_state().is_homed
@@ -134,8 +128,7 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
 def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -> None:
     """Home a robot whose workspace is clear: by its own button, or by commands where its dialect has them.
 
-    A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state. A guide that
-    only says yes presses a simulated robot's button; `patience` in s.
+    An interrupted homing is ended by `disable`, which acts in every state; `patience` in s.
     """
     asked = False
     try:

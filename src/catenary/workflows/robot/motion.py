@@ -24,8 +24,7 @@ ARRIVED = 1e-6  # [rad|m]
 def at_rest_afterwards(plant: Plant, began: Callable[[], bool] = lambda: True) -> Iterator[None]:
     """Pause a robot when what runs inside ends; where an error, Ctrl-C or a signal ends it, hold it first.
 
-    A second Ctrl-C does not keep it from being paused. What fails on the way is told with the error. One of our errors
-    before anything `began` to move is a refusal, and changes no state.
+    One of our errors before anything `began` to move is a refusal, and changes no state.
     """
     try:
         yield
@@ -84,10 +83,7 @@ def check_motion(
     joints: Sequence[str] | None = None,
     max_velocity: ArrayLike | None = None,
 ) -> None:
-    """Refuse a trajectory of named joints, or all, that leaves the limits, or is too fast; LimitError says where.
-
-    It is too fast beyond `max_velocity` (k,) [rad/s|m/s], where given.
-    """
+    """Refuse a trajectory of named joints, or all, beyond the limits or `max_velocity` (k,) [rad/s|m/s]: LimitError."""
     moved = _indices(limits, trajectory, joints)
     lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
     fastest = np.full(len(moved), np.inf)
@@ -156,9 +152,9 @@ def move_to(
 ) -> None:
     """Bring the named joints, or all, to q (k,) [rad|m], arriving together; the others hold their setpoint.
 
-    It may start outside the limits, as after homing against a stop, but a goal there is a LimitError, before anything
-    moves. Speeds are `max_velocity` (k,) [rad/s|m/s], GENTLE_VELOCITY when None. Where measured positions are not
-    finite for 20 ticks in a row the robot holds and is paused: NotFiniteError.
+    A goal outside the limits is a LimitError, before anything moves; a start there is not. `max_velocity` (k,)
+    [rad/s|m/s] is GENTLE_VELOCITY when None. Where measured positions are not finite for 20 ticks the robot is paused:
+    NotFiniteError.
     """
     require_ready(plant, "servo_jp")
     moved = _named_indices(plant, joints)
@@ -178,9 +174,9 @@ def run_trajectory(
 ) -> None:
     """Run a trajectory on a plant, one setpoint a tick; joints not named hold their setpoint. Errors as `move_to`.
 
-    If the plant's setpoint is not at the trajectory's start it first goes there, gently. Time advances by the plant's
-    period each tick: a late tick delays the motion, it never makes it leap. Speeds up to `max_velocity` (k,)
-    [rad/s|m/s] are let pass, any when None; `observe` is called after every tick, those of the approach included.
+    The plant first goes to its start, gently. A late tick delays the motion, it never makes it leap. Speeds up to
+    `max_velocity` (k,) [rad/s|m/s] are let pass, any when None; `observe` is called after every tick, the approach's
+    too.
     """
     require_ready(plant, "servo_jp")
     moved = _indices(plant, trajectory, joints)

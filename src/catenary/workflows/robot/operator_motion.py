@@ -93,10 +93,7 @@ def go_to_joints(
     speed: float = 1.0,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Bring the named joints, or the first k, to q (k,) [rad|m], all arriving together; errors as `move_to`.
-
-    `speed` is times the gentle one, 0.2 rad/s and 10 mm/s.
-    """
+    """Bring the named joints, or the first k, to q (k,) [rad|m] together, `speed` times gently; errors as `move_to`."""
     goal = as_array("q", q, (None,))
     names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
     if not 0.0 < speed <= 5.0:
@@ -108,10 +105,7 @@ def go_to_joints(
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
-    """Return joints (n,) [rad|m], near where they are, that bring the tool to (3,) [m] in the base frame.
-
-    Joints of a RAVEN-II that turn the tool stay; of other robots the tool keeps its orientation where it can.
-    """
+    """Return joints (n,) [rad|m], near where they are, that bring the tool to (3,) [m] in the base frame."""
     q = robot.plant.setpoint_js().q
     model = robot.with_tool_at(q)
     start = np.clip(q[: model.n], model.lower, model.upper)
@@ -145,11 +139,10 @@ def follow(
     from_afar: bool = False,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Check the whole motion of a file, go to its start gently, and follow it.
+    """Check the whole motion of a file, go to its start gently, and follow it, velocities averaged over `blend` [s].
 
-    Velocities are averaged over `blend` [s]; the largest, by unit, are LARGEST_VELOCITY [rad/s, m/s] when None. A
-    motion beyond limits or speeds, or that starts farther away than NEAR, unless `from_afar`, is refused before
-    anything moves.
+    Beyond limits or `largest_velocity` by unit (LARGEST_VELOCITY [rad/s, m/s] when None), or from farther away than
+    NEAR, unless `from_afar`, it is refused before anything moves.
     """
     plant, motion = robot.plant, file.trajectory(blend)
     names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names

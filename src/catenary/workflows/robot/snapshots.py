@@ -96,11 +96,7 @@ def watch_robot(
     tick: Callable[[], None] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Snapshot]:
-    """Yield a snapshot `every` so often [s]; `tick` is called after each tick of the robot's, which is only read.
-
-    Without a model, joints are calibrated where `catenary deploy` runs beside a robot on ROS. What is compiled on first
-    use is compiled before the first sample, and the robot's first state is waited for.
-    """
+    """Yield a snapshot `every` so often [s]; `tick` is called after each tick of the robot's, which is only read."""
     plant = robot.plant
     corrected: _Calibrated | _Deployed | None = None
     if model is not None:

@@ -88,8 +88,7 @@ class TopicRecorder:
     ) -> None:
         """Begin a recording, or go on `after` where one was cut off: what is missing since is noted in it.
 
-        Each topic is recorded at most at its `rate`; `ravenstate_100hz` is made from /ravenstate. `ready` is called
-        when they are listened to, before a file is made; an error of its ends it.
+        `ready` is called when all are listened to, before a file is made; an error of its ends it.
         """
         self._after = after
         self._kept: list[_Kept] = []
@@ -231,10 +230,7 @@ def record_topics(
     required: Sequence[str] = (),
     progress: Progress = silent,
 ) -> RecordedTopics:
-    """Record what a robot publishes for so many seconds, whoever moves it; Ctrl-C or a signal ends it properly.
-
-    It may go on `after` where one was cut off. It is no recording, RecordingError, where a required topic never came.
-    """
+    """Record what a robot publishes for so many seconds, or on `after` a cut; every required topic must come."""
     if not seconds > 0.0:
         raise InputError(f"recording: expected more than 0 s, got {seconds}")
     begin, ended_by = transport.steady(), ""
@@ -254,10 +250,7 @@ def record_topics(
 
 
 def left_off(folder: Path, about: About, topics: Sequence[Topic], now: int, *, in_passes: bool) -> LeftOff | None:
-    """Return where a recording of the same kind was cut off, at `now` [ns]; None where there is none to go on with.
-
-    One that seems to end later than now was made by another clock, and cannot go on.
-    """
+    """Return where a recording of the same kind was cut off, at `now` [ns]; None where none can go on."""
     if not is_journal(folder):
         return None
     try:
