@@ -244,28 +244,6 @@ def test_the_environments_namespace_and_the_programs_arguments_change_no_name(ma
             assert server.lookupNode("/tests", "/ward/robot")[0] == 1  # type: ignore[index]
 
 
-def test_one_process_has_one_node(master: Master) -> None:
-    code = f"""{OPEN}
-def attempt(name, uri=None):
-    try:
-        Ros1Transport(name, uri).close()
-        print("opened")
-    except TransportError as error:
-        print(error)
-
-attempt("robot")
-transport.close()
-attempt("other")
-attempt("robot", "http://127.0.0.1:1")
-attempt("robot")
-"""
-    with Program(master, code, "robot") as robot:
-        assert "close that one first" in robot.line()
-        assert "cannot be other" in robot.line()
-        assert "cannot be robot of http://127.0.0.1:1" in robot.line()
-        assert robot.line() == "opened"
-
-
 def test_programs_end_by_themselves_by_ctrl_c_and_by_rosnode_and_leave_nothing(own_master, tmp_path) -> None:
     before = set(tmp_path.rglob("*"))
     with Program(own_master, OPEN + 'transport.publisher("/x", T)\n', "robot") as robot:

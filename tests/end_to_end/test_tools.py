@@ -179,27 +179,6 @@ def test_goto_arrives(ready: None) -> None:
 
 
 @ONCE
-def test_random_moves_and_tells_of_its_errors(ready: None) -> None:
-    begin = setpoint()
-    outcome = catenary("random", "--seconds", "2", "--seed", "1", "--ros", MET[0].ros, "--simulated")
-    assert outcome.code == 0, outcome
-    assert "raven2: done after" in outcome.out
-    assert "largest error" in outcome.out
-    assert np.abs(setpoint() - begin)[:3].max() > 0.01
-
-
-@ONCE
-def test_a_file_is_followed_to_its_end(ready: None, tmp_path: Path) -> None:
-    shoulder = float(np.rad2deg(setpoint()[0]))
-    file = tmp_path / "run.csv"
-    file.write_text(f"time [s],shoulder [deg]\n0,{shoulder}\n1,{shoulder + 3}\n")
-    outcome = catenary("follow", file, "--ros", MET[0].ros, "--simulated")
-    assert outcome.code == 0, outcome
-    assert "followed to its end" in outcome.out
-    assert_allclose(np.rad2deg(setpoint()[0]), shoulder + 3, atol=0.01)
-
-
-@ONCE
 def test_ctrl_c_holds_the_robot_where_it_is(meeting: Meeting, ready: None) -> None:
     begin = setpoint()
     goal = np.rad2deg(begin[0]) + (20.0 if begin[0] < HOME[0] else -20.0)

@@ -37,14 +37,8 @@ SEARCHES = {
     "how much data": "calibration.html",
 }
 PAGES = (
-    "index",
-    "calibration",
-    "commands",
-    "paper-gravity-regressor",
-    "tutorials/ship",
-    "tutorial-two-link",
-    "api/control",
-)
+    "index", "calibration", "commands", "paper-gravity-regressor", "tutorials/ship", "tutorial-two-link", "api/control",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
