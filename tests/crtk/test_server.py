@@ -346,8 +346,9 @@ def test_the_present_convention_knows_no_such_topics():
 
 
 NAN, INF, START = np.nan, np.inf, [0.5, 1.2, 0.4, 0.0, 0.1, 0.2, -0.2]
-PoseStamped, Pose, Point, Quaternion = (
-    message_class(f"geometry_msgs/{name}") for name in ("PoseStamped", "Pose", "Point", "Quaternion")
+PoseStamped, Pose, Point, Quaternion, WrenchStamped, Wrench, Vector3 = (
+    message_class(f"geometry_msgs/{name}")
+    for name in ("PoseStamped", "Pose", "Point", "Quaternion", "WrenchStamped", "Wrench", "Vector3")
 )
 
 
@@ -376,6 +377,11 @@ OF_CRTK = [
         ("crtk", verb, JointState(name=names, position=START), reason)
         for verb in ("servo_jp", "move_jp")
         for names, reason in ((("shoulder",), "7 numbers for 1 names"), (tuple("abcdefg"), "unknown: a"))
+    ),
+    ("crtk", "move_jp", JointState(position=[3.5, *START[1:]]), "outside [0"),
+    *(
+        ("crtk", "servo_cf", WrenchStamped(wrench=Wrench(Vector3(one))), text)
+        for one, text in ((NAN, "nan"), (INF, "inf"))
     ),
     *(
         ("crtk", verb, PoseStamped(pose=pose), reason)

@@ -170,7 +170,8 @@ def _joints(summary: "MotionSummary", *, si: bool) -> "Table":
     rows = []
     for j, (name, unit) in enumerate(zip(summary.joint_names, summary.joint_units, strict=True)):
         values = (column[j] if j < len(column) else None for column in columns.values())
-        rows.append([name, *("" if value is None else _in_units(value, unit, si) for value in values)])
+        texts = (v if v is None else f"{v:.4f} {unit}" if si else in_words(v, unit, 3) for v in values)
+        rows.append([name, *(text or "" for text in texts)])
     return Table(["joint", *columns], rows, "Joints: errors against what was commanded, as reported")
 
 
@@ -186,7 +187,3 @@ def _tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> list[
         error = f"{1000.0 * summary.tip_error:.2f} mm"
         lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
     return lines
-
-
-def _in_units(value: float, unit: str, si: bool) -> str:
-    return f"{value:.4f} {unit}" if si else in_words(value, unit, 3)

@@ -105,18 +105,14 @@ def _has(arm: ServedArm, verb: str) -> bool:
     return arm.tool.has_jaws or not verb.startswith("jaw/")
 
 
-def _compensate_gravity(arm: ServedArm, message: Message) -> None:
-    arm.compensates_gravity = bool(message.data)
-
-
-def _turn_forces(arm: ServedArm, message: Message) -> None:
-    arm.forces_in_base_axes = bool(message.data)
+def _switch(attribute: str) -> Obey:
+    return lambda arm, message: setattr(arm, attribute, bool(message.data))
 
 
 # what moves nothing
 _SET: dict[str, Set] = {
-    "use_gravity_compensation": _compensate_gravity,
-    "body/set_cf_orientation_absolute": _turn_forces,
+    "use_gravity_compensation": _switch("compensates_gravity"),
+    "body/set_cf_orientation_absolute": _switch("forces_in_base_axes"),
     **SETTINGS,
 }
 
