@@ -27,7 +27,7 @@ help:
 	@echo "make lint        format, lint, types, import order"
 	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
 	@echo "make campaign-short  those parts of it whose cases are short, a minute, always the same seeds"
-	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
+	@echo "make bench       speed of kernels, deployed models, the control loop and the simulator, beside other libraries"
 	@echo "make bench-dds   a served robot over ROS 2's DDS and a client that hears every topic (10 minutes)"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make truth       hold what commands claim against the truth, on recordings spoilt in 17 ways (minutes); rewrites tests/truth/table.md"
@@ -76,11 +76,9 @@ campaign-short: $(VENV)/.development
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
-	$(BIN)/python -m tests.benchmarks.recording --json build/benchmarks/recording.json
 	$(BIN)/python -m tests.benchmarks.plants --json build/benchmarks/plants.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
 	$(BIN)/python -m tests.benchmarks.c_law --json build/benchmarks/c_law.json
-	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json
 
 bench-dds: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.serving --listener dds --seconds 300 --json build/benchmarks/dds_serving.json

@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[1]
 MEMORY = 8 * 2**30  # [B] of a process: a test that takes ever more fails, and does not end those beside it
 # robots served to several programs; side by side they are late
 IN_REAL_TIME = (
-    "test_ros_robot", "test_side_by_side", "test_tools", "test_stalls", "test_signals_ros1", "test_hours",
+    "test_ros_robot", "test_side_by_side", "test_tools", "test_signals_ros1", "test_hours",
     "test_interrupted_recordings",
 )  # fmt: skip
 # what takes a minute or more comes first: last, it would keep one worker busy and leave the others idle

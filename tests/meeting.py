@@ -16,6 +16,14 @@ class Meeting(NamedTuple):
     network: Network
     ros: str
 
+    def resume(self) -> None:
+        """Let a paused robot move on, as its pedal does."""
+        from catenary.crtk import network
+        from catenary.crtk.client import CrtkClient
+
+        with network.make_transport(self.ros, NODE) as transport, CrtkClient(transport) as robot:
+            robot.state_command("resume")
+
 
 @contextmanager
 def taking_part(ros: str) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""A served robot and its client on one loopback, stepped tick by tick in a time of its own."""
+"""Served robots, a RAVEN-II and a PSM, and their clients on one loopback, tick by tick in a time of their own."""
 
 from typing import Any
 
@@ -9,14 +9,16 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import command_message
 from catenary.crtk.serving.server import Server
-from catenary.crtk.topic_names import DialectName, find_topic
+from catenary.crtk.topic_names import DialectName, console_topics, crtk_topics, find_topic
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import Plant
 from catenary.raven2.topics import Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS
+from catenary.simulation.psm_plant import PsmPlant
 from oracles.cable_arms import homed_plant
 from oracles.ideal_plant import IdealPlant
-from oracles.ticking_clock import SetClock
+from oracles.psm_arms import homed_psm
+from oracles.ticking_clock import SetClock, TickingClock
 
 JointState = message_class("sensor_msgs/JointState")
 
@@ -111,3 +113,65 @@ class ServedRobot:
     def state(self, arm: Arm = "gold") -> str:
         """Of an arm, as it says itself."""
         return str(self.server.arms[arm].state.state)
+
+
+PSM_TOPICS = {topic.name: topic for topic in (*crtk_topics("/PSM1", "PSM1"), *console_topics("/PSM1"))}
+
+
+class ServedPsm(TickingClock):
+    """A PSM, homed and enabled unless it is another plant, which ticks while somebody sleeps."""
+
+    def __init__(self, plant: PsmPlant | None = None) -> None:
+        super().__init__(0.001)
+        self.network = LoopbackNetwork(clock=self)
+        self.plant = homed_psm() if plant is None else plant
+        serving, carrier = Serving(robot="dvrk_psm", dialect="crtk"), Loopback("robot", self.network)
+        self.server = make_server(serving, carrier, plants={"PSM1": self.plant})
+        self.client, self.commander = (Loopback(name, self.network) for name in ("client", "commander"))
+        self._publishers: dict[str, Any] = {}
+
+    def tick(self) -> None:
+        """Let a millisecond pass."""
+        self.server.tick()
+
+    def hear(self, name: str) -> Subscription:
+        """Subscribe to a topic."""
+        return self.client.subscribe(name, PSM_TOPICS[name].type, depth=10_000)
+
+    def last(self, name: str) -> Any:
+        """The newest message of a topic within a tenth of a second."""
+        heard = self.hear(name)
+        self.sleep(0.11)
+        message = heard.take()[-1].message
+        heard.close()
+        return message
+
+    def say(self, name: str, message: Any, seconds: float = 0.02) -> None:
+        """Publish, latched as dVRK's classes do, and wait."""
+        if name not in self._publishers:
+            self._publishers[name] = self.commander.publisher(name, PSM_TOPICS[name].type, latch=True)
+        self._publishers[name].publish(message)
+        self.sleep(seconds)
+
+    def joints(self, verb: str, q: Any, seconds: float = 0.02, names: tuple[str, ...] = ()) -> None:
+        """Say positions of the arm, or of its jaw."""
+        self.say(f"/PSM1/{verb}", JointState(name=names, position=np.asarray(q, dtype=float)), seconds)
+
+    def wait(self, longest: float = 20.0) -> float:
+        """Wait as CRTK's client does: until the arm is busy no more; return how long that took [s]."""
+        for k in range(round(longest / 0.01)):
+            if not self.server.arms["PSM1"].state.is_busy:
+                return 0.01 * k
+            self.sleep(0.01)
+        raise AssertionError("busy for ever")
+
+    @property
+    def setpoint(self) -> np.ndarray:
+        """Of the arm and its jaw (7,)."""
+        q: np.ndarray = self.plant.setpoint_js().q
+        return q
+
+    @property
+    def refusals(self) -> list[str]:
+        """What was refused since this was looked at last."""
+        return [line for line in self.server.reports.take() if "refused" in line]

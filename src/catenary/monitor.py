@@ -50,7 +50,6 @@ class Snapshot(NamedTuple):
     rate_hz: float | None = None  # at which states come
     late: int = 0  # ticks late within the last second
     silent: str | None = None  # the error that the robot's silence raised
-    recording: str | None = None  # state of a recording made at the same time
     error: Floats | None = None  # (k,) reported less true position of the first k joints; None but in a simulation
     tip: Floats | None = None  # (3,) [m] in the base frame, by reported joints
     tip_error: float | None = None  # [m] from where the tip really is; None but in a simulation
@@ -165,7 +164,7 @@ def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24,
     if shot.tip is not None:
         shown.append(_fit(tip_line(shot), columns))
     warnings = shot.warnings()
-    shown += [_fit(shot.recording, columns), ""] if shot.recording is not None else [""]
+    shown.append("")
     told = [  # why a robot is in FAULT is not cut off
         line
         for text in warnings

@@ -1,25 +1,13 @@
-"""Simulated plants: hours of the RAVEN-II in compiled runs with the firmware inside, and single ticks, MuJoCo's beside."""
+"""The simulated RAVEN-II: hours in compiled runs with the firmware inside, and single ticks."""
 
 from functools import partial
 
 import numpy as np
 
-from catenary import (
-    CablePlant,
-    FixedBase,
-    MujocoPlant,
-    go_to,
-    gravity_torque,
-    load_robot,
-    mass_matrix,
-    random_sinusoids,
-    zigzag,
-)
-from catenary.simulation.base_motion import RockingBase
-from catenary.simulation.joint_hardware import JointHardware
+from catenary import CablePlant, go_to, random_sinusoids, zigzag
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
-from tests.benchmarks.measure import Call, Table, Tables, cpu_time, report, side_by_side
+from tests.benchmarks.measure import Table, Tables, cpu_time, report, side_by_side
 
 PIECE = 60_000  # ticks in a call
 JOINTS = 3  # that move; the tool stays
@@ -73,47 +61,5 @@ def cable_tables() -> Tables:
     return {"RAVEN-II, runs": runs, "RAVEN-II, ticks": side_by_side(calls, calls=2000)}
 
 
-BASES = {"still base": FixedBase(), "rocking base": RockingBase(mean=0.1, amplitude=0.2, frequency=0.5)}
-DRIVES = {
-    "ideal": JointHardware(),
-    "friction": JointHardware(friction=0.5, damping=0.05),
-    "elastic": JointHardware(armature=0.3, stiffness=2e3, spring_damping=2.0),
-}
-
-
-def tick_of(robot: str, base: str, drives: str) -> Call:
-    """Return one tick of a robot that holds its pose by gravity compensation and PD."""
-    model = load_robot(robot)
-    plant = MujocoPlant(model, base=BASES[base], hardware=DRIVES[drives])
-    plant.home()
-    start = plant.measured_js()
-    wanted, hold = start.q, gravity_torque(model, start.q, start.gravity)
-    inertia = np.diag(mass_matrix(model, wanted))
-
-    def tick() -> None:
-        state = plant.measured_js()
-        plant.servo_jf(hold + inertia * (400.0 * (wanted - state.q) - 40.0 * state.qd))
-        plant.wait()
-        if plant.operating_state().state != "ENABLED":
-            raise RuntimeError("the robot left its motion")
-
-    return tick
-
-
-def mujoco_tables() -> Tables:
-    """Return microseconds of CPU time for a tick of 1 ms, and ticks in a second."""
-    pairs = [("still base", "ideal"), ("rocking base", "ideal"), ("still base", "friction"), ("still base", "elastic")]
-    cases = [(robot, *pair) for robot in ("two_link", "dual_arm_19") for pair in pairs]
-    table = side_by_side({", ".join(case): tick_of(*case) for case in cases}, calls=1000)
-    for row in table.values():
-        row["ticks_per_second"] = float(np.round(1e6 / row["cpu_us"]))
-    return {"MuJoCo plant, a tick of 1 ms through the protocol": table}
-
-
-def tables() -> Tables:
-    """Time both plants."""
-    return {**cable_tables(), **mujoco_tables()}
-
-
 if __name__ == "__main__":
-    report(tables, __doc__)
+    report(cable_tables, __doc__)

@@ -35,12 +35,6 @@ def _no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
 
 
-def test_home_says_where_the_joints_are(project_folder: Path) -> None:
-    content = catenary("home", project_folder, "--json").json
-    assert content["run"] is False
-    assert len(content["believed"]) == len(content["joint_names"]) == 7
-
-
 def test_home_homes_another_robot(project_folder: Path) -> None:
     outcome = catenary("home", project_folder, "--seed", 2, "--payload", "0.1", "--base-tilt-deg", "3,-2")
     assert outcome.code == 0, outcome
@@ -178,8 +172,3 @@ def test_torn_files_of_a_finished_project_are_made_again(finished_folder: Path, 
     assert json.loads(deployment).keys() == json.loads(whole["deployment.json"]).keys()  # times of the loop differ
     assert others == [whole[name] for name in names[2:]]
     assert catenary("calibrate", finished_folder, "--json").json["steps_run"] == []
-
-
-def test_a_damaged_robot_is_a_message(project_folder: Path) -> None:
-    (project_folder / "robot" / "after_train.npz").write_bytes(b"")
-    assert "after_train.npz: is no state" in refusal("record", project_folder, "--name", "more")

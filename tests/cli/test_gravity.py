@@ -48,7 +48,6 @@ def test_a_reading_is_corrected_and_turned_by_its_mounting_file(tmp_path: Path) 
     assert_allclose(content["gravity"], TILTED, atol=1e-12)
     assert "--mounting: goes with --imu-reading" in refusal("gravity", *POSE, "--mounting", path)
     assert "does not go with" in refusal("gravity", *POSE, "--imu-reading", "0,0,9.8", "--gravity", "0,0,-9.8")
-    assert "with commas" in refusal("gravity", *POSE, "--imu-reading", "0", "0", "9.8")
 
 
 def test_a_sensor_on_a_base_link_that_is_turned_from_the_world_gives_what_holds_the_arm(tmp_path: Path) -> None:

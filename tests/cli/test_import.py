@@ -66,34 +66,6 @@ def test_commands_take_the_source_with_its_mapping_as_they_take_the_log(bag: Pat
     assert json.loads(shown.out.splitlines()[0])["joints"][0] == "outer_yaw"
 
 
-@pytest.mark.slow  # compiles the robot's quantities
-def test_identification_takes_a_csv_of_positions_and_torques(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    t = np.arange(0.0, 20.0, 0.01)
-    phases = rng.uniform(0.0, 6.0, (2, 3))
-    q = np.stack([sum(0.5 / (k + 1) * np.sin((k + 1) * t + phases[j, k]) for k in range(3)) for j in range(2)], 1)
-    from catenary.dynamics.inverse_dynamics import inverse_dynamics
-    from catenary.robots.catalog import load_robot
-
-    model = load_robot("two_link")
-    qd, qdd = np.gradient(q, t, axis=0), np.gradient(np.gradient(q, t, axis=0), t, axis=0)
-    tau = np.array([inverse_dynamics(model, *row, np.array([0, 0, -9.81])) for row in zip(q, qd, qdd, strict=True)])
-    table = tmp_path / "arm.csv"
-    rows = "\n".join(",".join(f"{v:.9f}" for v in row) for row in np.column_stack([t, np.rad2deg(q), tau]))
-    table.write_text("time,pos1_deg,pos2_deg,tau1,tau2\n" + rows + "\n")
-    options = ("--map", "q_nominal=pos1_deg,pos2_deg@deg", "--map", "tau=tau1,tau2")
-    log = tmp_path / "arm.parquet"
-    assert catenary("import", table, *options, "--robot", "two_link", "--out", log).code == 0
-    outcomes = []
-    for source, how in ((table, options), (log, ())):
-        line = ("identify", source, *how, "--robot", "two_link", "--free", "--friction", "none", "--no-prior")
-        done = catenary(*line, "--out", tmp_path / "id.npz", "--json")
-        assert done.code == 0, done.err
-        outcomes.append(json.loads(done.out)["training"])
-    for of_table, of_log in zip(*outcomes, strict=True):
-        assert {**of_table, "recording": ""} == {**of_log, "recording": ""}
-
-
 def day_in_degrees(path: Path, seed: int, *, turned: bool = False) -> Path:
     """A lab's CSV in degrees and millimetres, semicolons and decimal commas: reported and measured joints at 17 Hz."""
     rng, t = np.random.default_rng(seed), np.arange(0.0, 24.0, 0.06)

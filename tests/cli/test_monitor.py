@@ -46,8 +46,8 @@ def test_a_simulation_shows_the_true_error_of_joints_and_tip() -> None:
     shot = json.loads(outcome.out.splitlines()[-1])
     model, reported = load_robot("raven2"), np.array(shot["q"][:3])
     true = reported - shot["true_error"]
-    # cables: half a degree and a millimetre or more, and far less than an encoder's zero, 7.5 deg at the elbow
-    assert 0.001 < np.abs(shot["true_error"]).max() < 0.03
+    # cables and their friction: some degrees and millimetres, and less than an encoder's zero, 7.5 deg at the elbow
+    assert 0.001 < np.abs(shot["true_error"]).max() < 0.1
     apart = [forward_kinematics(model, q).position for q in (reported, true, np.array(shot["q_encoder"][:3]))]
     assert_allclose(shot["tip"], apart[0])
     assert_allclose(shot["tip_error"], np.linalg.norm(apart[0] - apart[1]))
@@ -77,11 +77,3 @@ def test_a_bare_recording_is_read_with_the_units_of_the_model_or_those_given(tmp
     told = catenary(*line, "--units", "rad,m,m").out.splitlines()
     assert json.loads(told[-1])["units"] == ["rad", "m", "m"]
     assert "--units: goes with --log" in refusal("monitor", "--units", "rad,rad,m")
-
-
-def test_a_model_of_other_joints_is_refused_with_both(tmp_path: Path) -> None:
-    path = simulated_arm.write(tmp_path / "run.npz")
-    assert catenary("fit", path, "--model", "linear", "--out", tmp_path / "m.npz").code == 0
-    other = simulated_arm.write(tmp_path / "other.npz", joint_names=["a", "b", "c"])
-    message = refusal("monitor", "--log", other, "--model", tmp_path / "m.npz")
-    assert 'recording "other" has no joint "J1"; it has a [rad], b [rad], c [m], the model is for J1 [rad]' in message

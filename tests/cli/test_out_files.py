@@ -49,7 +49,7 @@ WRITING = {
     "hold --report": ("hold two_link --q 0.4,0.9 --seconds 0.1 --report", ".csv", PAGE),
 }
 # what names a folder, or never replaces anything: by tests of their own
-OTHERS = {"demo --out", "plot --out", "recover --out", "teleop --record", "monitor --record"}
+OTHERS = {"demo --out", "plot --out", "recover --out"}
 QUICK = ("fit --out", "import --out", "excite --out")
 SLOW = (
     "excitation --out",
@@ -86,7 +86,7 @@ def test_every_option_that_writes_is_in_the_table() -> None:
         f"{name} {option.opts[0]}"
         for name in commands
         for option in commands[name].params
-        if option.opts[0] in ("--out", "--report", "--urdf", "--c", "--onnx", "--record")
+        if option.opts[0] in ("--out", "--report", "--urdf", "--c", "--onnx")
     }
     assert found == {*WRITING, *OTHERS}
 

@@ -29,32 +29,14 @@ def test_a_robot_on_ros_is_homed_without_a_project(on_ros: RobotOnLoopback) -> N
     assert on_ros.robot.plant.operating_state().is_homed
 
 
-def test_a_robot_on_ros_that_is_homed_is_left_alone(on_ros: RobotOnLoopback) -> None:
-    catenary("home", "--ros", "1", "--simulated")
-    assert "homed before; nothing has moved" in catenary("home", "--ros", "1").out
-
-
 def test_nobody_at_the_terminal_moves_no_robot(on_ros: RobotOnLoopback) -> None:
     assert "nothing has moved" in refusal("home", "--ros", "1")
     assert not on_ros.robot.plant.operating_state().is_homed
 
 
-def test_home_brings_a_robot_on_ros_home(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
-    outcome = catenary("home", tmp_path / "p", "--ros", 1, "--yes", "--simulated", "--json")
-    assert outcome.code == 0, outcome
-    assert outcome.json["run"] is True
-    assert on_ros.robot.plant.operating_state().is_homed
-    assert "start button" in outcome.err
-
-
 def test_project_remembers_where_its_robot_is(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
     catenary("home", tmp_path / "p", "--ros", 1, "--yes", "--simulated")
     assert catenary("home", tmp_path / "p", "--yes", "--json").json["run"] is False
-
-
-def test_unattended_terminal_gives_up(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
-    assert "cancelled" in refusal("home", tmp_path / "p", "--ros", 1)
-    assert on_ros.robot.commands == 0
 
 
 def test_record_without_motion_keeps_what_others_do(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
@@ -92,11 +74,6 @@ def test_what_others_did_extracts_and_its_name_is_not_used_twice(on_ros: RobotOn
 def test_enter_says_done_and_q_gives_up(typed: str, done: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))
     assert TerminalGuide().confirm("press the pedal") is done
-
-
-def test_excite_that_was_done_does_nothing(project_folder: Path) -> None:
-    assert "nothing to do" in catenary("excite", project_folder).out
-    assert catenary("excite", project_folder, "--json").json["run"] is False
 
 
 def test_excite_homes_a_new_robot_first_and_records_its_state_at_100_hz(tmp_path: Path) -> None:

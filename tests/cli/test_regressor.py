@@ -1,8 +1,3 @@
-from pathlib import Path
-
-import simulated_arm
-from catenary.gravity.compact_regressor import compact_regressor
-from catenary.robots.catalog import load_robot
 from command_line import catenary
 
 
@@ -20,15 +15,3 @@ def test_compact_form_of_the_planar_arm_is_the_papers() -> None:
         "s1 = l1 (m2+m3) + lg1 m1\ns2 = l2 m3 + lg2 m2\ns3 = lg3 m3\n"
     ) in text
     assert "lg3  centre of mass of link3, along x [m]         0.1" in text
-
-
-def test_latex_is_the_compact_forms() -> None:
-    arm = compact_regressor(load_robot("planar_3r"))
-    assert catenary("regressor", "planar_3r", "--latex").out == f"{arm.latex()}\n"
-
-
-def test_a_robot_without_inertia_has_no_values(tmp_path: Path) -> None:
-    (tmp_path / "bare.urdf").write_text(simulated_arm.URDF_WITHOUT_INERTIA)
-    outcome = catenary("regressor", tmp_path / "bare.urdf")
-    assert outcome.code == 0
-    assert "no inertia in the file, so no values:" in outcome.out

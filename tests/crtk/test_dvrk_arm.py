@@ -4,19 +4,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import pose_message, pose_of
-from catenary.crtk.topic_names import CONSOLE, console_topics, crtk_topics
-from catenary.nodes.serve import Serving, make_server
+from catenary.crtk.topic_names import CONSOLE, console_topics
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import Pose, rotation_from_rpy
-from oracles.psm_arms import homed_psm
-from oracles.ticking_clock import TickingClock
+from served_robot import PSM_TOPICS, ServedPsm
 
 Bool, Empty, Float64, String = (message_class(f"std_msgs/{name}") for name in ("Bool", "Empty", "Float64", "String"))
 JointState, Twist = message_class("sensor_msgs/JointState"), message_class("geometry_msgs/TwistStamped")
-TOPICS = {topic.name: topic for topic in (*crtk_topics("/PSM1", "PSM1"), *console_topics("/PSM1"))}
 # what dvrk.arm, dvrk.psm and dvrk.system wait for in check_connections: a peer at each [dvrk_python a1b337b]
 ADVERTISED = {
     *(f"/PSM1/{verb}" for verb in ("state_command", "hold", "free", "servo_jp", "servo_jr", "servo_cp", "servo_jf")),
@@ -37,89 +34,33 @@ STEP = np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0])
 DEEP = np.array([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])  # dvrk_psm_test.py's starting position
 
 
-class Psm(TickingClock):
-    """A served PSM that ticks while somebody sleeps, and what dVRK's classes do with it."""
-
-    def __init__(self, plant: PsmPlant | None = None) -> None:
-        super().__init__(0.001, 1_700_000_000 * 10**9)
-        self.network = LoopbackNetwork(clock=self)
-        self.plant = homed_psm() if plant is None else plant
-        serving = Serving(robot="dvrk_psm", dialect="crtk")
-        self.server = make_server(serving, Loopback("robot", self.network), plants={"PSM1": self.plant})
-        self.client = Loopback("client", self.network)
-        self.publishers = {}
-
-    def tick(self) -> None:
-        self.server.tick()
-
-    def hear(self, name):
-        topic = TOPICS[name]
-        return self.client.subscribe(name, topic.type, depth=10_000)
-
-    def last(self, name):
-        """The newest message of a topic within a tenth of a second."""
-        heard = self.hear(name)
-        self.sleep(0.11)
-        message = heard.take()[-1].message
-        heard.close()
-        return message
-
-    def say(self, name, message, seconds=0.02):
-        if name not in self.publishers:
-            self.publishers[name] = self.client.publisher(name, TOPICS[name].type, latch=True)
-        self.publishers[name].publish(message)
-        self.sleep(seconds)
-
-    def move_jp(self, q, seconds=0.02):
-        self.say("/PSM1/move_jp", JointState(position=np.asarray(q, dtype=float)), seconds)
-
-    def jaw(self, opening, seconds=0.02):
-        self.say("/PSM1/jaw/move_jp", JointState(position=np.array([opening])), seconds)
-
-    def wait(self, longest=20.0):
-        """Wait as CRTK's client does: until the arm is busy no more; return how long that took [s]."""
-        for k in range(round(longest / 0.01)):
-            if not self.server.arms["PSM1"].state.is_busy:
-                return 0.01 * k
-            self.sleep(0.01)
-        raise AssertionError("busy for ever")
-
-    @property
-    def setpoint(self):
-        return self.plant.setpoint_js().q
-
-    @property
-    def refusals(self):
-        return [line for line in self.server.reports.take() if "refused" in line]
-
-
 @pytest.fixture
 def psm():
     """Homed and enabled."""
-    return Psm()
+    return ServedPsm()
 
 
 def test_each_topic_that_their_classes_need_has_a_peer(psm):
     carrier = psm.server.transport
     assert set(psm.client.topics()) >= HEARD
     for name in sorted(ADVERTISED):
-        psm.say(name, message_class(TOPICS[name].type)(), 0.0)
+        psm.say(name, message_class(PSM_TOPICS[name].type)(), 0.0)
         assert carrier.connections(name).publishers, name
 
 
 def test_their_psm_test_brings_arm_and_jaw_where_it_says(psm):
-    psm.move_jp(DEEP)
+    psm.joints("move_jp", DEEP)
     psm.wait()
     for opening, depth in ((-0.349, 0.11), (1.047, 0.13)):
-        psm.jaw(opening)
-        psm.move_jp([*psm.setpoint[:2], depth, *psm.setpoint[3:6]])  # while the jaw still moves
+        psm.joints("jaw/move_jp", [opening])
+        psm.joints("move_jp", [*psm.setpoint[:2], depth, *psm.setpoint[3:6]])  # while the jaw still moves
         psm.wait()
         assert_allclose(psm.setpoint[[2, 6]], [depth, opening], atol=1e-9)
     for side, opening in ((-0.01, -0.349), (0.02, 1.047)):
         start = pose_of(psm.last("/PSM1/setpoint_cp"))
         goal = Pose(start.rotation, start.position + np.array([side, 0.0, 0.0]))
         psm.say("/PSM1/move_cp", pose_message(goal, 0, "base"))
-        psm.jaw(opening)  # while the arm still moves, or its way is still being planned
+        psm.joints("jaw/move_jp", [opening])  # while the arm still moves, or its way is still being planned
         psm.wait()
         assert_allclose(pose_of(psm.last("/PSM1/setpoint_cp")).position, goal.position, atol=1e-5)
         assert psm.setpoint[6] == pytest.approx(opening)
@@ -127,16 +68,16 @@ def test_their_psm_test_brings_arm_and_jaw_where_it_says(psm):
 
 
 def test_a_servo_jp_of_the_arm_lets_a_jaw_that_moves_go_on(psm):
-    psm.jaw(0.8)
+    psm.joints("jaw/move_jp", [0.8])
     for _ in range(200):
-        psm.say("/PSM1/servo_jp", JointState(position=psm.setpoint[:6] + STEP), 0.01)
+        psm.joints("servo_jp", psm.setpoint[:6] + STEP, 0.01)
     assert_allclose(psm.setpoint[6], 0.8, atol=1e-9)
     assert psm.setpoint[0] > 0.1
 
 
 @pytest.mark.parametrize("stop", ["hold", "free"])
 def test_what_stops_the_arm_stops_the_jaw(psm, stop):
-    psm.jaw(1.0, 0.3)
+    psm.joints("jaw/move_jp", [1.0], 0.3)
     psm.say(f"/PSM1/{stop}", Empty())
     psm.sleep(1.0)
     assert psm.setpoint[6] < 0.6
@@ -148,7 +89,7 @@ def test_a_ratio_makes_moves_slower_by_as_much(psm):
         psm.say("/PSM1/trajectory_j/set_ratio", Float64(data=ratio))
         assert psm.last("/PSM1/trajectory_j/ratio").data == ratio
         for place in (0.4, 0.0):
-            psm.move_jp([place, *DEEP[1:]], 0.0)
+            psm.joints("move_jp", [place, *DEEP[1:]], 0.0)
             psm.sleep(0.005)
             took[ratio] = psm.wait()
     # from rest to rest: its length over its speed, and as long as it takes to get up to it, which ratio leaves as it is
@@ -176,15 +117,15 @@ def test_ratios_of_speed_and_acceleration_are_one_ratio_only_where_they_agree(ps
 def test_goal_reached_tells_each_move_that_ends_and_how(psm):
     heard = psm.hear("/PSM1/goal_reached")
     for place in (0.1, 0.2):
-        psm.move_jp([place, *DEEP[1:]])
+        psm.joints("move_jp", [place, *DEEP[1:]])
         psm.wait()
-    psm.move_jp([0.8, *DEEP[1:]], 0.2)
+    psm.joints("move_jp", [0.8, *DEEP[1:]], 0.2)
     psm.say("/PSM1/hold", Empty(), 0.2)
     assert [one.message.data for one in heard.take()] == [True, True, False]
 
 
 def test_desired_state_is_where_the_arm_is_on_its_way_to():
-    psm = Psm(PsmPlant())
+    psm = ServedPsm(PsmPlant())
     psm.sleep(0.01)
     heard = psm.hear("/PSM1/desired_state")  # latched
     psm.say("/system/power_on", Empty(), 0.1)
@@ -198,7 +139,7 @@ def test_desired_state_is_where_the_arm_is_on_its_way_to():
 
 @pytest.mark.parametrize("place", ["console", "system"])
 def test_home_of_the_console_enables_first(place):
-    psm = Psm(PsmPlant())
+    psm = ServedPsm(PsmPlant())
     psm.say(f"/{place}/home", Empty(), 0.1)
     psm.wait()
     assert psm.plant.operating_state() == ("ENABLED", True, False)
@@ -217,10 +158,10 @@ def placed(psm):
 
 
 def test_poses_and_velocities_are_in_the_frame_that_was_set(psm):
-    psm.move_jp(DEEP)
+    psm.joints("move_jp", DEEP)
     psm.wait()
     placed(psm)
-    psm.say("/PSM1/servo_jp", JointState(position=psm.setpoint[:6] + 10 * STEP), 0.002)
+    psm.joints("servo_jp", psm.setpoint[:6] + 10 * STEP, 0.002)
     whole, local = psm.last("/PSM1/setpoint_cp"), psm.last("/PSM1/local/setpoint_cp")
     assert (whole.header.frame_id, local.header.frame_id) == ("cart", "base")
     expected = BASE @ pose_of(local)
@@ -228,7 +169,7 @@ def test_poses_and_velocities_are_in_the_frame_that_was_set(psm):
     assert_allclose(pose_of(whole).rotation, expected.rotation, atol=1e-12)
     # a velocity is the change of the pose over time
     heard, poses = psm.hear("/PSM1/measured_cv"), psm.hear("/PSM1/measured_cp")
-    psm.move_jp([0.5, *DEEP[1:]], 0.7)
+    psm.joints("move_jp", [0.5, *DEEP[1:]], 0.7)
     step = 10  # ms
     velocity = [one.message.twist.linear for one in heard.take()][-step // 2]
     tip = [one.message.pose.position for one in poses.take()]
@@ -238,7 +179,7 @@ def test_poses_and_velocities_are_in_the_frame_that_was_set(psm):
 
 @pytest.mark.parametrize("verb", ["servo_cp", "move_cp", "servo_cr", "move_cr", "servo_cv"])
 def test_a_cartesian_command_is_in_the_frame_that_was_set(psm, verb):
-    psm.move_jp(DEEP)
+    psm.joints("move_jp", DEEP)
     psm.wait()
     placed(psm)
     start = pose_of(psm.last("/PSM1/setpoint_cp"))
@@ -276,8 +217,8 @@ def test_kinematics_are_in_the_frame_that_was_set_and_local_ones_in_the_arms_own
 
 
 def test_actuators_are_turned_into_the_joints_whose_motors_they_are(psm):
-    psm.jaw(0.5)
-    psm.move_jp([0.1, -0.1, 0.13, 0.4, -0.3, 0.2])
+    psm.joints("jaw/move_jp", [0.5])
+    psm.joints("move_jp", [0.1, -0.1, 0.13, 0.4, -0.3, 0.2])
     psm.wait()
     motors, q = psm.plant.control.motor, psm.plant.measured_js().q
     request = message_class("cisst_msgs/ConvertFloat64ArrayRequest")(input=motors / psm.plant.firmware.ratio)
@@ -298,7 +239,7 @@ def test_a_tool_is_the_one_that_is_there(psm):
 def test_settings_move_nothing_and_hold_no_arm(psm):
     before = psm.setpoint.copy()
     for name in ("trajectory_j/set_ratio", "set_base_frame", "set_tool_type", "emulate_tool_present"):
-        assert not TOPICS[f"/PSM1/{name}"].moves
+        assert not PSM_TOPICS[f"/PSM1/{name}"].moves
     psm.say("/PSM1/trajectory_j/set_ratio", Float64(data=0.5))
     placed(psm)
     assert_array_equal(psm.setpoint, before)

@@ -11,7 +11,6 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import Commander
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
-from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import UNNAMED, Connections
 from catenary.errors import NotReadyError, RobotHeldError
 from catenary.raven2.topics import JOINTS
@@ -131,15 +130,6 @@ def test_the_one_that_is_refused_in_mid_motion_ends_without_pausing_the_other() 
     assert served.state() == "ENABLED"
 
 
-def test_one_that_only_reads_advertises_nothing_and_needs_no_listener() -> None:
-    robot = robot_at_start()
-    reader = CrtkReader(Loopback("reader", robot.network))
-    assert not [t for t in robot.network.topics.values() if "reader" in t.publishers]
-    assert_allclose(reader.measured_js().q, START)
-    with pytest.raises(Exception, match="this robot is only read"):
-        reader.servo_jp(START)
-
-
 TOPICS = {"raven": ("servo_jr", shoulder(1e-4)), "crtk": ("move_jr", shoulder(0.5))}
 
 
@@ -219,15 +209,13 @@ def told(story: str, dialect: str = "raven") -> ServedRobot:
     return robot
 
 
-@pytest.mark.parametrize(("story", "state"), STORIES.values(), ids=STORIES)
-def test_an_arm_is_paused_whose_program_goes_in_the_middle_of_a_motion(story: str, state: str) -> None:
-    assert told(story).state() == state
-
-
-@pytest.mark.parametrize(("story", "state"), STORIES_OVER_DDS.values(), ids=STORIES_OVER_DDS)
-def test_over_dds_too_where_a_kill_is_noticed_late(monkeypatch: pytest.MonkeyPatch, story: str, state: str) -> None:
-    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
-    assert told(story).state() == state
+@pytest.mark.parametrize("network", [STORIES, STORIES_OVER_DDS], ids=["at once", "over DDS"])
+def test_an_arm_is_paused_whose_program_goes_in_the_middle_of_a_motion(monkeypatch, network) -> None:
+    if network is STORIES_OVER_DDS:
+        monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
+    assert {name: told(story).state() for name, (story, _) in network.items()} == {
+        name: state for name, (_, state) in network.items()
+    }
 
 
 def test_an_arm_that_was_paused_is_told_of_and_obeys_whoever_comes_next() -> None:

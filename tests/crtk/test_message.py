@@ -5,14 +5,6 @@ from catenary.crtk.message import has_header, header, message_class, message_fie
 from catenary.errors import FileFormatError, InputError
 
 
-def test_what_is_not_given_is_zero_or_empty() -> None:
-    message = message_class("sensor_msgs/JointState")()
-    assert message.header == (0, 0, "")
-    assert message.name == ()
-    assert message.position.shape == (0,)
-    assert message_class("raven_2/raven_state")().jpos.shape == (16,)
-
-
 def test_a_message_and_its_default_arrays_which_others_share_cannot_be_changed() -> None:
     with pytest.raises(AttributeError):
         message_class("std_msgs/String")(data="a").data = "b"

@@ -1,6 +1,5 @@
 import itertools
 import re
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.message import message_class
 from catenary.crtk.message_bytes import codec
 from catenary.errors import InputError
-from catenary.plant import OperatingState
 from catenary.spatial import Pose
 from oracles.ticking_clock import SetClock
 
@@ -108,16 +106,6 @@ def test_quaternions_are_sent_with_w_last() -> None:
     turn = message_values.pose_message(quarter, 5, "base").pose.orientation
     assert turn._fields == ("x", "y", "z", "w")
     assert_allclose(turn, [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)], atol=1e-15)  # axis sin, cos of 45 degrees
-
-
-@pytest.mark.parametrize("state", ["DISABLED", "ENABLED", "PAUSED", "FAULT"])
-def test_operating_states_survive_the_way_there_and_back(state: Any) -> None:
-    sent = OperatingState(state, True, False)
-    one = codec("crtk_msgs/operating_state")
-    assert (
-        message_values.operating_state(one.decode(one.encode(message_values.operating_state_message(sent, 3), 1)))
-        == sent
-    )
 
 
 def test_seconds_of_a_stamp_are_exact_to_a_quarter_of_a_microsecond() -> None:

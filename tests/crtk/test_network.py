@@ -5,17 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from catenary.crtk.loopback import Loopback
 from catenary.crtk.network import make_transport, node_name
 from catenary.crtk.ros1 import transport as find_rospy
 from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.errors import InputError, MissingPackageError
-
-
-def test_none_is_a_loopback_of_ones_own():
-    with make_transport("none", "one") as transport, make_transport("none", "one") as other:
-        assert isinstance(transport, Loopback)
-        assert transport.network is not other.network
 
 
 def test_ros_2_without_its_package_says_what_to_install(monkeypatch: pytest.MonkeyPatch):

@@ -93,19 +93,6 @@ def test_nothing_moves_unless_enabled_which_is_reported_and_nothing_is_kept_for_
     assert robot.state() == ("ENABLED" if state == "PAUSED" else "DISABLED")
 
 
-def test_pausing_forgets_what_waits(robot):
-    for _ in range(100):
-        robot.joints("servo_jr", shoulder(0.002))
-    robot.tick(2)
-    robot.command("pause")
-    robot.tick()
-    robot.command("resume")
-    robot.tick()
-    before = robot.setpoint
-    robot.tick(100)
-    assert_array_equal(robot.setpoint, before)
-
-
 def test_measured_arms_are_swapped_and_setpoints_are_not(robot):
     parked = robot.server.arms["green"].measured.q
     for _ in range(40):

@@ -73,21 +73,6 @@ def hear_to(last: int, listener: Program, came: list[int]) -> None:
     until(lambda: (came and came[-1] >= last) or came.extend(numbers(listener)), every=0.05)
 
 
-def test_a_second_at_a_thousand_hertz_arrives_whole_between_processes(master: Master) -> None:
-    with Program(master, LISTENER, "listener") as listener:
-        assert listener.line() == "listening"
-        # a machine on which the listener stands still for seconds is not what this is about
-        with Program(master, TALKER, "talker", "10000", "10", "") as talker:
-            assert talker.line() == "connected"
-            came: list[int] = []
-            hear_to(1000, listener, came)
-            talker.say("end")
-            sent, overflowed = map(int, talker.line().split())
-            hear_to(sent, listener, came)
-            assert came == list(range(1, sent + 1))
-            assert overflowed == 0
-
-
 def test_a_master_that_dies_is_noticed_and_loses_no_message(own_master: Master) -> None:
     with Program(own_master, LISTENER, "listener") as listener:
         assert listener.line() == "listening"
@@ -257,28 +242,6 @@ def test_the_environments_namespace_and_the_programs_arguments_change_no_name(ma
         assert "/ravenstate_100hz" in robot.line().split()
         with xmlrpc.client.ServerProxy(master.uri) as server:
             assert server.lookupNode("/tests", "/ward/robot")[0] == 1  # type: ignore[index]
-
-
-def test_one_process_has_one_node(master: Master) -> None:
-    code = f"""{OPEN}
-def attempt(name, uri=None):
-    try:
-        Ros1Transport(name, uri).close()
-        print("opened")
-    except TransportError as error:
-        print(error)
-
-attempt("robot")
-transport.close()
-attempt("other")
-attempt("robot", "http://127.0.0.1:1")
-attempt("robot")
-"""
-    with Program(master, code, "robot") as robot:
-        assert "close that one first" in robot.line()
-        assert "cannot be other" in robot.line()
-        assert "cannot be robot of http://127.0.0.1:1" in robot.line()
-        assert robot.line() == "opened"
 
 
 def test_programs_end_by_themselves_by_ctrl_c_and_by_rosnode_and_leave_nothing(own_master, tmp_path) -> None:

@@ -11,16 +11,6 @@ from ros import OPEN, Program, running_master
 
 pytestmark = pytest.mark.slow
 
-NODE = (
-    OPEN
-    + """
-import logging
-ros1_master.PATIENCE = 1.0  # else it waits a minute for a master that stands still
-logging.basicConfig(stream=sys.stdout, format="%(message)s", level=logging.WARNING)
-print("up", flush=True)
-sys.stdin.readline()
-"""
-)
 TALKER = (
     OPEN
     + """
@@ -59,16 +49,6 @@ print("listening", flush=True)
 sys.stdin.readline()
 """
 )
-
-
-def test_a_master_that_comes_back_is_said_to_be_back(tmp_path: Path) -> None:
-    with running_master(tmp_path) as master, Program(master, NODE, "node") as node:
-        assert node.line() == "up"
-        assert master._process is not None
-        os.kill(master._process.pid, signal.SIGSTOP)
-        assert "no ROS master" in node.line()
-        os.kill(master._process.pid, signal.SIGCONT)
-        assert node.line() == f"the ROS master at {master.uri} is back"
 
 
 def test_ctrl_c_is_heeded_while_a_topic_ends_and_a_master_that_stands_still_keeps_no_program(tmp_path: Path) -> None:

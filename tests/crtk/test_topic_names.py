@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from catenary.crtk.message import message_class
-from catenary.crtk.topic_names import NAMESPACES, RAVEN, crtk_topics, find_topic, topic_name, topics
+from catenary.crtk.topic_names import NAMESPACES, find_topic, topic_name, topics
 from catenary.crtk.transport import absolute
 from catenary.errors import InputError
 from catenary.raven2.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
@@ -22,20 +22,6 @@ def test_every_topic_has_a_known_type_a_name_and_is_listed_once(dialect: str) ->
         assert find_topic(dialect, topic.verb, topic.arm) == topic  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("dialect", "verbs", "swapped"),
-    [
-        ("raven", ["measured_js", "measured_cp"], True),
-        ("raven", ["setpoint_js", "setpoint_cp", "servo_jr", "servo_jp", "servo_cp", "state_command"], False),
-        ("crtk", ["measured_js", "measured_cp", "servo_jp"], False),
-    ],
-)
-def test_what_the_raven_measures_is_swapped_and_nothing_else(dialect, verbs, swapped) -> None:
-    for verb in verbs:
-        found = [topic_name(dialect, verb, arm) for arm in ("gold", "green")]
-        assert found == [f"/arm{number}/{verb}" for number in ((2, 1) if swapped else (1, 2))]
-
-
 def test_what_is_recorded_comes_from_these_topics() -> None:
     for recorded, verb, arm in (
         (GOLD_MEASURED_JS, "measured_js", "gold"),
@@ -44,20 +30,6 @@ def test_what_is_recorded_comes_from_these_topics() -> None:
     ):
         topic = find_topic("raven", verb, arm)  # type: ignore[arg-type]
         assert (topic.name, topic.type) == (recorded.name, recorded.type)
-
-
-def test_poses_have_different_types_in_the_two_dialects() -> None:
-    shared = {t.name: t.type for t in RAVEN}
-    differing = {t.name for t in topics("crtk") if t.name in shared and shared[t.name] != t.type}
-    assert "/arm1/measured_cp" in differing
-    assert not [topic for topic in topics("crtk") if "Transform" in topic.type]
-
-
-def test_jaw_verbs_lie_below_the_arm() -> None:
-    names = {topic.name for topic in crtk_topics("/PSM1/")}
-    assert "/PSM1/jaw/servo_jp" in names
-    assert "/PSM1/move_jp" in names
-    assert {topic.name for topic in crtk_topics("")} >= {"/measured_js", "/jaw/measured_js"}
 
 
 def test_a_verb_that_no_topic_carries_is_refused_with_the_choices() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import command_line
 import simulated_arm
-from command_line import Outcome, in_its_own_process, refusal
+from command_line import Outcome, in_its_own_process
 
 
 def catenary(folder: Path, *arguments: str) -> Outcome:
@@ -46,10 +46,3 @@ def test_check_in_a_shell_finds_nothing_wrong_with_any_of_the_files(folder, name
     assert outcome.code == 0, outcome.out
     assert outcome.out.startswith(f"{name}: {kind}")
     assert outcome.err == ""
-
-
-def test_a_model_of_the_wrong_arm_is_refused(folder: Path) -> None:
-    simulated_arm.write(folder / "other_arm.npz", joint_names=["a", "b", "c"])
-    with contextlib.chdir(folder):
-        message = refusal("evaluate", "arm.npz", "other_arm.npz")
-    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in message

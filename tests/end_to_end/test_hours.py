@@ -70,8 +70,8 @@ def test_several_tools_keep_up_and_grow_no_further(meeting: Meeting, model: Path
     server = Tool(meeting, "serve", "--homed", "--rate", "200")
     tools = {"serve": server}
     try:
-        server.program.say("resume")
-        until(lambda: "ENABLED homed" in server.last, seconds=10.0 * PATIENCE)  # it compiles
+        until(lambda: server.last, seconds=10.0 * PATIENCE)  # it compiles
+        meeting.resume()
         tools["monitor"] = Tool(meeting, "monitor", "--rate", "2")
         until(lambda: tools["monitor"].last, seconds=10.0 * PATIENCE)
         shoulder = json.loads(tools["monitor"].last)["q"][0]
@@ -87,7 +87,7 @@ def test_several_tools_keep_up_and_grow_no_further(meeting: Meeting, model: Path
             going.process.wait()  # the test's own limit ends what never ends
             assert going.process.returncode == 0, going.program.finish()
             moves += 1
-            server.program.say("resume")  # a motion ends paused
+            meeting.resume()  # a motion ends paused
             for name, tool in tools.items():
                 if tool.process.poll() is None:
                     tool.weigh()

@@ -64,11 +64,6 @@ def test_robot_that_dies_is_noticed_and_not_enabled_when_back(ros_master, transp
         assert client.operating_state().state == "DISABLED"
 
 
-def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
-    with pytest.raises(TransportError, match="nobody publishes it"):
-        CrtkClient(transport, connect_timeout=0.5)
-
-
 @pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])
 def test_served_robot_is_calibrated_to_its_report(meeting: Meeting, tmp_path, monkeypatch) -> None:
     programs, ros = meeting

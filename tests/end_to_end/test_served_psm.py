@@ -8,73 +8,30 @@ from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from catenary.crtk.message import message_class
-from catenary.crtk.message_values import pose_message, pose_of
-from catenary.crtk.topic_names import crtk_topics
+from catenary.crtk.loopback import Loopback
+from catenary.crtk.message_values import pose_of
 from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import InputError, NotReadyError
 from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
-from catenary.nodes.serve import Serving, make_server
+from catenary.nodes.serve import Serving
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.robots.catalog import load_robot
 from catenary.simulation.psm_plant import PsmPlant
-from catenary.spatial import Pose
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import RosRobot
 from catenary.workflows.robot.homing import AnswerYes
 from catenary.workflows.robot.motion import move_to
-from oracles.psm_arms import homed_psm
-from oracles.ticking_clock import TickingClock
 from oracles.tree_poses import frame_pose
+from served_robot import ServedPsm
 
-JointState = message_class("sensor_msgs/JointState")
 MODEL = load_robot("dvrk_psm")
-PSM = Serving(robot="dvrk_psm", dialect="crtk")
-# what a dVRK's PSM publishes and takes [jhu-dvrk/dvrk_robot_ros, crtk-cisst]; it has more
-PUBLISHED = {
-    *("measured_js", "setpoint_js", "measured_cp", "setpoint_cp", "measured_cv", "operating_state", "warning"),
-    *("jaw/measured_js", "jaw/setpoint_js", "local/measured_cp", "local/setpoint_cp"),
-}
-TAKEN = {
-    *("servo_jp", "servo_jr", "servo_jf", "move_jp", "move_jr", "servo_cp", "move_cp", "state_command"),
-    *("jaw/servo_jp", "jaw/move_jp", "hold", "free", "use_gravity_compensation"),
-}
 
 
-class ServedPsm(TickingClock):
-    """A served PSM that ticks while somebody sleeps, and a transport to reach it by."""
-
-    def __init__(self, plant: PsmPlant | None = None) -> None:
-        super().__init__(0.001, 1_700_000_000 * 10**9)
-        self.network = LoopbackNetwork(clock=self)
-        self.plant = homed_psm() if plant is None else plant
-        self.server = make_server(PSM, Loopback("robot", self.network), plants={"PSM1": self.plant})
-        self.transport, self.other = (Loopback(name, self.network) for name in ("client", "other"))
-
-    def tick(self) -> None:
-        self.server.tick()
-
-    def hear(self, name, kind="sensor_msgs/JointState"):
-        """The newest message of a topic within a tenth of a second."""
-        heard = self.transport.subscribe(f"/PSM1/{name}", kind, depth=10_000)
-        self.sleep(0.11)
-        message = heard.take()[-1].message
-        heard.close()
-        return message
-
-    def say(self, name, message, seconds=0.0):
-        topic = next(one for one in crtk_topics("/PSM1") if one.verb == name)
-        publisher = self.other.publisher(topic.name, topic.type)
-        publisher.publish(message)
-        self.sleep(seconds + 0.02)
-        publisher.close()
-
-    def client(self):
-        return CrtkClient(self.transport, dialect="crtk", namespace="/PSM1", joints=MODEL, simulated=True)
+def client_of(robot):
+    return CrtkClient(robot.client, dialect="crtk", namespace="/PSM1", joints=MODEL, simulated=True)
 
 
 @pytest.fixture
@@ -83,19 +40,8 @@ def robot():
     return ServedPsm()
 
 
-def joints(q, names=()):
-    return JointState(name=names, position=np.asarray(q, dtype=float))
-
-
-def test_it_has_the_topics_of_a_dvrk(robot):
-    there = {one.verb: one.direction for one in robot.server._dialect.topics}
-    assert {verb for verb, way in there.items() if way == "out"} >= PUBLISHED
-    assert {verb for verb, way in there.items() if way == "in"} >= TAKEN
-    assert set(robot.transport.topics()) >= {f"/PSM1/{verb}" for verb in PUBLISHED}
-
-
 def test_joint_states_have_six_joints_and_the_jaw_its_own(robot):
-    measured, jaw = robot.hear("measured_js"), robot.hear("jaw/measured_js")
+    measured, jaw = (robot.last(f"/PSM1/{name}measured_js") for name in ("", "jaw/"))
     assert tuple(measured.name) == PSM_JOINTS
     assert tuple(jaw.name) == ("jaw",)
     assert_allclose(measured.position, robot.plant.measured_js().q[:6], atol=1e-3)
@@ -105,7 +51,7 @@ def test_joint_states_have_six_joints_and_the_jaw_its_own(robot):
 
 def test_poses_are_those_of_the_dvrks_kinematics(robot):
     for name in ("setpoint_cp", "local/setpoint_cp"):
-        told = pose_of(robot.hear(name, "geometry_msgs/PoseStamped"))
+        told = pose_of(robot.last(f"/PSM1/{name}"))
         there = frame_pose(MODEL, "tool", robot.plant.setpoint_js().q[:6])
         assert_allclose(told.position, there[:3, 3], atol=1e-12)
         assert_allclose(told.rotation, there[:3, :3], atol=1e-12)
@@ -115,40 +61,18 @@ def test_servo_jp_moves_the_six_joints_and_not_the_jaw(robot):
     before = robot.plant.setpoint_js().q
     goal = before[:6] + np.array([0.01, -0.01, 0.001, 0.05, -0.03, 0.02])
     for _ in range(100):
-        robot.say("servo_jp", joints(goal))
+        robot.joints("servo_jp", goal)
     assert_allclose(robot.plant.setpoint_js().q, [*goal, before[6]], atol=1e-12)
-
-
-def test_one_joint_by_name_is_a_command_of_a_relative_move(robot):
-    before = robot.plant.setpoint_js().q
-    robot.say("move_jr", joints([0.0, 0.0, 0.0, 0.2, 0.0, 0.0], PSM_JOINTS), 2.0)
-    assert_allclose(robot.plant.setpoint_js().q - before, [0, 0, 0, 0.2, 0, 0, 0], atol=1e-9)
-
-
-def test_the_jaw_opens_alone(robot):
-    before = robot.plant.setpoint_js().q
-    robot.say("jaw/move_jp", joints([0.5]), 2.0)
-    assert_allclose(robot.plant.setpoint_js().q, [*before[:6], 0.5], atol=1e-9)
-    assert robot.hear("jaw/setpoint_js").position[0] == pytest.approx(0.5)
-
-
-def test_move_cp_brings_the_tool_along(robot):
-    start = pose_of(robot.hear("setpoint_cp", "geometry_msgs/PoseStamped"))
-    goal = Pose(start.rotation, start.position + np.array([0.01, -0.005, -0.01]))
-    robot.say("move_cp", pose_message(goal, 0, "base"), 5.0)
-    there = pose_of(robot.hear("setpoint_cp", "geometry_msgs/PoseStamped"))
-    assert_allclose(there.position, goal.position, atol=1e-5)
-    assert robot.plant.setpoint_js().q[6] == 0.0
 
 
 def test_it_homes_by_state_commands_and_moves_nowhere_before():
     robot = ServedPsm(PsmPlant())
-    with robot.client() as client:
+    with client_of(robot) as client:
         assert client.operating_state().state == "DISABLED"
         with pytest.raises(NotReadyError):
             client.servo_jp(np.zeros(6))
         start = robot.plant.state.rotor.copy()
-        robot.say("servo_jp", joints([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]), 0.5)
+        robot.joints("servo_jp", [0.0, 0.0, 0.1, 0.0, 0.0, 0.0], 0.5)
         assert_array_equal(robot.plant.state.rotor, start)
         client.state_command("enable")
         client.state_command("home")
@@ -157,7 +81,7 @@ def test_it_homes_by_state_commands_and_moves_nowhere_before():
 
 
 def test_the_client_moves_it_and_reads_the_tracker(robot):
-    with robot.client() as client:
+    with client_of(robot) as client:
         goal = np.array([0.1, -0.05, 0.14, 0.4, -0.3, 0.2])
         move_to(client, goal, joints=PSM_JOINTS)
         assert_allclose(client.setpoint_js().q, goal, atol=1e-9)
@@ -178,7 +102,7 @@ def test_a_deployed_model_publishes_below_the_arms_namespace(robot):
     options = FitOptions(kind="offset")
     inputs = choose_inputs([log], options)
     model = fit(calibration_data([log], inputs.features), inputs, options)
-    with reader_of(model.joint_names, robot.transport, "gold") as reader:
+    with reader_of(model.joint_names, robot.client, "gold") as reader:
         topics = CalibratedTopics(reader, model)
         heard = Loopback("lab", robot.network).subscribe(
             "/PSM1/calibrated/measured_js", "sensor_msgs/JointState", depth=1000
@@ -194,9 +118,9 @@ def test_a_deployed_model_publishes_below_the_arms_namespace(robot):
 
 def test_a_psm_is_deployed_on_in_its_own_dialect_only(robot):
     with pytest.raises(InputError, match="speaks crtk"):
-        reader_of(PSM_JOINTS, robot.transport, "gold", dialect="raven")
+        reader_of(PSM_JOINTS, robot.client, "gold", dialect="raven")
     with pytest.raises(InputError, match="is none of a PSM"):
-        reader_of(("shoulder",), robot.transport, "gold", namespace="/PSM1")
+        reader_of(("shoulder",), robot.client, "gold", namespace="/PSM1")
 
 
 def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
@@ -204,7 +128,7 @@ def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
     settings = ProjectSettings(robot="dvrk_psm", train_minutes=0.1, test_minutes=0.1, connection="ros1")
     project, lab = (
         Project(tmp_path / "psm", settings),
-        RosRobot(robot.transport, AnswerYes(lambda _: None), simulated=True),
+        RosRobot(robot.client, AnswerYes(lambda _: None), simulated=True),
     )
     assert lab.home(project)
     lab.record(project, calibrate.TRAIN, *calibrate.excitation(project), after="home")

@@ -40,7 +40,8 @@ def served(meeting: Meeting) -> Iterator[Program]:
     """A robot that is homed and ENABLED."""
     command = ("serve", "--ros", meeting.ros, "--homed", "--rate", "200", "--json")
     with Program(meeting.network, PATIENT_COMMAND, *command) as server:
-        server.say("resume")
+        server.line()  # it is up
+        meeting.resume()
         until(lambda: "ENABLED homed" in server.line())
         yield server
 

@@ -105,28 +105,9 @@ def write_bag(journal: Path, path: Path) -> Path:
 
 # raven_state's fields as a row of the published CSV has them, behind its stamp
 PUBLISHED = [
-    "jpos",
-    "runlevel",
-    "sublevel",
-    "last_seq",
-    "type",
-    "pos",
-    "ori",
-    "ori_d",
-    "pos_d",
-    "encVals",
-    "dac_val",
-    "tau",
-    "mpos",
-    "mvel",
-    "jvel",
-    "mpos_d",
-    "jpos_d",
-    "grasp_d",
-    "encoffsets",
-    "jac_vel",
-    "jac_f",
-]
+    "jpos", "runlevel", "sublevel", "last_seq", "type", "pos", "ori", "ori_d", "pos_d", "encVals", "dac_val",
+    "tau", "mpos", "mvel", "jvel", "mpos_d", "jpos_d", "grasp_d", "encoffsets", "jac_vel", "jac_f",
+]  # fmt: skip
 
 
 def write_csv(journal: Path, path: Path, *, farthest: float = 0.05) -> Path:

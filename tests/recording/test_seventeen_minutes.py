@@ -1,4 +1,4 @@
-"""A calibration recording of usual length; how long it takes, tests.benchmarks.recording shows."""
+"""A calibration recording of usual length."""
 
 from pathlib import Path
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.image
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,15 +16,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult
 from catenary.reports import calibration
 from catenary.reports.calibration import MOST_JOINTS, JointGain, headline, recommendation, write_calibration_report
-from catenary.reports.joint_errors import (
-    MOST_WINDOWS,
-    error_blocks,
-    error_table,
-    joint_picture,
-    percent,
-    window_blocks,
-    window_table,
-)
+from catenary.reports.joint_errors import MOST_WINDOWS, error_blocks, error_table, window_blocks, window_table
 from catenary.reports.page import Picture, Table
 from catenary.workflows.calibration_model import fit_calibration
 
@@ -100,13 +91,6 @@ def test_only_simulated_data_are_marked(page: str, result: Result, tmp_path: Pat
     assert mark in page_of(*result, tmp_path / "page.html", simulated=True)
 
 
-@pytest.mark.parametrize("t", [None, np.tile(np.arange(2000.0), 5)])
-def test_long_recordings_are_drawn_too(tmp_path: Path, t: np.ndarray | None) -> None:
-    result, evaluation = fitted(tmp_path / "run.npz", rows=10_000, t=t)
-    picture = joint_picture(evaluation, result.model, 0)
-    assert drawn(picture.png)
-
-
 def test_the_error_table_shows_the_evaluation(result: Result) -> None:
     _, evaluation = result
     for table in (error_table(evaluation), window_table(evaluation)):
@@ -114,10 +98,6 @@ def test_the_error_table_shows_the_evaluation(result: Result) -> None:
     row, joint = error_table(evaluation).rows[2], evaluation.joints[2]
     errors = [f"{value:.3f}" for value in (joint.raw_rmse, joint.offset_rmse, joint.rmse)]
     assert list(row[:5]) == ["J3", "mm", *errors]
-
-
-def test_a_percentage_of_nothing_is_a_dash() -> None:
-    assert (percent(12.345, 1), percent(float("nan"), 1)) == ("12.3 %", "-")
 
 
 def test_every_number_of_the_page_stands_under_its_unit(page: str) -> None:

@@ -100,7 +100,9 @@ def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_
     arm = arm._replace(cable=known.replace(stiffness=10.0 * known.stiffness))
     h = home_and_watch(np.array([0.5, 1.5, 0.4]), arm, substeps=4)
     # wound up at the stops by 4 Nm on 2560 Nm/rad; the insertion's stop gives way by 60 N on 1e5 N/m
-    assert (np.abs(h.robot_at_home - h.rig_at_home - (STOPS - DEG_MM * arm.rig.registered)) < [0.15, 0.15, 0.7]).all(), h
+    assert (
+        np.abs(h.robot_at_home - h.rig_at_home - (STOPS - DEG_MM * arm.rig.registered)) < [0.15, 0.15, 0.7]
+    ).all(), h
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ SIZE = {"width": 1000, "height": 560}
 
 
 class LookedAtPage:
-    """A page of the view, and what its console says."""
+    """A page of this machine, and what its console says."""
 
     def __init__(self, page: Any) -> None:
         self.page = page
@@ -31,7 +31,7 @@ class LookedAtPage:
         page.on("request", self._asked)
 
     def _asked(self, request: Any) -> None:
-        if not request.url.startswith(("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")):
+        if not request.url.startswith(("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:", "file:", "about:")):
             self.foreign.append(request.url)
 
     def joint(self, name: str, column: int = 0) -> float:

@@ -144,12 +144,6 @@ def test_robot_that_is_not_homed_is_not_moved_and_home_is_asked_for_twice() -> N
     assert control({**once, 900: Change("level:tip", "home")}, ready=False)[0].operating_state().is_homed
 
 
-def test_joint_at_its_limit_stops_there() -> None:
-    plant, page = control({50: Change("stop:joints", "faster")}, held=(100, 500), ticks=600, upper=[0.81, 3.0, 1.0])
-    assert plant.q[0] == pytest.approx(0.81)
-    assert any("at its limit: shoulder" in state.mode for state in page.states)
-
-
 def test_page_has_buttons_for_joints_and_tip() -> None:
     robot = ideal_robot(START)
     joints, tip = ControlledArm(robot, arm_shapes(robot.model)).shown("x").tabs

@@ -190,14 +190,6 @@ def test_the_reported_and_the_calibrated_arm_are_seen_apart_and_the_reported_one
     rest(looked)
 
 
-def test_run_levels_pause_and_enable(looked: LookedAtPage) -> None:
-    looked.tab("Drive")
-    looked.press("pause")
-    looked.wait_for_text("PAUSED, homed")
-    looked.press("enable")
-    looked.wait_for_text("ENABLED, homed: rest")
-
-
 def test_tilted_base_turns_sensed_gravity_and_only_one_controller_knows(looked: LookedAtPage) -> None:
     looked.tab("Surroundings")
     looked.set_slider("base roll [deg]", 30.0)

@@ -106,12 +106,6 @@ def test_gravity_compensation_alone_tracks_no_setpoint(raven: DrivenArm) -> None
     drive(raven, (0.1, "controller", "PD + sensed gravity (DG)"))
 
 
-def test_refused_motion_is_told_on_the_page() -> None:
-    arm = DrivenArm("two_link", rng=np.random.default_rng(0), real_time=False)
-    states = drive(arm, (0.2, "motion", "zig-zag"), (1.0, "payload_kg", 1.0), (0.5, "friction", 1.0), (0.5, "", None))
-    assert states[-1].mode.startswith("ENABLED")
-
-
 def test_page_says_why_the_arm_is_in_fault() -> None:
     arm = DrivenArm("raven2", rng=np.random.default_rng(1), real_time=False)
     states = drive(arm, (0.1, "payload_kg", 1e5), (0.5, "", None))  # which no slider tells

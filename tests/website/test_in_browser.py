@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from view.browser import ARGUMENTS, CHROMIUM, PATIENCE
+from view.browser import PATIENCE, looked_at_empty
 
 pytestmark = pytest.mark.slow
 
@@ -37,47 +37,21 @@ SEARCHES = {
     "how much data": "calibration.html",
 }
 PAGES = (
-    "index",
-    "calibration",
-    "commands",
-    "paper-gravity-regressor",
-    "tutorials/ship",
-    "tutorial-two-link",
-    "api/control",
-)
+    "index", "calibration", "commands", "paper-gravity-regressor", "tutorials/ship", "tutorial-two-link", "api/control",
+)  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    sync_api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed (apt install chromium)")
-    with sync_api.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield started
-        started.close()
+@pytest.fixture
+def page(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """A page to be opened from the disk, which asks nobody for anything and complains of nothing."""
+    with looked_at_empty({"width": request.param, "height": 900}) as looked:
+        looked.page.set_default_timeout(PATIENCE)
+        yield looked.page
+        assert (looked.foreign, looked.complaints) == ([], [])
 
 
-class Watched:
-    """A page opened from the disk: what it asks for and what its console says."""
-
-    def __init__(self, browser: Any, width: int) -> None:
-        self.page = browser.new_page(viewport={"width": width, "height": 900})
-        self.page.set_default_timeout(PATIENCE)
-        self.asked: list[str] = []
-        self.complaints: list[str] = []
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-
-    def fine(self) -> None:
-        assert [url for url in self.asked if not url.startswith(("file:", "data:", "blob:", "about:"))] == []
-        assert self.complaints == []
-
-
-def test_the_first_hit_of_a_search_answers_it(site: Path, browser: Any) -> None:
-    watched = Watched(browser, 1400)
-    page = watched.page
+@pytest.mark.parametrize("page", [1400], indirect=True)
+def test_the_first_hit_of_a_search_answers_it(site: Path, page: Any) -> None:
     missed = {}
     for words, answer in SEARCHES.items():
         page.goto((site / "index.html").as_uri())
@@ -94,13 +68,10 @@ def test_the_first_hit_of_a_search_answers_it(site: Path, browser: Any) -> None:
         if not found.removeprefix(site.as_uri() + "/").startswith(answer):
             missed[words] = found
     assert missed == {}
-    watched.fine()
 
 
-@pytest.mark.parametrize("width", [1400, 420])
-def test_pages_fit_their_window_with_pictures_loaded(site: Path, browser: Any, width: int) -> None:
-    watched = Watched(browser, width)
-    page = watched.page
+@pytest.mark.parametrize("page", [1400, 420], indirect=True)
+def test_pages_fit_their_window_with_pictures_loaded(site: Path, page: Any) -> None:
     for name in PAGES:
         page.goto((site / f"{name}.html").as_uri())
         wide = page.evaluate("document.documentElement.scrollWidth > document.documentElement.clientWidth")
@@ -126,4 +97,3 @@ def test_pages_fit_their_window_with_pictures_loaded(site: Path, browser: Any, w
               }).map((one) => one.outerHTML.slice(0, 120))"""
         )
         assert cut == [], name
-    watched.fine()

@@ -31,7 +31,6 @@ from catenary.workflows.identify import identify_files, payload_of_files
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, joint_state, write_bag
 from moving_arm import PLACE, recorded
-from recordings import recording
 
 ARM, UR = load_robot("raven2"), load_robot("ur10e")
 LINEAR = FitOptions(kind="linear")
@@ -516,17 +515,3 @@ def test_a_recording_used_in_training_is_known_by_its_content(recording_path: Pa
     copy.write_bytes(recording_path.read_bytes())
     other = simulated_arm.write(tmp_path / "other.npz", seed=1)
     assert held_against(model, [other, copy]).evaluate().seen_in_training == ("another_name",)
-
-
-def test_a_summary_of_simulated_data_says_so(tmp_path: Path) -> None:
-    path = tmp_path / "log.parquet"
-    write_parquet(recording(np.random.default_rng(0), simulated=True), path)
-    result = held_against(fitted_to(path, tmp_path), [path]).evaluate()
-    assert result.as_data()["simulated"] is True
-
-
-def test_no_recordings_are_refused(recording_path: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="at least one recording"):
-        fit_calibration([], LINEAR)
-    with pytest.raises(InputError, match="at least one recording"):
-        held_against(fitted_to(recording_path, tmp_path), []).evaluate()

@@ -13,7 +13,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
 from catenary.workflows.excitation import MotionSurroundings, design_excitation, write_excitation, write_trajectory
 from catenary.workflows.robot.followed_file import read_followed_file
-from colliding_arm import PANDA, write_arm
+from colliding_arm import PANDA
 
 GEOMETRY = load_geometry("panda", PANDA)
 ROOM = room_of(PANDA)
@@ -44,13 +44,6 @@ def test_a_design_says_what_it_keeps_and_what_is_assumed(motion):
     assert "collisions: none at any instant" in kept
 
 
-def test_without_shapes_it_says_loudly_that_collisions_are_unchecked():
-    found = design(MotionSurroundings(None, unchecked="no shapes"))
-    assert found.notes[0] == "warning: COLLISIONS ARE UNCHECKED: no shapes"
-    assert "collisions: UNCHECKED" in found.kept()
-    assert found.summary()["collisions"] == {"checked": False}
-
-
 def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
     raven = load_robot("raven2")
     room = room_of(raven, velocity=[1.0, 1.0, 0.1])
@@ -67,15 +60,6 @@ def test_poses_are_free_and_their_ways_said_to_be_unchecked():
     found = design(static=15)
     assert "the ways from pose to pose are not checked" in found.notes[-1]
     assert "collisions: none in any pose" in found.kept()[-1]
-
-
-def test_a_urdf_with_all_kinds_of_shapes_is_kept_clear(tmp_path):
-    path = write_arm(tmp_path)
-    model = load_robot(path)
-    around = MotionSurroundings(load_geometry(path, model), (floor_at(-0.2),))
-    found = design(around, model, room_of(model))
-    assert found.design.checked.clearance.is_kept
-    assert not found.limits.scene.assumed
 
 
 def test_a_trajectory_is_ros_s_message(motion, tmp_path):

@@ -15,9 +15,8 @@ from catenary.recording.mend import Mend
 from catenary.workflows.recording_screen import check_recording
 from command_line import catenary
 from hysteretic_arm import recording
-from lab_bags import JOINT_STATE, JOINTS, joint_state, true_q, two_topics, write_bag
+from lab_bags import JOINT_STATE, JOINTS, joint_state, true_q, write_bag
 from parsed_commands import complaint
-from tests.recording.test_containers import of_journal, of_split_bag
 from tests.truth.spoilings import late
 from tests.verdict.test_delay import cable_arm
 
@@ -51,32 +50,6 @@ def test_six_joints_fit_on_a_screen(tmp_path: Path, seconds: float, away: float)
     assert lines_of(outcome.out) <= LINES, outcome.out
     for word in ("duration", "units", "delay", "outliers", "of limits", "hysteresis", "slack", "verdict", "next"):
         assert word in outcome.out
-
-
-CONTAINERS: dict[str, Callable[[Path], Path]] = {
-    "ROS 1": lambda folder: two_topics(folder / "lab", "ros1", seconds=14.0),
-    "SQLite": lambda folder: two_topics(folder / "lab", "sqlite", seconds=14.0),
-    "MCAP": lambda folder: two_topics(folder / "lab", "mcap", seconds=14.0),
-}
-
-
-def test_bags_of_every_kind_get_one_screen(tmp_path: Path) -> None:
-    said = {}
-    for name, write in CONTAINERS.items():
-        (tmp_path / name).mkdir()
-        outcome = catenary("check", write(tmp_path / name), "--json")
-        assert outcome.code == 0, outcome
-        said[name] = outcome.json["facts"] | {"sha256": None}
-    assert said["ROS 1"] == said["SQLite"] == said["MCAP"]
-    assert said["MCAP"]["recorded"] == "2023-11-14"
-
-
-@pytest.mark.parametrize("write", [of_journal, of_split_bag])
-def test_journals_and_folders_of_bags_get_it_too(tmp_path: Path, write: Callable[[Path], list[Path]]) -> None:
-    paths = write(tmp_path)
-    outcome = catenary("check", paths[0], "--json")
-    assert outcome.json["kind"] == "recording"
-    assert outcome.json["facts"]["rows"] > 100
 
 
 def bare_bag(folder: Path) -> Path:

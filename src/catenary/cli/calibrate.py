@@ -1,5 +1,6 @@
 """catenary extract, calibrate, demo: one project folder, step by step or in one go."""
 
+import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -44,7 +45,6 @@ def extract(
     """
     from catenary.reports.page import Table, TableColumn
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
-    from catenary.workflows.project.state import ExtractionFile, read_state
 
     columns_of_topics = [
         TableColumn("topic", "topic"),
@@ -67,11 +67,7 @@ def extract(
                     raise
                 failed[name] = error
                 continue
-            report = read_state(
-                opened.folder / f"{name}.synchronised.json",
-                ExtractionFile,
-                "delete it, and `catenary extract PROJECT` makes it again",
-            )
+            report = json.loads((opened.folder / f"{name}.synchronised.json").read_bytes())
             found[name] = {"log": str(motion_log_path(opened, name)), **report}
             if bag is not None:
                 written = write_bags(opened, name, "ros1" if bag == "ros1" else "mcap")

@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from catenary.cli.options import as_typed, refuse_spaces
+from catenary.cli.options import as_typed
 from catenary.cli.signals import signals_interrupt
 from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
 from catenary.errors import CatenaryError
@@ -86,16 +86,11 @@ class CommandGroup(TyperGroup):
                 )
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that is meant, its name and its arguments, unless numbers stand apart in them.
-
-        What is for ROS 2, behind `--ros-args`, is kept for when the command joins it.
-        """
+        """Return the command that is meant, its name and its arguments; what is behind `--ros-args` is kept for it."""
         name, command, rest = super().resolve_command(ctx, args)
-        parameters = [] if command is None else command.params
-        if any(option.name == "ros_distro" for option in parameters):
+        if any(option.name == "ros_distro" for option in (command.params if command else ())):
             rest, said = split_ros_arguments(rest)
             say_ros_arguments(parse_ros_arguments(said))
-        refuse_spaces(parameters, rest)
         return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
@@ -111,10 +106,7 @@ class CommandGroup(TyperGroup):
             raise CatenaryError("a connection was closed from the other side") from error
 
     def get_params(self, ctx: Any) -> Any:
-        """Return the group's own options; flags such as --help and --show-completion are False where not given.
-
-        By default they are None then, and newer versions of typer import pydantic (0.2 s) to see that this is no bool.
-        """
+        """Return the group's options, flags False where not given: for None newer typers import pydantic, 0.2 s."""
         options = super().get_params(ctx)
         for option in options:
             if getattr(option, "is_flag", False) and option.default is None:

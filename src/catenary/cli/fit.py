@@ -46,10 +46,6 @@ def _play_shares(text: str) -> Numbers:
     return () if text == "off" else numbers(text)
 
 
-def _coupled(text: str) -> Names:
-    return () if text == "off" else words(text)
-
-
 def _inputs(text: str) -> Names | dict[str, Names]:
     if "=" not in text:
         return words(text)
@@ -78,7 +74,9 @@ class ModelOptions:
     )
     target: str = option("error|position", "Learn the joint error, or the joint position end to end.", "error")
     coupled: Names | None = option(
-        "JOINTS|off", "Joints that friction couples, such as J5,J6. [default: found in the recordings]", read=_coupled
+        "JOINTS|off",
+        "Joints that friction couples, such as J5,J6. [default: found in the recordings]",
+        read=lambda text: () if text == "off" else words(text),
     )
     ridge: float | None = option("R", "Weight on the squared coefficients. [default: by the model's kind]", least=0.0)
     held_out: float | None = option("SHARE", "Keep the last part of each recording, this share of it, for a test.")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import option
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_choice import RECORD, WatchedRobot, chosen_robot, recorded
+from catenary.cli.robot_choice import WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from catenary.teleop.terminal import RawTerminal
 
 
-_LIVE = ("ros", "moving", "record", "base_tilt_deg", "robot_seed")  # options of a robot that is watched
+_LIVE = ("ros", "base_tilt_deg", "robot_seed")  # options of a robot that is watched
 
 
 def monitor(
@@ -31,8 +31,6 @@ def monitor(
     rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
     gravity: str | None = GRAVITY_TOPIC,
-    moving: bool = option(None, "The simulated robot moves at random.", False, not_with="ros"),
-    record: Path | None = RECORD,
     as_json: bool = option(None, "Print a line of JSON for each sample, SI.", False, flag="--json"),
 ) -> None:
     """Show what a robot or a recording does.
@@ -61,17 +59,11 @@ def monitor(
             print_notes([note for note in played.notes if note.startswith("corrected")])
             name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
         else:
-            import numpy as np
-
-            from catenary.workflows.robot.operator_motion import random_motion
             from catenary.workflows.robot.snapshots import watch_robot
 
             announce("preparing the robot ...")
             opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
-            motion = random_motion(opened, 3600.0, rng=np.random.default_rng(0)) if moving else None
-            name = opened.name
-            observe = stack.enter_context(recorded(opened, record))
-            samples = watch_robot(opened, model=model, every=1.0 / hertz, motion=motion, observe=observe)
+            name, samples = opened.name, watch_robot(opened, model=model, every=1.0 / hertz)
         try:
             if on_screen:
                 _on_screen(name, _until(samples, seconds), stack.enter_context(RawTerminal()))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option, require_one
-from catenary.cli.robot_choice import RECORD, MovedRobot, PacedRobot, chosen_robot, recorded
+from catenary.cli.robot_choice import MovedRobot, PacedRobot, chosen_robot
 from catenary.cli.robot_options import some_joint_values
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
@@ -119,7 +119,6 @@ def follow(
 def teleop(
     robot: MovedRobot,
     not_homed: bool = option(None, "Simulated: begin with a robot that was just switched on.", False),
-    record: Path | None = RECORD,
     as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot from the keyboard.
@@ -134,8 +133,8 @@ def teleop(
     terminal = RawTerminal()
     announce("preparing the robot ...")
     with chosen_robot(robot, "teleop", homed=not not_homed) as opened:
-        with recorded(opened, record) as observe, terminal:
-            session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
+        with terminal:
+            session = TeleopSession(opened.plant, opened.model, opened.name, terminal)
             why = session.run(time.monotonic)
         state, q = opened.plant.operating_state(), opened.plant.measured_js().q
     content = {"robot": opened.name, "ended_by": why, "state": state._asdict(), "q": q, "late_ticks": opened.late()}
@@ -146,12 +145,9 @@ def teleop(
 def _say(
     summary: "MotionSummary", as_json: bool, what: str, *, si: bool = False, asked: "Floats | None" = None
 ) -> None:
-    """Print how a motion went; one that was ended before its end exits as `exit_code` says.
+    """Print how a motion went, with `what` was done at its end; one that was ended earlier exits as `exit_code` says.
 
-    Args:
-        what: The robot did when it came to the motion's end.
-        si: Joints in rad and m, as they were asked for, not in deg and mm.
-        asked: (3,) [m] where the tip was to go, if it was.
+    `si` shows rad and m, not deg and mm; the tip was to go to `asked` (3,) [m], if to any place.
     """
     state = summary.state
     done = what if summary.ended_by is None else f"stopped by {summary.ended_by}; the robot holds here"
@@ -174,7 +170,8 @@ def _joints(summary: "MotionSummary", *, si: bool) -> "Table":
     rows = []
     for j, (name, unit) in enumerate(zip(summary.joint_names, summary.joint_units, strict=True)):
         values = (column[j] if j < len(column) else None for column in columns.values())
-        rows.append([name, *("" if value is None else _in_units(value, unit, si) for value in values)])
+        texts = (v if v is None else f"{v:.4f} {unit}" if si else in_words(v, unit, 3) for v in values)
+        rows.append([name, *(text or "" for text in texts)])
     return Table(["joint", *columns], rows, "Joints: errors against what was commanded, as reported")
 
 
@@ -190,7 +187,3 @@ def _tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> list[
         error = f"{1000.0 * summary.tip_error:.2f} mm"
         lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
     return lines
-
-
-def _in_units(value: float, unit: str, si: bool) -> str:
-    return f"{value:.4f} {unit}" if si else in_words(value, unit, 3)

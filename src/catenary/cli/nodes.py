@@ -1,9 +1,6 @@
 """catenary serve, button, encoders, gravity-node: simulated robots and devices as topics."""
 
-import contextlib
 import logging
-import sys
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -52,8 +49,7 @@ def serve(
 ) -> None:
     """Serve a simulated robot over ROS, in real time.
 
-    Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state
-    command.
+    `catenary button` presses the silver button of a RAVEN-II.
 
     Example: catenary serve --ros none --homed --duration 2
     Example: catenary serve --robot dvrk_psm --namespace /PSM1
@@ -77,12 +73,10 @@ def serve(
     with make_transport(ros, node_name("robot", name)) as transport:
         transport.sending = Sending(depth, qos == "reliable")
         server = make_server(serving, transport, rate_hz=rate)
-        commands = deque(["start"] if start else [])
         announce("preparing the robot ...")
         prepare(server)
         print_notes([_greeting(server, dialect, ros)])
-        _listen(commands)
-        final = run(server, commands=commands, show=_show_json if as_json else _show, duration=duration)
+        final = run(server, start=start, show=_show_json if as_json else _show, duration=duration)
     arms = ", ".join(f"{name} {text}" for name, text in final.states.items())
     print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
     if as_json:
@@ -111,25 +105,8 @@ def _greeting(server: "Server", dialect: str, ros: str) -> str:
     where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}
     text = f"serving {server.published} topics in dialect {dialect} {where[ros]}; Ctrl-C ends it"
     if server.button is not None:
-        text += "; `button` and Enter, or `catenary button`, presses the silver button"
+        text += "; `catenary button` presses the silver button"
     return text
-
-
-def _listen(commands: deque[str]) -> None:
-    """Take lines from standard input, in a thread that ends with the program."""
-    import threading
-
-    if sys.stdin is None or sys.stdin.closed:
-        return
-
-    def read() -> None:
-        # a standard input that nobody can read, or that is closed
-        with contextlib.suppress(OSError, ValueError):
-            for line in sys.stdin:
-                if line.strip():
-                    commands.append(line.strip())
-
-    threading.Thread(target=read, name="keyboard", daemon=True).start()
 
 
 def _show(status: "ServerStatus") -> None:

@@ -228,28 +228,11 @@ def words(text: str) -> Names:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def refuse_spaces(parameters: Sequence[Any], arguments: Sequence[str]) -> None:
-    """Refuse numbers of one option that are typed with spaces between them, which would be read as arguments."""
-    lists = {name: p.metavar for p in parameters if "," in (p.metavar or "") for name in p.opts}
-    for k, word in enumerate(arguments):
-        following = arguments[k + 1 : k + 3]
-        if word in lists and len(following) == 2 and all(map(_is_number, following)):
-            raise InputError(f"{word}: expected {lists[word]} with commas, got {' '.join(following)} with spaces")
-
-
 def robots_beginning(incomplete: str) -> list[str]:
     """Return names in the catalogue that begin with what was typed: a shell completes them, and files by itself."""
     from catenary.robots.catalog import robot_names
 
     return [name for name in robot_names() if name.startswith(incomplete)]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _names(names: str | Names) -> Names:

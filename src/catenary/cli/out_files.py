@@ -46,12 +46,7 @@ def out_path(typed: str | Path) -> Path:
 
 
 def refuse_outputs(written: Mapping[str, tuple[Path, FileKind]], read: Sequence[Path] = ()) -> None:
-    """Refuse, before minutes of work, files that could not or should not be written after them.
-
-    Args:
-        written: File and kind by option.
-        read: Files that the command reads.
-    """
+    """Refuse files, by option, that could not or should not be written, before minutes of work that reads others."""
     every: dict[str, tuple[Path, FileKind | None]] = {}
     for option, (path, kind) in written.items():
         every[option] = path, kind

@@ -1,5 +1,6 @@
 """catenary home, excite, record: a robot finds its joints; a project's moves, or others move it, and is recorded."""
 
+import json
 import time
 from dataclasses import replace
 from itertools import chain, count, zip_longest
@@ -79,10 +80,7 @@ def _home_project(opened: "Project", access: RobotAccess, as_json: bool) -> None
     with opened, robot_of(opened, access, "home") as robot:
         announce("homing ...")
         was_run = robot.home(opened)
-    from catenary.workflows.project.state import HomeFile, read_state
-
-    remedy = "delete it, and `catenary home PROJECT` makes it again"
-    content = read_state(opened.folder / "robot" / "home.json", HomeFile, remedy) if as_json else {}
+    content = json.loads((opened.folder / "robot" / "home.json").read_bytes())
     say_step(opened, "homed", was_run, as_json, content)
 
 

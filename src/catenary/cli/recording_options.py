@@ -28,12 +28,7 @@ class MappingOptions:
     mapping: Path | None = _of_recordings("TOML", "Mapping file in place of --map; catenary import proposes one.")
 
     def read(self, units: str | None = None, **settings: object) -> "RecordingMapping | None":
-        """Return the mapping; None where none is given.
-
-        Args:
-            units: Of q_nominal and q_encoder, where the mapping has none.
-            settings: Further keys of the mapping, such as robot; None for what is not given.
-        """
+        """Return the mapping, None without one; `units` where it has none, `settings` are further keys of it."""
         if not self.map and self.mapping is None:
             return None
         from catenary.recording.import_formats.mapping import mapping_of

@@ -1,15 +1,14 @@
 """Robots that commands move or read: which one, on which ROS or simulated here, and its operator."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE
 from catenary.cli.options import group, option
-from catenary.cli.terminal import announce, print_notes
+from catenary.cli.terminal import announce
 
 if TYPE_CHECKING:
     from catenary.workflows.robot.operated_robot import OperatedRobot
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
 CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
 BAUD = option(None, "Speed of the serial line.", 115200, least=300)
-RECORD = option("FOLDER", "Also record a RAVEN-II's topics.")
 DIALECT = option("raven|crtk", "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
 NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
@@ -100,18 +98,3 @@ def chosen_robot(
             if isinstance(client, CrtkClient):
                 client.require_free()
             yield opened
-
-
-@contextmanager
-def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[[], str | None]]":
-    """Record a robot while it is used, into a folder or not at all; yields what to call after each tick."""
-    if folder is None:
-        yield lambda: None
-        return
-    from catenary.workflows.robot.topic_recorder import BesideRecorder
-
-    recorder = BesideRecorder(robot, folder)
-    try:
-        yield recorder.observe
-    finally:
-        print_notes([recorder.close()])

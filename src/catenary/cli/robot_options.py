@@ -85,10 +85,7 @@ def some_joint_values(
 ) -> "tuple[Floats, Names]":
     """Return some joints from the option that was given, (k,) in rad and m, and their names.
 
-    Args:
-        q: [rad|m].
-        q_deg: [deg|mm].
-        names: Which joints; as many of the first as there are numbers when None.
+    They are those named, else as many of the first as there are numbers.
     """
     import numpy as np
 

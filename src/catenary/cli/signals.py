@@ -26,8 +26,7 @@ class EndedBySignal(KeyboardInterrupt):
 def signals_interrupt() -> Iterator[None]:
     """Let SIGTERM and SIGHUP interrupt what runs inside, and lose no Ctrl-C; outside the main thread nothing changes.
 
-    A signal that is ignored, as SIGHUP is below `nohup`, stays ignored. While what was interrupted cleans up, further
-    signals of these kinds do not interrupt that: for 5 s.
+    A signal that is ignored, as SIGHUP below `nohup`, stays ignored. Further signals do not interrupt the cleaning up.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -60,13 +60,9 @@ def print_json_line(content: Any) -> None:
 
 
 def print_result(as_json: bool, content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
-    """Print a command's result: JSON, or what people read.
+    """Print a command's result: as JSON its content and nothing else, or notes and parts for people.
 
-    Args:
-        as_json: Print JSON and nothing else.
-        content: The JSON.
-        parts: Lines, tables, and lists of facts (name, text), which are aligned; None is left out.
-        notes: Remarks and warnings, on standard error.
+    Parts are lines, tables and lists of facts (name, text), which are aligned; None is left out.
     """
     if as_json:
         print_json(content)

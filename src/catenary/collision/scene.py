@@ -82,10 +82,7 @@ class CollisionScene:
         return np.asarray(apart)
 
     def distance(self, placed: Configuration, row: int, pair: int, enough: float = 0.0) -> float:
-        """Return a pair's distance at one configuration [m], negative where the two overlap.
-
-        Beyond `enough` it may be that of their convex hulls, which is never more than their own.
-        """
+        """Return a pair's distance [m], negative in overlap; beyond `enough` that of their convex hulls, never more."""
         a, b = (self.bodies[body] for body in self.pairs[pair])
         poses = []
         for body in (a, b):
@@ -112,11 +109,7 @@ class CollisionScene:
         return np.asarray(both @ np.abs(self.model.coupling))
 
     def _reach_of(self, body: Body) -> Floats:
-        """Return the largest speed (n_tree,) of a body's points for unit speed of each tree joint [m or 1].
-
-        A turning joint moves a point by at most the way along the links to it, whatever the joints between do; a
-        sliding joint moves all it carries by its own speed.
-        """
+        """Return the largest speed (n_tree,) of a body's points for unit speed of each joint."""
         tree, reach = self.model.tree, np.zeros(len(self.model.tree.parent))
         link = body.link
         way = 0.0 if body.is_plane else float(np.linalg.norm(body.centre)) + body.radius
@@ -155,11 +148,7 @@ class CollisionScene:
         return next(self._within(q, margin), None) is None
 
     def without_constant_contacts(self, q: Floats, margin: float) -> "tuple[CollisionScene, tuple[Names, ...]]":
-        """Return the scene without the pairs of links within the margin at all configurations (N, n), and these.
-
-        Links that touch in every pose do so by their make, or by the coarseness of their shapes; they say nothing about
-        where the robot may go. Pairs with obstacles always stay.
-        """
+        """Return the scene without the pairs of links within the margin at all configurations (N, n), and these."""
         always = self.touching(q, margin).all(axis=0)
         always &= ~np.array([any(self.bodies[b].is_obstacle for b in pair) for pair in self.pairs])
         if always.all():
@@ -171,11 +160,7 @@ class CollisionScene:
         return replace(self, pairs=self.pairs[~always]), names
 
     def clearance(self, path: JointPath, margin: float) -> Clearance:
-        """Return whether all pairs stay farther apart than a margin [m] at every instant of a motion.
-
-        Raises:
-            InputError: A sliding joint has no limits.
-        """
+        """Return whether all pairs stay farther apart than a margin [m] at every instant of a motion."""
         speeds = np.maximum(self.reach @ path.extremes()[2], 1e-12)
         if not np.isfinite(speeds).all():
             raise InputError(f'robot "{self.model.name}": a sliding joint has no limits, so that nothing bounds speeds')
@@ -209,12 +194,10 @@ class CollisionScene:
 def scene_of(
     model: RobotModel, geometry: Geometry, obstacles: Sequence[Shape] = (), *, ignored: Sequence[Names] = ()
 ) -> CollisionScene:
-    """Return a robot among obstacles, with all pairs of its bodies that are not neighbours.
+    """Return a robot among obstacles in the base frame, with all pairs of its bodies that are not neighbours.
 
-    Bodies of one link, and of a link and the one that carries it, are not compared: their joint holds them together. A
-    link without a shape is passed over: what it carries is its carrier's neighbour. The base is not compared with
-    obstacles: it stands where it stands. Obstacles are in the base frame; `ignored` are pairs of names of links or
-    obstacles that may touch.
+    Neighbours are bodies of one link, and of a link and its carrier, past links without a shape. The base is not
+    compared with obstacles; `ignored` are pairs of names that may touch.
     """
     bodies = [body_of(shape) for shape in geometry.shapes]
     shaped = {body.link for body in bodies}

@@ -46,11 +46,7 @@ _CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
 
 
 class CrtkClient(CrtkReader):
-    """One arm of a robot that speaks CRTK, read and commanded; `CrtkReader` for one that is only read.
-
-    Motion raises NotReadyError unless the robot is ENABLED, homed and not busy, and TransportError where its state is
-    older than `stale_after`.
-    """
+    """One arm of a robot that speaks CRTK, read and commanded; a state older than `stale_after` is TransportError."""
 
     def _begin(self) -> None:
         """Prepare to command; nothing is sent."""
@@ -77,10 +73,7 @@ class CrtkClient(CrtkReader):
     # what it obeys
 
     def servo_jp(self, q: ArrayLike) -> None:
-        """Send a goal (n,) [rad|m]; `wait` sends it again until the robot's setpoint is there.
-
-        Within the limits, or where the setpoint is already beyond one, no further out.
-        """
+        """Send a goal (n,) [rad|m] within the limits, or no further out than the setpoint is; `wait` sends it again."""
         self._require("servo_jp")
         self._send_goal(as_array("servo_jp", q, (len(self.joint_names),)))
 
@@ -99,16 +92,10 @@ class CrtkClient(CrtkReader):
         self._publish("servo_jf", effort=effort)
 
     def state_command(self, command: StateCommand, *, timeout: float | None = None) -> None:
-        """Ask for a transition and wait until the robot confirms it.
-
-        Args:
-            command: enable, disable, pause, resume, home, unhome.
-            timeout: [s]; 2 s when None, for home 180 s.
+        """Ask for a transition and wait `timeout` [s] (2 s when None, for home 180 s) until the robot confirms it.
 
         Raises:
-            UnsupportedCommandError: No such command.
             NotReadyError: The robot did not do it in time; the message says what state it is in.
-            TransportError: The robot fell silent.
         """
         if command not in STATE_COMMANDS:
             raise UnsupportedCommandError(f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}')

@@ -22,10 +22,7 @@ class Clock:
         return time.time_ns()
 
     def steady(self) -> int:
-        """Return the time of day [ns since 1970] as if nobody had set the clock since this was made: it only grows.
-
-        Arrivals, ages and durations are told by it.
-        """
+        """Return the time of day [ns since 1970] as if nobody had set the clock since this was made."""
         return self._ahead + self.elapsed()
 
     def set_by(self) -> int:
@@ -46,11 +43,7 @@ class Clock:
 
 
 class Rate:
-    """Paces a loop; ticks stay on their grid, so a late one does not delay those behind it.
-
-    `late` counts ticks that began a whole period late or more; the grid then begins anew, and missed ticks are not
-    made up for.
-    """
+    """Paces a loop on a grid; `late` counts ticks a period late or more: missed ones are not made up for."""
 
     def __init__(self, clock: Clock, hertz: float) -> None:
         if not 0.0 < hertz < float("inf"):

@@ -87,14 +87,11 @@ WATCH = SECOND // 10  # [ns] between two looks at who is connected
 class Commander:
     """The program that moved an arm last; whoever can do so, where the transport does not tell programs apart.
 
-    One that goes in the middle of a motion, killed or ended, leaves an arm that nobody moves: its setpoint stays, by
-    the watchdog of its commands, and after three seconds the arm is to be paused. A program that let its arm rest
-    before it ended, and one that is still connected and says nothing, change nothing; neither does one that another has
-    followed. While one moves the arm, and for half a second after its last command, what others command is refused.
+    An arm whose program goes in the middle of a motion is to be paused after three seconds. One that let its arm rest
+    before it ended, or is still connected and says nothing, or that another has followed, changes nothing. While one
+    moves the arm, and for half a second after its last command, what others command is refused.
 
-    A server that stood still (stopped, or on a suspended computer) does not know when in the meantime the program went,
-    nor which of its commands came before. So that time may be rest of the program's or not, and where it may not be, it
-    is not; nor is the time in which commands come in that are refused.
+    Time in which the server itself stood still, or refused commands came in, does not count as rest of the program's.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -123,12 +120,7 @@ class Commander:
                     self._stood = 0
 
     def require_free(self, process: str, now: int, *, is_moving: bool) -> None:
-        """Refuse the command of a program while another one moves the arm.
-
-        Args:
-            process: As in `Arrival.process`; one that is not known is never refused.
-            now: [ns].
-        """
+        """Refuse the command of a program, as in `Arrival.process`, while another one moves the arm; `now` in ns."""
         name = process.partition(" ")[0]  # a network has one program of a name
         if self._topic is None or not self._process or name in ("", self._process[0]) or self._is_same(process):
             return

@@ -34,10 +34,7 @@ _MEASURED: dict[Any, Callable[[Message], Message]] = {
 
 
 class PublishedGravity:
-    """Gravity in base axes as `catenary gravity-node` publishes it, its status beside it.
-
-    What it publishes while it does not measure (its status is not "live") is as old as the last that was measured.
-    """
+    """Gravity in base axes as `catenary gravity-node` publishes it; it ages while its status is not "live"."""
 
     def __init__(self, transport: Transport, topic: str) -> None:
         self.latest = Latest(transport, topic, VECTOR)
@@ -81,22 +78,12 @@ class TopicTally:
 
 
 class GravityTopic:
-    """Subscribes to a sensor, and puts its samples into a mailbox whenever `feed` is called.
-
-    Nothing is judged here: the estimator names NaN, other units and stamps that go back. Stamps are those of
-    the headers, in seconds on the transport's `steady` clock, which goes on where the clock of the day is set.
-    """
+    """Puts a sensor's samples, by their stamps on the `steady` clock, into a mailbox at each `feed`; judges none."""
 
     def __init__(
         self, transport: Transport, topic: str, type_name: str, mailbox: Mailbox, *, points_down: bool = False
     ) -> None:
-        """Subscribe.
-
-        Args:
-            type_name: One of TYPES.
-            points_down: The vectors are free-fall acceleration, gravity itself; else specific force, which points up
-                at rest, as accelerometers and sensor_msgs/Imu have it.
-        """
+        """Subscribe to a topic of one of TYPES: specific force, up at rest; gravity itself where `points_down`."""
         if type_name not in TYPES:
             raise InputError(f'topic {topic}: type "{type_name}": expected one of {", ".join(TYPES)}')
         self.topic, self.type_name, self.mailbox = topic, type_name, mailbox

@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from typing import Any, NamedTuple
 
 from catenary.crtk.message import Message, has_header
@@ -87,10 +88,8 @@ class Inbox:
 class Subscription:
     """Messages of one topic, each once and in order, which `take` gives.
 
-    At most `depth` wait; then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were
-    no message of the type; they are left out. `oversized` counts those of more than `largest` bytes, which are dropped
-    as they come in. `repeated` counts what a latching publisher gave again after its connection had been broken: a
-    message that had come already is not given twice.
+    Counts what it left out: `overflowed` beyond `depth`, the oldest; `damaged`, no message of the type; `oversized`,
+    more than `largest` bytes; `repeated`, given again by a latching publisher whose connection had been broken.
     """
 
     def __init__(
@@ -137,10 +136,7 @@ class Subscription:
         return False
 
     def push(self, data: Any, time: int, origin: Origin | None = None, sent: int | None = None) -> None:
-        """Take in a message's bytes at `time` [ns]; transports call this.
-
-        `sent` [ns] is the publisher's time of the day, where the transport tells. Any thread may call.
-        """
+        """Take in a message's bytes at `time` [ns], `sent` [ns] by its publisher's clock; in any thread."""
         if not self.has_room_for(len(data)):
             return
         with self._inbox.lock:
@@ -210,29 +206,20 @@ class Subscription:
             return None
 
 
-class Request:
+class Request(Future[bytes]):
     """A call of a service that waits for its answer."""
 
     def __init__(self, answer: Callable[[], bytes]) -> None:
+        super().__init__()
         self._answer = answer
-        self._done = threading.Event()
-        self._result = b""
-        self._error: Exception | None = None
 
     def run(self) -> None:
         """Compute the answer, in the thread that serves."""
         try:
-            self._result = self._answer()
+            self.set_result(self._answer())
         except Exception as error:  # the caller gets it, the server lives on
-            self._error = error
-        self._done.set()
+            self.set_exception(error)
 
     def wait(self, timeout: float) -> bool:
         """Wait for the answer up to `timeout` [s]; return whether it came."""
-        return self._done.wait(timeout)
-
-    def result(self) -> bytes:
-        """Return the answer, or raise what the handler raised."""
-        if self._error is not None:
-            raise self._error
-        return self._result
+        return bool(wait([self], timeout).done)

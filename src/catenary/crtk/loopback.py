@@ -33,10 +33,7 @@ class _Service:
 
 
 class LoopbackNetwork:
-    """What transports of one process share: topics, services, names, time.
-
-    A program of one thread can serve and call: a call polls the server.
-    """
+    """What transports of one process share: topics, services, names, time; a call polls the server."""
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()
@@ -149,7 +146,7 @@ class Loopback(Transport):
         called = Request(lambda: service.answer(data))
         service.transport.inbox.put(called.run)
         end = time.monotonic() + timeout
-        while not called.wait(0.0) and time.monotonic() < end:
+        while not called.done() and time.monotonic() < end:
             service.transport.poll()
         return called
 

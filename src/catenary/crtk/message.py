@@ -21,10 +21,7 @@ HEADER = "std_msgs/Header"
 
 @cache
 def message_class(name: str) -> Any:
-    """Return the tuple type of a message type; fields that are not given are zero or empty.
-
-    `message_class("crtk_msgs/StringStamped")(string="home")`, and `_replace` gives a changed copy.
-    """
+    """Return the tuple type of a message type, such as crtk_msgs/StringStamped; what is not given is zero or empty."""
     return _made(current_name(name))
 
 
@@ -38,12 +35,7 @@ def _made(name: str) -> Any:
 
 
 def header(stamp: int, frame_id: str = "") -> Message:
-    """Return a header; `seq` is counted by whoever publishes it.
-
-    Args:
-        stamp: [ns].
-        frame_id: Frame in which the message's numbers are.
-    """
+    """Return a header at `stamp` [ns], of numbers in a frame; `seq` is counted by whoever publishes it."""
     return message_class(HEADER)(0, stamp, frame_id)
 
 

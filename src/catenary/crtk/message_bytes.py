@@ -53,14 +53,7 @@ class Codec(NamedTuple):
 
 
 def codec(name: str, encoding: Encoding = ROS1) -> Codec:
-    """Return the codec of a message type, or of a service's Request or Response.
-
-    `encode` raises InputError, naming the field, when a value does not fit; `decode` raises FileFormatError when the
-    bytes are no such message. Arrays of decoded messages are the receiver's own.
-
-    Raises:
-        FileFormatError: catenary does not know the type.
-    """
+    """Return the codec of a message type, or of a service's Request or Response; InputError names a field."""
     return _codec(current_name(name), encoding)
 
 

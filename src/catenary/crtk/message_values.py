@@ -48,15 +48,10 @@ def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
 def joint_values(
     message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
 ) -> Floats:
-    """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
+    """Return the numbers of a sensor_msgs/JointState's `field` in the order of our joints, (n,).
 
-    With names, each number goes to the joint of its name, in whatever order they come; a RAVEN-II's own names, such as
-    gold_ins, are understood, whichever arm's they are: it publishes the green arm under gold names. Without names the
-    first n count, in our order, as the RAVEN-II takes them.
-
-    Args:
-        field: "position", "velocity" or "effort".
-        rest: (n,) numbers of joints that are not named; None refuses a message that lacks some.
+    Numbers go to the joints of their names, a RAVEN-II's own (gold_ins, of either arm) too; without names the first n
+    count, in our order, as the RAVEN-II takes them. Joints that are not named get `rest` (n,); None refuses them.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
@@ -101,12 +96,7 @@ def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...
 def joint_state(
     message: Message, names: tuple[str, ...], *, gravity: ArrayLike, gravity_age: float = np.inf
 ) -> JointState:
-    """Return a joint state from a sensor_msgs/JointState; NaN where it has no velocities or efforts.
-
-    Args:
-        gravity: (3,) in the base frame [m/s2], which the message does not hold.
-        gravity_age: [s] since it was measured; infinite when it is nominal.
-    """
+    """Return a sensor_msgs/JointState's, NaN where it has none; gravity (3,) [m/s2] is `gravity_age` [s] old."""
     q = joint_values(message, names)
     qd, tau = (
         joint_values(message, names, field) if len(getattr(message, field)) else np.full(len(names), np.nan)
@@ -170,11 +160,10 @@ def seconds(stamp: int) -> float:
 
 
 class Stamps:
-    """Stamps of the time of day that strictly increase, as CRTK's clients demand, but where it is set back far.
+    """Stamps of the time of day that strictly increase, as CRTK's clients demand.
 
-    They advance by a clock that nobody sets. Where the time of day is set back by up to half a second, they go at half
-    speed until they are at it again; a step farther back they follow at once. A step beyond half a second, either way,
-    is logged.
+    Where the clock is set back by up to half a second, they go at half speed until they are at it again; a larger step,
+    either way, they follow at once, and it is logged.
     """
 
     def __init__(self, clock: Clock) -> None:

@@ -16,13 +16,7 @@ _logger = logging.getLogger(__name__)
 
 
 def make_transport(ros: str, name: str) -> Transport:
-    """Join ROS 1, ROS 2 as `said_ros_arguments` tells, or with "none" nothing beyond this program, as `name`.
-
-    Raises:
-        InputError: There is no such network, or what was said for ROS 2 goes with another.
-        MissingPackageError: Its software is not installed.
-        TransportError: It does not answer, or the name is taken.
-    """
+    """Join ROS 1, ROS 2 as `said_ros_arguments` tells, or with "none" nothing beyond this program, as `name`."""
     said = said_ros_arguments()
     if ros != "2" and said != RosArguments():
         raise InputError(f"--transport, --ros-distro and --ros-args go with ROS 2, not with --ros {ros}")
@@ -73,10 +67,7 @@ def _dds_transport(name: str, said: RosArguments) -> Transport:
 
 
 def node_name(program: str, given: str | None = None) -> str:
-    """Return a program's name: the one given, else catenary_PROGRAM_PID, as catenary_monitor_12345.
-
-    ROS 1 ends the older of two programs of one name.
-    """
+    """Return the name that was given, else catenary_PROGRAM_PID: ROS 1 ends the older of two programs of one name."""
     if given is None:
         return f"catenary_{re.sub(r'[^A-Za-z0-9_]', '_', program)}_{os.getpid()}"
     if not re.fullmatch(r"/?[A-Za-z]\w*", given, re.ASCII):

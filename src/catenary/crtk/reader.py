@@ -91,19 +91,11 @@ class CrtkReader(NeverMoved):
         connect_timeout: float = CONNECT_TIMEOUT,
         simulated: bool = False,
     ) -> None:
-        """Connect to a robot; nothing is sent.
+        """Connect to a robot; nothing is sent, and the transport stays open when the client is closed.
 
-        Args:
-            transport: Carries the messages; stays open when the client is closed.
-            dialect: `raven`, the public RAVEN-II software's, or `crtk`, the present convention.
-            arm: Which one; the swap of the arms' topics is seen to.
-            namespace: In front of the verbs, such as /PSM1, of a robot that speaks `crtk`; a RAVEN-II's when None.
-            joints: Names as in its messages, units and limits, such as a model; a RAVEN-II's when None.
-            period: Of a tick [s].
-            gravity: Topic of `catenary gravity-node`; nominal gravity when None.
-            stale_after: Age [s] at which a state is refused.
-            connect_timeout: [s].
-            simulated: The robot behind the topics is a simulation, which they do not say.
+        One that speaks `crtk` is told by its `namespace`, such as /PSM1, and `joints`, such as a model: a RAVEN-II's
+        when None. A tick is `period` [s]; a state older than `stale_after` [s] is refused. Gravity comes from a topic
+        of `catenary gravity-node`, nominal when None; `simulated` says what topics do not.
         """
         found = raven_joints(arm) if joints is None else joints
         self.joint_names, self.joint_units = found.joint_names, found.joint_units
@@ -157,10 +149,7 @@ class CrtkReader(NeverMoved):
         return self._upper.copy()
 
     def measured_js(self) -> JointState:
-        """Return the latest joint state; its time is the robot's, since the client's first message.
-
-        Torques are those at the joints, from raven_state where there is one, as a motion log has them.
-        """
+        """Return the latest state: time since the first message by the robot, torques at the joints (raven_state)."""
         return self.state_of(self._fresh())
 
     def state_of(self, message: Message) -> JointState:
@@ -176,10 +165,7 @@ class CrtkReader(NeverMoved):
         return state._replace(time=time, q=np.array(state.q), qd=np.array(state.qd), tau=np.array(tau), q_motor=q_motor)
 
     def setpoint_js(self) -> JointState:
-        """Return the latest joint setpoint that the robot reports; at rest where it reports no velocity.
-
-        NaN where no setpoint has come, as of a recording.
-        """
+        """Return the latest setpoint, at rest where no velocity is reported; NaN where none came, as of a recording."""
         state = self.measured_js()
         message = self._latest["setpoint_js"].message()
         if message is None:
@@ -220,10 +206,7 @@ class CrtkReader(NeverMoved):
         return {} if self._state is None else self._state.sample()
 
     def external_encoders(self) -> Floats:
-        """Return the external encoders' reading of a RAVEN-II's joints (3,) [rad, rad, m]; NaN where there is none.
-
-        Of a robot with a namespace, what a tracker says of all joints (n,) below it, `tracker/measured_js`.
-        """
+        """Return external encoders of a RAVEN-II's joints (3,) [rad, rad, m], else a tracker's of all; NaN without."""
         if self._state is not None:
             return self._state.encoder("ext_jpos")
         if self._tracker is None or self._tracker.age() > self.stale_after:
@@ -260,11 +243,7 @@ class CrtkReader(NeverMoved):
         return joint_values(message, self.joint_names)
 
     def _fresh(self) -> Message:
-        """Return the latest measured_js, or refuse it as too old.
-
-        A busy machine lets the thread that receives stand still as well: when a silence begins, what waits for it is
-        let in before the robot is called silent, once, for a quarter of `stale_after` at most.
-        """
+        """Return the latest measured_js, or refuse it as too old; when a silence begins, what waits is let in first."""
         latest = self._latest["measured_js"]
         age, left = latest.age(), _LOOKS if not self._is_silent else 0
         while age > self.stale_after and left:

@@ -10,11 +10,7 @@ SAID = "button: "  # before it, where it says so on a topic
 
 
 def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
-    """Press it; return whether an arm starts, and what the robot says.
-
-    Raises:
-        TransportError: Nobody has one, or it did not answer within `timeout` [s].
-    """
+    """Press it; return whether an arm starts, and what the robot says within `timeout` [s], or raise TransportError."""
     publisher = transport.publisher(BUTTON, SIGNAL)
     heard = transport.subscribe(f"{NAMESPACES['gold']}/{WARNING}", TEXT)
     try:

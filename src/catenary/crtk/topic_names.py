@@ -162,12 +162,7 @@ def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
 
 
 def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]:
-    """Return the topics of one arm in the present convention; jaw verbs are called `jaw/measured_js` and so on.
-
-    Args:
-        namespace: In front of each verb, such as /arm1 or /PSM1; empty for none.
-        arm: Whose they are, where the robot has two.
-    """
+    """Return an arm's topics in the present convention, below a namespace such as /PSM1; jaw verbs are jaw/VERB."""
     words = namespace.strip("/")
     below = {"jaw": _JAW, "local": _LOCAL}
     verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs} | _DVRK
@@ -194,13 +189,7 @@ def topics(dialect: DialectName) -> tuple[CrtkTopic, ...]:
 
 
 def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespace: str | None = None) -> CrtkTopic:
-    """Return the topic of a verb of an arm, or of the whole robot when `arm` is None.
-
-    Args:
-        verb: Last word of the topic's name, with `jaw/` or `grasp_` in front where it is the gripper's.
-        arm: Which one.
-        namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.
-    """
+    """Return the topic of a verb (the gripper's begin with `jaw/` or `grasp_`) of an arm, or the robot when None."""
     listed = topics_of(dialect, arm, namespace)
     found = next((topic for topic in listed if topic.verb == verb), None)
     if found is None:

@@ -37,11 +37,7 @@ class TransformTree:
             self._parents[child] = parent, pose
 
     def pose(self, base: str, frame: str) -> Pose:
-        """Return the pose of a frame in a base.
-
-        Raises:
-            InputError: No transforms lead from one to the other, or they change.
-        """
+        """Return the pose of a frame in a base; refuse those to which no transforms lead, or that move."""
         up, down = self._to_root(base), self._to_root(frame)
         if list(up)[-1] != list(down)[-1]:
             known = sorted({*self._parents, *(parent for parent, _ in self._parents.values())})

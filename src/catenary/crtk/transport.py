@@ -132,11 +132,7 @@ class HeardTopic:
 
 
 class Transport(ABC):
-    """Carries messages and calls under one name.
-
-    A name that is none and a type that is unknown raise InputError. What is closed, a topic that carries another type,
-    and a topic or service that is there already raise TransportError.
-    """
+    """Carries messages and calls under one name; wrong names and types raise InputError, all else TransportError."""
 
     encoding = ROS1  # of the bytes that its subscriptions are given
     sending = Sending()
@@ -154,12 +150,7 @@ class Transport(ABC):
         self._heard_lock = threading.RLock()
 
     def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int | None = None) -> Publisher:
-        """Return a publisher of a topic.
-
-        Args:
-            latch: Give the last message to whoever subscribes later.
-            queue: Messages that wait for a peer that does not keep up; `sending.depth` when None.
-        """
+        """Return a publisher; `latch`: who comes later gets the last message; `queue` messages wait for slow peers."""
         self.require_open()
         topic = absolute(topic)
         codec(type_name)  # refuses unknown types
@@ -349,10 +340,7 @@ class Latest:
         return self._message
 
     def age(self) -> float:
-        """Return the seconds since the newest message came in; infinite before the first.
-
-        By arrival, not by stamp: the robot's clock need not be ours.
-        """
+        """Return seconds since the newest message came in, by our clock, not the robot's; infinite before the first."""
         self.message()
         if self.arrived is None:
             return math.inf

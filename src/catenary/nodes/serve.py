@@ -2,7 +2,6 @@
 
 import gc
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self, cast
@@ -180,13 +179,13 @@ def prepare(server: Server) -> None:
 
 
 def serve(
-    server: Server, *, commands: deque[str], show: Callable[[ServerStatus], None], duration: float | None = None
+    server: Server, *, show: Callable[[ServerStatus], None], start: bool = False, duration: float | None = None
 ) -> ServerStatus:
     """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; pause the arms then, and sum up.
 
     A tick that is late is made up for by the next ones, up to 20 ms; what is later is given up and counted, so that
-    after a stall nothing runs faster than it should for long. Commands come from a person, put in by any thread, and
-    are obeyed between two ticks: "button", or a state command for all arms.
+    after a stall nothing runs faster than it should for long. `start` presses the silver button first, or enables and
+    homes the arms of a robot without one.
     """
     period = max(arm.plant.period for arm in server.arms.values())
     prepare(server)
@@ -196,6 +195,8 @@ def serve(
     begin = last = _Counts.now(server)
     deadline, lost = begin.time, 0
     ended_by = ""
+    if start:
+        server.start()
 
     def status(since: _Counts, now: _Counts) -> ServerStatus:
         took, missed = max(now.time - since.time, 1e-9), server.missed
@@ -215,8 +216,6 @@ def serve(
 
     try:
         while duration is None or clock() - begin.time < duration:
-            while commands:
-                server.person_says(commands.popleft())
             server.tick(late=min(max(0.0, clock() - deadline), LONGEST_CATCH_UP))
             deadline += period
             now = clock()

@@ -44,11 +44,9 @@ def write_calibration_report(
     unseen: bool = True,
     robot: RobotModel | None = None,
 ) -> None:
-    """Write the page about a calibration, one self-contained file.
+    """Write the page about a calibration, one self-contained file; `opening` and `further` are blocks to add.
 
-    `tested_on` says in words which data the evaluation is of, `unseen` whether the model was not fitted to it.
-    The page begins with a picture of the joint that gains most, then `opening`; `further` is before the card. It calls
-    the model `name`, or by kind and preset, and looks at the tip of `robot`, or of the one that the card names.
+    `tested_on` says which data the evaluation is of, `unseen` whether the model was not fitted to it.
     """
     name = name if name is not None else short_name(model)
     robot = robot or kinematics_of(card.get("robot") or evaluation.data.robot, model)
@@ -174,10 +172,8 @@ def headline(
 ) -> str:
     """Return the verdict on a correction in one sentence, its numbers as the tables have them.
 
-    A correction is recommended for a joint where its error is at least 3 % below the fixed offset's, by the factor
-    that a simpler kind of model is preferred within, and its inputs lie in the trained range.
-
-    Of data that the model was fitted to, which `unseen` denies, the errors of the cross-validation in `spread` count.
+    It is recommended for a joint whose error is at least 3 % below the fixed offset's, with inputs in the trained
+    range; of data that was fitted, not `unseen`, the errors of the cross-validation in `spread` count.
     """
     on_blocks = not unseen and bool(spread)
     gains = gains_on_blocks(spread) if on_blocks else gains_of(evaluation)

@@ -248,10 +248,7 @@ def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
 def draw_errors_over_time(
     panels: tuple["Axes", "Axes"], evaluation: Evaluation, j: int, series: Sequence[ErrorSeries]
 ) -> int:
-    """Draw a joint's errors over time, and below them the last of these close up, with the model's interval.
-
-    Where the interval is wider than the lower panel it fills it. Returns how many rows lie beyond the upper one.
-    """
+    """Draw a joint's errors over time, the last close up below, with its interval; return how many rows lie beyond."""
     whole, close = panels
     x, recordings = running_time(evaluation)
     shown = np.arange(0, len(x), len(x) // MOST_POINTS + 1)

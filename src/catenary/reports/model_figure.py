@@ -40,14 +40,7 @@ STYLE: dict[Any, Any] = {
 
 
 def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = None, *, name: str = "model") -> "Figure":
-    """Draw what a calibration model does for one joint, one journal column wide.
-
-    Args:
-        evaluation: Of the model, on `log` and possibly further recordings.
-        log: The recording whose commands and measurements are laid over each other.
-        joint: Its name; None for the first.
-        name: What the legend calls the model.
-    """
+    """Draw what a calibration model does for one joint, the first when None, of `log`; one journal column wide."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

@@ -21,13 +21,7 @@ CAPTION = "Measured positions less their median error there. Where the lines tur
 
 
 def overlay(log: MotionLog, before: float = 0.0, after: float = 0.0) -> "Figure":
-    """Draw a joint where it goes fastest to and fro, as it was recorded and re-timed.
-
-    Args:
-        log: With measured positions.
-        before: How much later its measurements were stamped when it was recorded [s|rows].
-        after: The same of the re-timed ones; as `before` where nothing was re-timed.
-    """
+    """Draw the fastest joint's measurements as recorded, `before` [s|rows] late, and re-timed, `after` late."""
     from matplotlib.figure import Figure
 
     assert log.q_encoder is not None
@@ -68,12 +62,7 @@ def times_of(log: MotionLog) -> Floats:
 
 
 def busy_rows(log: MotionLog, t: Floats, delay: float = 0.0, joint: int | None = None) -> tuple[int, slice]:
-    """Return a joint, and the rows where it goes most of its range to and fro: one way, a delay is an offset.
-
-    Args:
-        delay: [s|rows] that is to be seen.
-        joint: The one to take; that which goes fastest when None.
-    """
+    """Return the fastest joint, or this one, and the rows where it goes to and fro most: a delay [s|rows] shows."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     count = min(len(t), int(max(SHOWN_ROWS, (DELAYS * delay or SHOWN) / max(step, 1e-9))))
     reach = np.ptp(log.q_nominal, axis=0)

@@ -31,10 +31,7 @@ class TableColumn(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """Records as rows, a column for what is told of each; the first one names the row.
-
-    Texts in place of columns are headings of records that are rows of cells. None and NaN are dashes.
-    """
+    """Records as rows, a column for what is told of each; texts in place of columns head rows of cells."""
 
     columns: Sequence[TableColumn] | Sequence[str]
     records: Sequence[Any]
@@ -55,11 +52,7 @@ class Table:
         return [[_cell(column, record, place) for place, column in enumerate(columns)] for record in self.records]
 
     def text(self) -> str:
-        """Return the table for a terminal, its title above.
-
-        A unit in a heading, as in `J1 [deg]`, stands on a line of its own: so six joints fit into 80 columns. A table
-        is never cut; in a narrower terminal its lines run on.
-        """
+        """Return the table for a terminal, never cut; a unit in a heading, as in `J1 [deg]`, stands on its own line."""
         heads = [(*heading.replace(" [", "\n[").split("\n"), "")[:2] for heading in self.header]
         names = list(zip(*heads, strict=True)) if any(unit for _, unit in heads) else [[n for n, _ in heads]]
         cells = [[" ".join(cell.split()) for cell in row] for row in self.rows]
@@ -176,10 +169,7 @@ def joint_panels(n: int, height: float, columns: int = 1, *, spare: float = 0.0)
 
 
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
-    """Write a matplotlib figure of the kind that the name ends in, PNG where that is none of `endings`.
-
-    Fonts are embedded: TrueType in PDF, as journals ask, outlines in SVG.
-    """
+    """Write a figure of the kind that the name ends in, else PNG; fonts are TrueType in PDF, outlines in SVG."""
     from matplotlib import rc_context
 
     kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"
@@ -199,11 +189,7 @@ def write_page(
     simulated: bool = False,
     made: date | None = None,
 ) -> None:
-    """Write a page that needs no other file and no network; its footer names the version of catenary.
-
-    Below its title stand the verdict, in one sentence, and what was looked at. `simulated` marks it as one of no real
-    robot, and `made` dates it: today (UTC) when None.
-    """
+    """Write a page that needs no other file: title, verdict, lead, blocks; `made` today (UTC) when None."""
     from jinja2 import Environment
 
     environment = Environment(autoescape=True, trim_blocks=True)

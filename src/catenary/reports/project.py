@@ -42,10 +42,7 @@ def write_project_report(
     notes: Sequence[str] = (),
     inputs: Mapping[str, Sequence[int]] | None = None,
 ) -> None:
-    """Write the page of a project.
-
-    The model is that of the last evaluation; `connection` is "simulation", "ros1" or "ros2".
-    """
+    """Write the page of a project, of the last evaluation's model; `connection` is "simulation", "ros1" or "ros2"."""
     name, evaluation = list(evaluations.items())[-1]
     opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
     further: list[Block] = []
@@ -135,10 +132,7 @@ def corrector_time(deployment: Mapping[str, Any]) -> list[str]:
 
 
 def deployed_table(deployment: Mapping[str, Any], *, title: str = "", outside: bool = False) -> Table:
-    """Return RMS errors of a deployed model's joints while the loop ran, and how often intervals held them.
-
-    `outside` adds the share of ticks outside the valid range.
-    """
+    """Return a deployed model's RMS errors by joint, share within intervals and, with `outside`, outside its range."""
     columns = [
         TableColumn("joint", "name"),
         TableColumn("unit", "unit"),

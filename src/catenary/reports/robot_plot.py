@@ -52,26 +52,18 @@ def plot(
     hide: Sequence[Part] = (),
     on: Axes | Figure | None = None,
 ) -> Figure:
-    """Draw a robot in its base frame, and the torques that hold it still.
+    """Draw a robot in its base frame, and the torques that hold it still; return the figure, whose `savefig` writes it.
 
-    Lines are links, from joint to joint; squares the base, dots the ends. Joints are numbered as their bars are. A
-    short line is the axis that a joint turns about, a dashed one the way that it slides. Spheres are centres of mass,
-    their volume as the mass. Links without mass in the robot's description have none, and then there are no torques.
+    Lines are links, from joint to joint; squares the base, dots the ends; numbers the joints, as their bars. A short
+    line is the axis that a joint turns about, a dashed one the way that it slides; spheres are centres of mass, their
+    volume as the mass.
 
     Args:
-        model: The robot.
-        q: (n,) where its joints are [rad|m], the middle of each one's range, or 0 without one, when None; or (N, n)
-            poses: the first is drawn whole, some of the others as lines, and torques with their range over all.
+        model: The robot; links without mass in its description have no sphere, and then there are no torques.
+        q: (n,) [rad|m], the middle of its ranges when None; or (N, n) poses: the first whole, others as lines.
         gravity: (3,) in base axes, down [m/s2].
         hide: What not to draw, of "frames", "masses", "gravity" and "torques".
-        on: Matplotlib's figure to draw on, an empty one; or axes of three dimensions, for the arm without torques. A
-            new figure of no window when None.
-
-    Returns:
-        The figure; `savefig` writes it.
-
-    Raises:
-        InputError: q or gravity has another shape or is not finite; no such part; axes of two dimensions.
+        on: Matplotlib's empty figure to draw on, or axes of three dimensions, for the arm without torques.
     """
     rows, _ = as_batch("q", middle_pose(model) if q is None else q, model.n)
     down = as_array("gravity", gravity, (3,))
@@ -232,13 +224,7 @@ def end_frames(model: RobotModel) -> list[str]:
 
 
 def link_segments(model: RobotModel, q: Floats) -> Floats:
-    """Return the lines that an arm is drawn by, from joint to joint and on to its ends, (S, 2, 3) [m].
-
-    The first lines lead to the links' own frames, in the order of `model.link_names`, the others to `end_frames`.
-
-    Args:
-        q: (n,) where its joints are [rad|m].
-    """
+    """Return an arm's lines at q (n,) [rad|m], (S, 2, 3) [m]: to its links' frames in order, then to `end_frames`."""
     origins = link_poses(model, q)[1]
     starts = [np.zeros(3) if parent < 0 else origins[parent] for parent in model.tree.parent]
     lines = list(zip(starts, origins, strict=True))
@@ -249,10 +235,7 @@ def link_segments(model: RobotModel, q: Floats) -> Floats:
 
 
 def draw_links(axes: Any, model: RobotModel, q: Floats, *, width: float = 2.5, alpha: float = 1.0) -> Floats:
-    """Draw an arm at q (n,) [rad|m] as lines, a square at its base, dots at its ends; return its points, (P, 3) [mm].
-
-    Lines are `width` points wide, and as opaque as `alpha` says.
-    """
+    """Draw an arm at q (n,) [rad|m] as lines, a square at its base, dots at its ends; return points, (P, 3) [mm]."""
     segments = 1e3 * link_segments(model, q)
     links = len(model.link_names)
     for k, line in enumerate(segments):
@@ -286,10 +269,7 @@ def joints_by_unit(model: RobotModel) -> dict[str, list[int]]:
 
 
 def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: Floats) -> None:
-    """Draw a bar for each joint's torque, the first joint on top, in axes for each unit of `joints_by_unit`.
-
-    Bars are of the first row of tau (N, n) [Nm|N] and at q (n,) [rad|m], lines from the least to the greatest of all.
-    """
+    """Draw a bar for each joint's torque, of the first row of tau (N, n) [Nm|N], and a line over all rows."""
     for axes, (unit, joints) in zip(places, joints_by_unit(model).items(), strict=True):
         _draw_unit(axes, model, q, tau, unit, joints)
 

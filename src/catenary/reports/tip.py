@@ -51,10 +51,7 @@ def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | Non
 
 
 def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluation) -> TipErrors:
-    """Compare where the tip is by measured, reported and corrected joints.
-
-    The robot has the model's joints, by name or its first ones by units; others must not move the tip, and are zero.
-    """
+    """Compare where the tip is by measured, reported and corrected joints; others must not move it, and are zero."""
     places = _places(robot, model.joint_names, model.joint_units)
     if places is None:
         raise InputError(
@@ -129,10 +126,7 @@ def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
 
 
 def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
-    """Draw the arm with its tip's path, and a stretch of the path close up with where the tip was said to be.
-
-    No line goes across `row_breaks` (B,), rows before which rows are missing.
-    """
+    """Draw the arm with its tip's path, and a stretch close up; rows are missing before those of `row_breaks` (B,)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 5.0), layout="constrained")

@@ -27,11 +27,7 @@ class TeleopDriver:
         keys: Mapping[str, str] = MappingProxyType({}),
         before_command: Callable[[], None] = lambda: None,
     ) -> None:
-        """Take a robot in any state, and the model of its first joints, which place the tip.
-
-        `keys` tell what to press, by the state that a robot which does not move is in, and for "home". `before_command`
-        is called before a run level is asked for, which may take its time; to show `message`.
-        """
+        """Take a robot in any state, the model of its first joints, and the `keys` to press by its state."""
         self.plant, self._before_command, self._keys = plant, before_command, keys
         self.motion = TeleopMotion(plant, model)
         self.message = "hold a key to move"
@@ -58,10 +54,7 @@ class TeleopDriver:
         return True
 
     def step(self, now: float) -> tuple[str, ...]:
-        """Send the motion of one tick, and return the joints at a limit that the keys ask to pass.
-
-        Nothing is sent to a robot that is not enabled, homed and idle, nor while no key is held.
-        """
+        """Send a tick's motion to a robot that may move; return the joints at a limit that the keys ask to pass."""
         state = self.plant.operating_state()
         told = self.in_words(state)  # why a robot is in FAULT may come after its state
         if told != self._last_told:

@@ -116,10 +116,7 @@ class TeleopMotion:
         self._q = None
 
     def step(self, q: Floats, now: float, period: float) -> TeleopStep:
-        """Move on by a tick of `period` [s] at a time [s] of `press`'s clock.
-
-        q (n,) [rad|m] is the robot's setpoint, from which a motion sets off.
-        """
+        """Move on by a tick of `period` [s] at `press`'s time [s]; a motion sets off from setpoint q (n,) [rad|m]."""
         shares = self._dead_man.update(now, period)
         if not shares:
             self._q = None

@@ -32,22 +32,10 @@ KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes
 class TeleopSession:
     """Reads keys, moves the robot, shows it, tick by tick."""
 
-    def __init__(
-        self,
-        plant: Plant,
-        model: RobotModel | None,
-        name: str,
-        terminal: RawTerminal,
-        *,
-        observe: Callable[[], str | None] = lambda: None,
-    ) -> None:
-        """Take a robot, the model of its first joints, which place the tip, and a terminal.
-
-        `observe` is called after each tick, as a recorder is, and returns a line for the screen.
-        """
+    def __init__(self, plant: Plant, model: RobotModel | None, name: str, terminal: RawTerminal) -> None:
+        """Take a robot, the model of its first joints, which place the tip, and a terminal."""
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
-        self._observe = observe
-        self._driver = TeleopDriver(plant, model, keys=KEYS, before_command=lambda: self._draw((), None))
+        self._driver = TeleopDriver(plant, model, keys=KEYS, before_command=lambda: self._draw(()))
         self._keys = KeyReader()
         self._with_help = False
         self._drawn = -DRAW
@@ -84,10 +72,9 @@ class TeleopSession:
             self._take(key, now)
         blocked = self._driver.step(now)
         self.plant.wait()
-        line = self._observe()
         if now - self._drawn >= DRAW:
             self._drawn = now
-            self._draw(blocked, line)
+            self._draw(blocked)
 
     def _take(self, key: str, now: float) -> None:
         if key == "Q":
@@ -104,13 +91,12 @@ class TeleopSession:
             self._terminal.draw([f"catenary teleop  {self._name}", "", self.message, "", "Q quit"])
         self.plant.wait()
 
-    def _draw(self, blocked: tuple[str, ...], line: str | None) -> None:
+    def _draw(self, blocked: tuple[str, ...]) -> None:
         """Draw exactly as many lines as the terminal has, none wider than it is."""
         columns, lines = self._terminal.size
         footer = [*(_MORE if self._with_help else ()), *_HELP]
         room = max(0, lines - len(footer))
-        shown = [*self._robot_lines(blocked), "", *wrap(visible(self.message), max(8, columns))]
-        shown = (shown if line is None else [*shown, line])[:room]
+        shown = [*self._robot_lines(blocked), "", *wrap(visible(self.message), max(8, columns))][:room]
         shown += [""] * (room - len(shown)) + footer[:lines]
         self._terminal.draw([visible(text.replace("\n", " "))[:columns] for text in shown[:lines]])
 

@@ -25,11 +25,7 @@ _TOKEN = re.compile(r"\x1b[\[O](?P<sequence>[^@-~]*[@-~])|\x1b[^\x1b\[O]|(?P<key
 
 
 class KeyReader:
-    """Puts keys together whose bytes come in pieces; waits for the rest of one for PATIENCE.
-
-    Printable characters are themselves, also those beyond ASCII; `up`, `down`, `left`, `right`, `page up`,
-    `page down`, `escape`. Sequences of other keys are passed over whole, so that none of their letters moves a robot.
-    """
+    """Puts keys together whose bytes come in pieces, waiting PATIENCE for the rest of one; leaves unknown ones out."""
 
     def __init__(self) -> None:
         self._decoder = codecs.getincrementaldecoder("utf-8")("ignore")

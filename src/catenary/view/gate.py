@@ -18,8 +18,8 @@ HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Fra
 def gated(token: str) -> Iterator[None]:
     """Have servers that websockets opens meanwhile serve and accept only what asks for /TOKEN/ of their own address.
 
-    A browser says in Host under which name it knows the address, and in Origin which page asks; a program sends no
-    Origin. viser has no hook for it: its `websockets.asyncio.server.serve` is replaced until its server is open.
+    A browser says in Host under which name it knows the address, in Origin which page asks; a program sends no Origin.
+    viser has no hook for it: `websockets.asyncio.server.serve` is replaced.
     """
     from websockets.asyncio import server
 

@@ -26,11 +26,7 @@ _ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
 
 
 class PageProcess:
-    """A page in a process that ends with this program; a context manager.
-
-    The process starts on entering, and a browser can open its `url` while the program prepares its robot; `open` then
-    says what is to be shown. `put` and `changes` take microseconds, even if the page or the browsers are slow or gone.
-    """
+    """A page in a process of its own while it is entered; its `url` can be opened before `open` says what it shows."""
 
     def __init__(self, *, port: int = PORT) -> None:
         """Take a port of 127.0.0.1; the next free one where it is taken."""
@@ -78,10 +74,7 @@ class PageProcess:
         return self._process.is_alive()
 
     def put(self, state: ViewState) -> None:
-        """Show a state; nothing before `open`, nor while the page does not take what was sent before.
-
-        A socket that select calls writable has three quarters of its room free, a hundred thousand bytes and more.
-        """
+        """Show a state, unless the page has not taken what was sent before, as its socket tells."""
         if self._is_open and select([], [self._pipe], [], 0.0)[1]:
             with contextlib.suppress(OSError):  # a page that is gone shows nothing
                 self._pipe.send(shortened(state))

@@ -99,11 +99,7 @@ class RecordedArm:
 
 
 def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | None = None) -> RecordedArm:
-    """Return a recording's rows as a robot's joints, calibrated where there is a model of some of them.
-
-    The recording has time, which goes on from one to the next of several. The robot has its joints by name; others of
-    the robot's are at zero.
-    """
+    """Return a recording's rows as a robot's joints by name, others at zero, calibrated by a model of some."""
     if log.time is None:
         raise InputError(f'recording "{log.name}": has no time; it cannot be shown')
     named = [j for j, name in enumerate(robot.joint_names) if name in log.joint_names]

@@ -54,11 +54,7 @@ def scene_of(model: RobotModel, state: ViewState) -> Scene:
 
 
 def base_orientation(gravity: ArrayLike) -> Floats:
-    """Return how a base stands that feels gravity (3,) [m/s2] so, as a quaternion (w, x, y, z) in the world.
-
-    Of all such orientations the one that is turned least: gravity does not tell how a base is turned about the
-    vertical. A base of which nothing is known stands level.
-    """
+    """Return how a base that feels gravity (3,) [m/s2] stands in the world (w, x, y, z), turned least."""
     vector = np.asarray(gravity, dtype=float)
     size = float(np.linalg.norm(vector))
     if not np.isfinite(size) or size < 1e-6:

@@ -36,14 +36,9 @@ class Mesh(NamedTuple):
 
 
 def tube(points: ArrayLike, radius: float) -> Mesh:
-    """Return a round tube along a broken line, with a hemisphere at either end; of two points it is a capsule.
+    """Return a round tube of a radius [m] along a broken line (P, 3) [m] of distinct points, with hemispherical ends.
 
-    The cross-sections are turned as little as may be from one to the next [Wang et al. 2008, Computation of rotation
-    minimizing frames], so that a tube along an arc is not twisted.
-
-    Args:
-        points: (P, 3) of its middle line [m], at least two, no two in a row the same.
-        radius: [m].
+    Cross-sections turn as little as may be [Wang et al. 2008, Computation of rotation minimizing frames].
     """
     line = as_array("points", points, (None, 3))
     steps = np.diff(line, axis=0)
@@ -117,11 +112,9 @@ _Parts = defaultdict[int, list[Mesh]]  # tubes by link; -1 is the base
 
 
 def arm_shapes(model: RobotModel) -> ArmShapes:
-    """Return the shapes of an arm's links.
+    """Return the shapes of an arm's links: tubes from joint to joint, hubs of revolute joints, rails of prismatic ones.
 
-    A link is a tube from its joint to each joint that it carries, a revolute joint a hub along its axis, a prismatic
-    one a rail over its range. Where revolute axes and a slider meet in one point, as at the port of a RAVEN-II or a
-    da Vinci arm, the links are arcs about that point, which is what such a spherical linkage looks like.
+    Where revolute axes and a slider meet in one point, as at the port of a RAVEN-II, links are arcs about that point.
     """
     length = arm_length(model)
     radius = THICKNESS * length

@@ -67,11 +67,7 @@ class DrivenArm:
         rng: np.random.Generator,
         real_time: bool = True,
     ) -> None:
-        """Set up an arm, enabled and homed, on a level base; it needs inertia.
-
-        The seed draws another RAVEN-II of the kind, `rng` random motions. Without `real_time` ticks are as short as the
-        machine makes them.
-        """
+        """Set up an arm with inertia, homed on a level base; without `real_time` ticks are as short as they can be."""
         loaded = None if model is None else load_model(model)[0]
         self.arm: SimulatedArm = simulated_arm(robot, base=SteeredBase(), seed=seed)
         self.surroundings = Surroundings(self.arm)

@@ -33,10 +33,7 @@ SPARSITY = 0.25  # of RAVEN-II's zig-zag
 
 
 class SteeredTrajectory:
-    """A motion that is followed until another is wanted: it slows down along its own path, then the next begins.
-
-    A motion begins and ends at rest; when it is over the next one is made by the same recipe.
-    """
+    """A motion that repeats until another is wanted: then it slows down along its own path, and the next begins."""
 
     duration = np.inf
 
@@ -115,19 +112,12 @@ class ChosenController:
 
 
 class SwitchedCorrector:
-    """A model that always corrects joint positions, and whose correction the loop uses once it is switched on.
-
-    It is faded in and out, so that an arm whose calibrated positions are far from its reported ones is not jerked.
-    It may be of more joints than the loop: then it is given the whole robot's state.
-    """
+    """A model that always corrects, and whose correction is faded into the loop once switched on, and out again."""
 
     def __init__(
         self, corrector: StateCorrector, whole: Callable[[JointState], JointState], n: int, period: float
     ) -> None:
-        """Take a model's corrector, prepared for the whole robot, switched off.
-
-        `whole` returns the whole robot's state at the time of the loop's, whose n joints are its first; `period` [s].
-        """
+        """Take a corrector, off, for the `whole` robot's state, whose first n joints are the loop's; `period` [s]."""
         self._corrector, self._whole, self._n = corrector, whole, n
         self._fade = Fade(np.zeros(n), period)
         self.is_on = self._was_on = False

@@ -156,10 +156,7 @@ class Surroundings:
 def driving_tabs(
     limits: Bounded, q: Floats, *, motion: str, controller: str, has_cables: bool, has_model: bool
 ) -> tuple[ControlTab, ...]:
-    """Return the tabs of an arm's page: its motion, its surroundings, its model.
-
-    Joints stand at q (n,) [rad|m]; motion and controller are what is picked at first; a RAVEN-II has cables.
-    """
+    """Return the tabs of an arm at q (n,) [rad|m]: motion and controller, picked as given, surroundings, model."""
     drive = ControlTab(
         "Drive",
         (

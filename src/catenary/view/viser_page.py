@@ -47,10 +47,7 @@ class ViserPage:
     """A page on this machine that draws states, and tells what somebody changes on it."""
 
     def __init__(self, shown: Shown, server: Any, tell: Callable[[Change], None]) -> None:
-        """Fill a page of `open_server`, at which browsers may be already.
-
-        What is changed on it is told in a thread of its own.
-        """
+        """Fill a page of `open_server`; what is changed on it is told in a thread of its own."""
         self._shown, self._tell = shown, tell
         self._server = server
         self._paths = TipPaths(shown.shapes.length)

@@ -21,17 +21,11 @@ _OF_JOINTS = ("q", "calibrated", "interval", "inside", "setpoint", "tau", "gravi
 
 
 def view_state(snapshot: Snapshot, n: int, nominal_hz: float, *, notes: Sequence[str] = (), **known: Any) -> ViewState:
-    """Return what the view shows of a snapshot.
+    """Return what the view shows of a snapshot of a robot whose first n joints are the model's.
 
-    The true arm is the one that external encoders tell of where a model is there that learned from them, and that of
-    the joints themselves otherwise: a RAVEN-II's encoders call other places zero than the robot does.
-
-    Args:
-        snapshot: Of a robot whose first n joints are the model's.
-        n: Joints of the model.
-        nominal_hz: At which ticks should come.
-        notes: Further warnings.
-        known: Fields of ViewState that a snapshot does not have; None for what is not known.
+    The true arm is what external encoders tell where a model is there that learned from them, else the joints
+    themselves: a RAVEN-II's encoders call other places zero. `known` are fields of ViewState that a snapshot does not
+    have.
     """
     rows = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot)}
     known = {name: value for name, value in known.items() if value is not None}
@@ -84,7 +78,7 @@ class WatchedArm:
     def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
         """Show the robot until the page is gone or `ended` says so."""
         n, hertz = self._robot.model.n, 1.0 / self._robot.plant.period
-        watched = watch_robot(self._robot, model=self._model, observe=lambda: self._tick(page), clock=self._clock)
+        watched = watch_robot(self._robot, model=self._model, tick=lambda: self._tick(page), clock=self._clock)
         for snapshot in watched:
             page.put(view_state(snapshot, n, hertz, mode=self._mode(snapshot)))
             if ended() or not page.is_running:

@@ -84,10 +84,11 @@ class CommandedRobot:
         """Bring the arm into an operating state, mostly ready."""
         drawn = rng.random()
         if drawn < 0.2:
-            self.server.person_says(str(rng.choice(["disable", "pause", "enable", "resume", "home"])))
+            self.arm.machine.command(str(rng.choice(["disable", "pause", "enable", "resume", "home"])))
         elif drawn < 0.8 and not self.arm.is_ready:
-            for line in ("button", "enable", "home", "resume"):
-                self.server.person_says(line)
+            self.server.press_button()
+            for command in ("enable", "home", "resume"):
+                self.arm.machine.command(command)
 
     def noticed(self) -> int:
         """Messages that were taken in, or refused and counted."""
@@ -97,7 +98,7 @@ class CommandedRobot:
         """Send a message again until no tick takes too long, on a busy machine; the quickest counts."""
         beyond = np.inf
         for _ in range(AGAIN):
-            self.server.person_says("resume")
+            self.arm.machine.command("resume")
             idle = sorted(self.ticks(1) for _ in range(9))[4]
             self.hears(topic, data)
             beyond = min(beyond, self.ticks(count) - idle)

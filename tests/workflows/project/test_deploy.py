@@ -1,4 +1,3 @@
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +6,6 @@ from numpy.testing import assert_allclose
 
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.model import CalibrationModel
-from catenary.config import parse_settings, plain_data
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
@@ -59,12 +57,6 @@ def test_the_correction_takes_no_longer_than_the_ticks_that_it_is_part_of(deploy
     assert whole is not None
     # the correction of each tick is within it, so is every quantile; histogram bins are 1 % wide
     assert all(0.0 < part[key] <= 1.02 * most for key, most in whole.items())
-
-
-def test_the_model_helps_while_the_loop_runs(deployment: Deployment) -> None:
-    assert all(joint.rmse < 0.5 * joint.raw_rmse for joint in deployment.joints)
-    assert deployment.ticks == pytest.approx(1000.0 * SECONDS, abs=1)
-    assert parse_settings(plain_data(deployment), Deployment, "file") == replace(deployment, loop=None)
 
 
 def test_what_does_not_fit_is_refused_before_anything_moves(recorded: Path, model: CalibrationModel) -> None:

@@ -7,9 +7,8 @@ import pytest
 
 from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import json_text
-from catenary.workflows.project.deploy import Deployment
 from catenary.workflows.project.folder import STEPS, Project, ProjectSettings, project_settings, write
-from catenary.workflows.project.state import ExtractionFile, HomeFile, read_state
+from catenary.workflows.project.state import StepsFile, read_state
 
 
 class Work:
@@ -262,42 +261,31 @@ def test_a_project_without_settings_can_be_given_them_again(project: Project, wo
     assert not reopened(project).run("step", MADE_FROM, [work.path], work)
 
 
-@pytest.mark.parametrize("file", ["settings.json", STEPS, "robot/home.json", "deployment.json"])
 @pytest.mark.parametrize("content", [b"", b'{"a": ', b"[" * 100_000])
-def test_a_torn_state_file_names_itself_and_what_makes_it_again(tmp_path: Path, file: str, content: bytes) -> None:
-    path = tmp_path / file
-    path.parent.mkdir(exist_ok=True)
+def test_a_torn_state_file_names_itself_and_what_makes_it_again(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / STEPS
     path.write_bytes(content)
     with pytest.raises(ConfigError) as refused:
-        read_state(path, HomeFile, "`catenary home PROJECT` makes it again")
+        read_state(path, StepsFile, "`catenary calibrate PROJECT` makes it again")
     assert str(refused.value).startswith(f"{path}: damaged: ")
-    assert str(refused.value).endswith("; `catenary home PROJECT` makes it again")
+    assert str(refused.value).endswith("; `catenary calibrate PROJECT` makes it again")
     assert ("it is empty" in str(refused.value)) == (content == b"")
 
 
-HOME = '{"simulated": true, "joint_names": ["J1"], "believed": [0.1], "external_encoders": [null]}'
+STEP = '{"steps": {"home": {"made_from": "a", "files": ["b"], "outputs": {}}}}'
 
 
 @pytest.mark.parametrize(
-    ("schema", "content"),
-    [
-        (HomeFile, HOME.replace("0.1", "null")),
-        (HomeFile, HOME.replace("0.1", "NaN")),
-        (HomeFile, HOME.replace('"J1"', "1")),
-        (HomeFile, "[]"),
-        (HomeFile, HOME.replace('"J1"', "1," * 2_000 + "1")),
-        (HomeFile, "[" + "0," * 2**20 + "0]"),
-        (Deployment, '{"ticks": -1}'),
-        (ExtractionFile, '{"topics": [3], "rows": 1, "problems": []}'),
-    ],
+    "content",
+    [STEP.replace('"a"', "1"), STEP.replace('"b"', "null"), "[]", STEP.replace('"b"', "[" + "0," * 2**20 + "0]")],
 )
-def test_a_state_file_that_holds_something_else_is_refused(tmp_path: Path, schema, content: str) -> None:
+def test_a_state_file_that_holds_something_else_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "state.json"
-    path.write_text(HOME)
-    assert read_state(path, HomeFile, "")["believed"] == [0.1]
+    path.write_text(STEP)
+    assert read_state(path, StepsFile, "")["steps"]["home"]["files"] == ["b"]
     path.write_text(content)
     with pytest.raises(ConfigError, match=r"state\.json: damaged: .*; delete it"):
-        read_state(path, schema, "delete it")
+        read_state(path, StepsFile, "delete it")
 
 
 def test_what_is_refused_before_anything_is_there_leaves_no_folder(tmp_path: Path) -> None:

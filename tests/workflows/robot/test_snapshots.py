@@ -14,7 +14,6 @@ from catenary.gravity.torque import gravity_torque
 from catenary.nodes.serve import Serving, make_server, prepare
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
-from catenary.workflows.robot.operator_motion import random_motion
 from catenary.workflows.robot.snapshots import watch_log, watch_robot
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
@@ -61,15 +60,6 @@ def test_a_sample_comes_25_times_a_second() -> None:
     begin = clock.now
     list(islice(samples, 25))
     assert clock.now - begin == pytest.approx(1.0, abs=0.05)  # a tick per sample late at most
-
-
-def test_a_simulated_robot_moves_without_a_leap() -> None:
-    watched = ideal_robot(START)
-    motion = random_motion(watched, 10.0, rng=np.random.default_rng(0))
-    list(islice(watch_robot(watched, motion=motion, clock=Ticking()), 60))
-    steps = np.abs(np.diff(np.array([START, *watched.plant.setpoints]), axis=0))
-    assert steps.max() <= 0.2 * 0.001 * (1.0 + 1e-6)  # the gentle speed, a tick of 1 ms
-    assert steps.max() > 0.0
 
 
 def test_a_recording_is_played_in_its_own_time_without_encoders_that_cannot_be_trusted() -> None:

@@ -1,6 +1,5 @@
 import errno
 import os
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message_values import joint_state_message
-from catenary.errors import InputError, RecordingError, TransportError
+from catenary.errors import RecordingError, TransportError
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_writer import write_group_bags
@@ -20,11 +19,8 @@ from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.journal import About
 from catenary.recording.journal_reader import JournalReader
-from catenary.robots.catalog import load_robot
-from catenary.simulation.cable_plant import CablePlant
 from catenary.workflows.robot import topic_recorder
-from catenary.workflows.robot.operated_robot import OperatedRobot
-from catenary.workflows.robot.topic_recorder import BesideRecorder, TopicRecorder, record_topics
+from catenary.workflows.robot.topic_recorder import TopicRecorder, record_topics
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback
 
@@ -87,7 +83,7 @@ def test_stamps_and_numbers_are_the_robots_own(journal: Path, robot: RobotOnLoop
     held = robot.robot.plant.measured_js().q[2]
     assert_allclose(state.columns["jpos[gold_insertion]"][-1], held, atol=1e-6)  # float32 on the way
     assert sources.about.robot == "raven2"
-    assert_allclose(encoders.columns["position[shoulder]"], robot.robot.plant.state.q[0], atol=1e-3)
+    assert_allclose(encoders.columns["position[shoulder]"], robot.robot.plant.external_encoders()[0], atol=1e-3)
 
 
 def test_bags_of_it_are_made_like_any_others(journal: Path, tmp_path: Path) -> None:
@@ -225,60 +221,3 @@ def test_full_disk_keeps_what_was_recorded_before(tmp_path: Path, monkeypatch: p
         with pytest.raises(RecordingError, match=f"No space left.*first {kept} of"):
             recorder.collect() and recorder.journal.flush()
     assert len(list(open_recording(tmp_path / "r").messages())) == kept
-
-
-BESIDE_SECONDS = 1.0
-
-
-def simulated() -> tuple[OperatedRobot, CablePlant]:
-    plant = homed_plant("left")
-    return OperatedRobot("raven2", plant, load_robot("raven2"), lambda: 0), plant
-
-
-def run(recorder: BesideRecorder, plant: CablePlant) -> None:
-    for _ in range(round(BESIDE_SECONDS / plant.period)):
-        plant.wait()
-        recorder.observe()
-
-
-def test_a_simulated_arm_is_recorded_at_its_topics_rates(tmp_path: Path) -> None:
-    robot, plant = simulated()
-    recorder = BesideRecorder(robot, tmp_path / "run")
-    run(recorder, plant)
-    recorder.close()
-    counts = Counter(topic for topic, _, _ in open_recording(tmp_path / "run").messages())
-    assert counts["/ravenstate"] == pytest.approx(30, abs=3)
-    assert counts["/ext_jpos"] > 10
-    assert not open_recording(tmp_path / "run").damage
-
-
-def test_a_full_disk_ends_only_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    robot, plant = simulated()
-    recorder = BesideRecorder(robot, tmp_path / "run")
-    run(recorder, plant)
-
-    def full(*_: object) -> None:
-        raise RecordingError("no space left; what came before is safe")
-
-    monkeypatch.setattr(recorder._recorder.journal, "append", full)
-    run(recorder, plant)
-    assert "no space left" in recorder.observe()
-    assert "no space left" in recorder.close()
-
-
-def test_a_robot_behind_topics_is_recorded_from_its_topics(tmp_path: Path) -> None:
-    setup = RobotOnLoopback(homed_plant("left"))
-    with CrtkClient(setup.transport) as client:
-        robot = OperatedRobot("raven2", client, load_robot("raven2"), lambda: 0)
-        recorder = BesideRecorder(robot, tmp_path / "run", clock=lambda: setup.clock.now() * 1e-9)
-        for _ in range(500):
-            client.wait()
-            recorder.observe()
-        recorder.close()
-    assert recorder.messages > 15
-
-
-def test_other_robots_are_refused(tmp_path: Path) -> None:
-    robot, plant = simulated()
-    with pytest.raises(InputError, match="RAVEN-II"):
-        BesideRecorder(OperatedRobot("panda", plant, robot.model, lambda: 0), tmp_path / "run")

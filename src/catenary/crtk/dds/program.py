@@ -13,7 +13,6 @@ distributions up to Humble. What CYCLONEDDS_URI says comes last and overrules, a
 
 import logging
 import os
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -65,7 +64,7 @@ def enter_domain() -> int:
     with _lock:
         if number not in _domains:
             try:
-                _domains[number] = _in_our_log(lambda: Domain(number, settings))
+                _domains[number] = Domain(number, settings)
             except (DDSException, UnicodeError) as error:
                 if getattr(error, "code", None) == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
                     _domains[number] = None  # set up before by another part of this program
@@ -75,25 +74,6 @@ def enter_domain() -> int:
                     f'"{os.environ.get("CYCLONEDDS_URI", "")}"'
                 ) from error
     return number
-
-
-def _in_our_log(make: Callable[[], Domain]) -> Domain:
-    """Return what Cyclone makes; what it writes to standard error meanwhile goes to the log, line by line."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # there is none
-        return make()
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), 2)
-        try:
-            return make()
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            said.seek(0)
-            for line in said.read().decode(errors="replace").splitlines():
-                # behind time, domain and thread
-                _logger.warning("Cyclone DDS: %s", line.partition("]")[2].partition(": ")[2] or line)
 
 
 def _settings() -> str:

@@ -31,10 +31,8 @@ _USUAL = Quality()
 class ListenedTopic(HeardTopic):
     """A topic and its subscriptions; its methods are called with the program's lock held.
 
-    A reader that asks for more than a writer offers gets nothing of it: nothing of a sensor's best effort where it asks
-    for reliability, nothing of a plain topic where it asks for latched messages. One that asks for less gets no latched
-    messages, and loses some. So there is a reader for each quality that some publisher offers, and it gives what comes
-    from those that offer just that.
+    DDS matches a reader with writers that offer at least what it asks for, so there is a reader for each quality that
+    some publisher offers, and it gives what comes from those that offer just that.
     """
 
     def __init__(self, program: Program, dds_name: str, type_name: str, steady: Callable[[], int]) -> None:
@@ -175,13 +173,7 @@ class DdsTransport(Transport):
     lapses = (0, 10 * SECOND, 20 * SECOND)
 
     def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE) -> None:
-        """Join the domain that ROS_DOMAIN_ID names, and wait until those who are there are known.
-
-        Args:
-            name: Node's name; ROS 2 permits two of one name.
-            arguments: Other names, as behind `--ros-args`, and the distribution that the others are of.
-            settle: [s] without news of other programs that end the waiting.
-        """
+        """Join the domain of ROS_DOMAIN_ID, and wait until nothing new is known of others for `settle` [s]."""
         self._arguments = arguments or RosArguments()
         super().__init__(self._arguments.node or name)
         others = distribution(self._arguments.distro)

@@ -34,10 +34,7 @@ class _LimitedTransport(xmlrpc.client.Transport):
 
 
 class Master:
-    """Questions to a master, each answered within `PATIENCE` or refused.
-
-    Methods raise TransportError when it does not answer.
-    """
+    """Questions to a master, each answered within `PATIENCE`, or TransportError is raised."""
 
     def __init__(self, uri: str, caller: str) -> None:
         """Prepare; nothing is asked yet."""
@@ -142,11 +139,7 @@ def no_master(uri: str, reason: Exception) -> TransportError:
 
 
 def bound_to_all(environment: Mapping[str, str]) -> str | None:
-    """Return the warning of a node that listens on all of this machine's addresses; None of one on loopback.
-
-    A ROS 1 node binds to 127.0.0.1 where ROS_IP or ROS_HOSTNAME says so (ROS_HOSTNAME first), to all addresses
-    otherwise. [rosgraph.network: get_bind_address]
-    """
+    """Return the warning of a node that listens on all addresses; None on loopback [rosgraph.network]."""
     name = next((environment[key] for key in ("ROS_HOSTNAME", "ROS_IP") if environment.get(key)), "")
     if name == "localhost" or name.startswith("127.") or name == "::1":
         return None

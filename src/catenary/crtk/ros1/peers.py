@@ -113,10 +113,7 @@ def _read_greeting(sock: Any, buffer: BytesIO, size: int) -> dict[str, str]:
 
 
 class _Peer:
-    """A connection that is written to without waiting; what its socket does not take is sent by a thread of its own.
-
-    All but the thread is called with the lock held.
-    """
+    """A connection, called with the lock held; what its socket does not take at once is sent by a thread of its own."""
 
     def __init__(self, connection: Any, size: int, lock: threading.Lock) -> None:
         """Write for a connection of rospy's; at most `size` messages wait, then the oldest gives way."""

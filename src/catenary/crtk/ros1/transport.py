@@ -121,12 +121,7 @@ class Ros1Transport(Transport):
     """This process's ROS 1 node; one at a time, under one name until the process ends."""
 
     def __init__(self, name: str, uri: str | None = None) -> None:
-        """Join a ROS 1 network.
-
-        Args:
-            name: Node name; one that runs already is left alone, and this one refused.
-            uri: The master's; ROS_MASTER_URI when None.
-        """
+        """Join the network of the master at `uri`, ROS_MASTER_URI's when None; a running node's name is refused."""
         global _open
         super().__init__(name)
         make_rospy_importable()

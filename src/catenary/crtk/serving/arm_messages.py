@@ -6,7 +6,7 @@ says so in `result` and `message`, and moves nothing. [crtk_msgs: QueryForwardKi
 
 from collections.abc import Callable, Iterator
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,7 @@ _MultiArray = message_class("std_msgs/Float64MultiArray")
 def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, int], Message]]:
     """Return what both dialects publish of an arm in every tick, verb by verb: messages of it at a stamp [ns].
 
-    Poses are in the base: PoseStamped, or TransformStamped where `child`, the tool's frame, is given. Velocities are
-    linear [m/s] and angular [rad/s], in base axes.
+    Poses are TransformStamped where `child`, the tool's frame, is given; velocities [m/s, rad/s] in base axes.
     """
 
     def pose(arm: ServedArm, pose: Pose, stamp: int) -> Message:
@@ -117,37 +116,30 @@ class Service(NamedTuple):
 
 def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
     """Yield the services of an arm, below its namespace `place`; `local/` in its own base, of one that has such."""
-    yield Service(f"{place}/forward_kinematics", FORWARD, lambda request: _answer(FORWARD, _pose_at, arm, request))
+
+    def answered(kind: str, compute: Callable[[Message], dict[str, Any]]) -> tuple[str, Callable[[Message], Message]]:
+        response = message_class(f"{kind}Response")
+
+        def answer(request: Message) -> Message:
+            try:
+                return response(result=True, **compute(request))
+            except CatenaryError as error:
+                return response(result=False, message=str(error))
+
+        return kind, answer
+
+    def tool(request: Message) -> Pose:
+        return arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
+
+    forward = answered(FORWARD, lambda request: {"cp": local_pose(arm.placed(tool(request)), 0).pose})
+    yield Service(f"{place}/forward_kinematics", *forward)
     if arm.tool.jaw_is_apart:
-        yield Service(
-            f"{place}/local/forward_kinematics", FORWARD, lambda request: _answer(FORWARD, _local_pose_at, arm, request)
-        )
-    yield Service(f"{place}/inverse_kinematics", INVERSE, lambda request: _answer(INVERSE, _joints_at, arm, request))
+        local = answered(FORWARD, lambda request: {"cp": local_pose(tool(request), 0).pose})
+        yield Service(f"{place}/local/forward_kinematics", *local)
+    yield Service(f"{place}/inverse_kinematics", *answered(INVERSE, lambda request: {"jp": _joints_at(arm, request)}))
 
 
-def _answer(
-    kind: str, compute: Callable[[ServedArm, Message], dict[str, Message]], arm: ServedArm, request: Message
-) -> Message:
-    response = message_class(f"{kind}Response")
-    try:
-        return response(result=True, **compute(arm, request))
-    except CatenaryError as error:
-        return response(result=False, message=str(error))
-
-
-def _pose_at(arm: ServedArm, request: Message) -> dict[str, Message]:
-    return {"cp": local_pose(arm.placed(_tool_at(arm, request)), 0).pose}
-
-
-def _local_pose_at(arm: ServedArm, request: Message) -> dict[str, Message]:
-    return {"cp": local_pose(_tool_at(arm, request), 0).pose}
-
-
-def _tool_at(arm: ServedArm, request: Message) -> Pose:
-    return arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
-
-
-def _joints_at(arm: ServedArm, request: Message) -> dict[str, Floats]:
+def _joints_at(arm: ServedArm, request: Message) -> Floats:
     """Return joints at a pose, the nearest to those of the request; to the setpoint where it has none."""
     n = len(arm.reported)
     near = arm.setpoint.q if not len(request.jp) else arm.whole(as_array("jp", request.jp, (n,)))
@@ -160,4 +152,4 @@ def _joints_at(arm: ServedArm, request: Message) -> dict[str, Floats]:
             f'joint "{arm.names[j]}": {q[j]:.6g} {arm.plant.joint_units[j]} outside '
             f"[{arm.lower[j]:.6g}, {arm.upper[j]:.6g}]"
         )
-    return {"jp": q[:n]}
+    return q[:n]

@@ -42,17 +42,12 @@ _PUBLISHED: dict[str, MakeMessage] = {
 class CrtkDialect(Dialect):
     """Speaks for any arms, each in its namespace.
 
-    The operating state is latched, and sent when it changes and ten times a second while it is busy; not otherwise:
-    CRTK's Python client takes whatever state comes after its move command for the answer to it, so that an idle one,
-    sent before the command arrived, would end its waiting.
+    An idle operating state is not repeated: CRTK's Python client takes whatever state comes after its move command for
+    the answer to it.
     """
 
     def __init__(self, arms: Mapping[str, ServedArm], listed: Iterable[CrtkTopic] | None = None) -> None:
-        """Speak for arms.
-
-        Args:
-            listed: Topics of which those are spoken that the arms have; a RAVEN-II's when None.
-        """
+        """Speak for arms over those topics that they have, of `listed`; a RAVEN-II's when None."""
         all_topics = topics("crtk") if listed is None else listed
         spoken = (one for one in all_topics if one.arm is None or (one.arm in arms and _has(arms[one.arm], one.verb)))
         super().__init__(arms, tuple(spoken), _PUBLISHED, _OBEYED)
@@ -110,18 +105,14 @@ def _has(arm: ServedArm, verb: str) -> bool:
     return arm.tool.has_jaws or not verb.startswith("jaw/")
 
 
-def _compensate_gravity(arm: ServedArm, message: Message) -> None:
-    arm.compensates_gravity = bool(message.data)
-
-
-def _turn_forces(arm: ServedArm, message: Message) -> None:
-    arm.forces_in_base_axes = bool(message.data)
+def _switch(attribute: str) -> Obey:
+    return lambda arm, message: setattr(arm, attribute, bool(message.data))
 
 
 # what moves nothing
 _SET: dict[str, Set] = {
-    "use_gravity_compensation": _compensate_gravity,
-    "body/set_cf_orientation_absolute": _turn_forces,
+    "use_gravity_compensation": _switch("compensates_gravity"),
+    "body/set_cf_orientation_absolute": _switch("forces_in_base_axes"),
     **SETTINGS,
 }
 
@@ -142,10 +133,7 @@ def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
 
 
 def _numbers(arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None) -> Floats:
-    """Return a command's numbers (n,); names may leave out joints for which `rest` (n,) has numbers.
-
-    A jaw that joint states leave out gets what `rest` has for it, or zero.
-    """
+    """Return a command's numbers (n,); joints that it does not name get those of `rest` (n,), as does a jaw apart."""
     given, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
     if not message.name and given != n:
         raise InputError(f"{given} numbers in `{field}`, expected {n}: {', '.join(names)}")

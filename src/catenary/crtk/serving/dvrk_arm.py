@@ -84,12 +84,7 @@ SETTINGS: dict[str, Set] = {
 
 
 def actuator_service(place: str, joints: Floats) -> Service:
-    """Return the service that turns actuators' positions into joints', below a namespace.
-
-    Args:
-        place: The namespace.
-        joints: (n, n) joints per actuator, the jaw last.
-    """
+    """Return the service below a namespace that turns actuators' positions into joints', by (n, n), the jaw last."""
 
     def answer(request: Message) -> Message:
         actuators = as_array("input", request.input, (len(joints),))

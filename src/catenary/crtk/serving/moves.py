@@ -37,11 +37,9 @@ def joint_move(arm: ServedArm, q: Floats) -> Callable[[], Trajectory]:
 
 
 def straight_move(arm: ServedArm, goal: Pose) -> Iterator[Trajectory | None]:
-    """Move the tool along a straight line to a pose, turning it evenly.
+    """Move the tool along a straight line to a pose, turning it evenly; a goal out of reach is refused at once.
 
-    Whether the goal is within the arm's reach is known at once. The rest is worked out piece by piece, one piece each
-    time that the iterator is asked, which gives None until it gives the trajectory: a tick has no time for all of it,
-    nor for the beginnings of several moves.
+    The rest is worked out a piece each time that the iterator is asked, which gives None until it gives the trajectory.
     """
     arm.tool.require_reach(goal)
     return _planned(arm, arm.setpoint.q, goal)

@@ -31,13 +31,9 @@ class Reports:
     def say(
         self, kind: str, text: str, now: int, *, to: tuple[str, ...] = (), each: bool = False, times: int = 1
     ) -> None:
-        """Count a trouble, and log it unless one of its kind was logged within 5 s.
+        """Count a trouble of a kind, such as "/arm1/servo_jr: refused"; log it unless one was logged within 5 s.
 
-        Args:
-            kind: What it is, such as "/arm1/servo_jr: refused".
-            now: [ns].
-            to: Arms whose clients are told, when it is logged.
-            each: Tell them each time.
+        Clients of the arms in `to` are told when it is logged, with `each` each time; `now` in ns.
         """
         text = text[:LONGEST]
         report = self.kinds.setdefault(kind, Report(text))

@@ -24,21 +24,14 @@ FOLLOW = 0.1  # [s] after its last command during which a goal, a velocity or a 
 
 
 class Increments:
-    """Increments of any number of clients, summed as they come.
+    """Increments of any number of clients, each clamped to a millisecond's motion, and summed as they come.
 
-    A message is a millisecond's worth of motion, so each is clamped to what a joint may move in one. What comes within
-    a tick is added up as long as the sum stays within that clamp, at most four messages; the rest waits for the next
-    ticks. So however messages bunch up on their way, the way they make together is the same, and nothing leaps. The
-    robot itself clamps the sum and loses the rest.
+    What comes within a tick is added up within that clamp, at most four messages; the rest waits for the next ticks. So
+    however messages bunch up, their way is the same, and nothing leaps. The robot itself loses what is over.
     """
 
     def __init__(self, most: Floats, period: float) -> None:
-        """Begin empty.
-
-        Args:
-            most: (n,) largest motion in a tick [rad|m].
-            period: [s] of a tick.
-        """
+        """Begin empty, with the largest motion in a tick (n,) [rad|m] and its period [s]."""
         self._most = most
         self._patience = max(1, round(BACKLOG / period))
         self._waiting: deque[tuple[Floats, int]] = deque()
@@ -82,12 +75,7 @@ class Goal:
     """A joint position that is approached by clamped steps: so many as there were messages, or for a while."""
 
     def __init__(self, most: Floats, period: float) -> None:
-        """Begin without a goal.
-
-        Args:
-            most: (n,) largest step in a tick [rad|m].
-            period: [s] of a tick.
-        """
+        """Begin without a goal, with the largest step in a tick (n,) [rad|m] and its period [s]."""
         self.follow = max(1, round(FOLLOW / period))  # ticks
         self._most = most
         self._q: Floats | None = None
@@ -128,11 +116,7 @@ GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) 
 
 
 class ServedArm:
-    """An arm, its state machine, and what it is to do next.
-
-    The last kind of command wins: a goal ends increments, increments end a goal. Only increments add up. Unless the
-    arm is ENABLED, homed and not busy with homing, all commands are forgotten; and so they are when it stops being so.
-    """
+    """An arm, its state machine, and what it is to do next: the last kind of command wins, only increments add up."""
 
     def __init__(
         self,
@@ -145,12 +129,7 @@ class ServedArm:
         gravity_torque: GravityTorque,
         joints_per_actuator: Floats | None = None,
     ) -> None:
-        """Take over a plant.
-
-        Args:
-            gravity_torque: What holds it still, for the compensation that CRTK's clients may ask for.
-            joints_per_actuator: (n, n) of a dVRK's arm, as its controller has it.
-        """
+        """Take over a plant that `gravity_torque` holds still; a dVRK's arm has (n, n) joints per actuator."""
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
         self.reports, self.joints_per_actuator = reports, joints_per_actuator
         self.names = plant.joint_names
@@ -218,10 +197,7 @@ class ServedArm:
         self._velocity, self._until = velocity, self.tick + self.goal.follow
 
     def push_with(self, tau: Floats) -> None:
-        """Command joint torques (n,) for 0.1 s, plus gravity's where that was asked for.
-
-        A joint whose torque is NaN holds its setpoint.
-        """
+        """Command torques (n,) for 0.1 s, plus gravity's where asked for; a joint with NaN holds its setpoint."""
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
         if np.isnan(tau).any() and "servo_jf_of" not in self.plant.supports:

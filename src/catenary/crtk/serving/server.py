@@ -92,10 +92,7 @@ def has_encoders(plant: Plant) -> bool:
 
 
 class ServedEncoders:
-    """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known: no zero stands for what is not.
-
-    Or, in place of a RAVEN-II's encoders, what a tracker sees of another arm's joints.
-    """
+    """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known; or what a tracker sees of joints."""
 
     def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> None:
         """Begin to publish what a plant's telemetry holds, over topics."""
@@ -143,13 +140,7 @@ class Server:
         publish_every: int = 1,
         encoders: ServedEncoders | None = None,
     ) -> None:
-        """Publish and subscribe; nothing moves before `tick`.
-
-        Args:
-            button: Offer the RAVEN-II's silver button as a service.
-            publish_every: Ticks from one publication to the next.
-            encoders: External ones at an arm's joints, which have topics of their own.
-        """
+        """Publish and subscribe; nothing moves before `tick`, and each `publish_every` of these is published."""
         self.transport, self.arms, self.reports = transport, arms, reports
         self.commands = 0  # taken in, whether they were obeyed or not
         self.ticks = 0
@@ -185,10 +176,7 @@ class Server:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
 
     def tick(self, late: float = 0.0) -> None:
-        """Read the commands that have come, move the arms by a tick, publish.
-
-        A tick that is `late` [s] is stamped as it was due: of several at once, each has the time of its own state.
-        """
+        """Read commands, move the arms by a tick, publish; one that is `late` [s] is stamped as it was due."""
         now = self.transport.steady()
         stamp = self._stamps.next(now - round(late * SECOND))
         self.transport.poll()
@@ -255,20 +243,15 @@ class Server:
                 said.append(f"{name}: {refused}" if refused else f"{name}{STARTS}")
         return said
 
-    def person_says(self, line: str) -> None:
-        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms."""
-        now = self.transport.steady()
-        if line == "button" or (line == "start" and self.button is not None):
-            said = self.press_button()
-            if not any(text.endswith(STARTS) for text in said):
-                self.reports.say("button", "; ".join(said), now)
+    def start(self) -> None:
+        """Press the silver button; enable and home the arms of a robot without one."""
+        if self.button is not None:
+            self.press_button()
             return
-        for text in ("enable", "home") if line == "start" else (line,):
-            for arm in self.arms.values():
-                if arm.machine.can_change:
-                    ignored = arm.machine.command(text)
-                    if ignored is not None:
-                        self.reports.say("keyboard", ignored, now)
+        for arm in self.arms.values():
+            for command in ("enable", "home") if arm.machine.can_change else ():
+                if (ignored := arm.machine.command(command)) is not None:
+                    self.reports.say("start", ignored, self.transport.steady())
 
     def clients(self) -> set[str]:
         """Names of the programs that listen or command."""

@@ -27,13 +27,7 @@ class ToolState:
     """Pose, Jacobian, velocity and force of a tool; several messages of a tick tell of the same ones."""
 
     def __init__(self, tool: ToolPose, q: Floats, qd: Floats, beyond_weight: Callable[[], Floats]) -> None:
-        """Note where the joints are; nothing is computed yet.
-
-        Args:
-            q: (n,) joints [rad|m].
-            qd: (n,) their velocities.
-            beyond_weight: Gives the joint torques (n,) that do not bear the arm's own weight.
-        """
+        """Note joints (n,) [rad|m], their velocities, and what gives the torques (n,) beyond the arm's own weight."""
         self.kinematics, self._q, self._qd, self._beyond_weight = tool, q, qd, beyond_weight
 
     @cached_property
@@ -84,10 +78,7 @@ def jacobian(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_
 
 
 def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
-    """Return force [N] over moment [Nm] (6,) that the tool exerts by the joint torques beyond the arm's weight.
-
-    Directions in which no joint feels a force are zero, as at a singular pose.
-    """
+    """Return force [N] over moment [Nm] (6,) that the tool exerts beyond the arm's weight; zero where not felt."""
     force, moment = tool.wrench[:3], tool.wrench[3:]
     if frame is FrameOfForces.BODY:
         turn = tool.pose.rotation.T
@@ -100,10 +91,7 @@ def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_A
 
 
 def torques_for(tool: ToolState, wrench: Floats, frame: FrameOfForces) -> Floats:
-    """Return joint torques (n,) [Nm|N] that exert a wrench (6,): J^T F; NaN for jaws, which hold their opening.
-
-    An arm whose jaws turn the tool keeps them where they are; they bear what the wrench asks of them.
-    """
+    """Return joint torques (n,) [Nm|N] that exert a wrench (6,): J^T F; NaN for jaws, which hold their opening."""
     in_base = _twist_map(tool.pose, frame).T @ wrench
     tau: Floats = tool.jacobian.T @ in_base
     if tool.kinematics.has_jaws:

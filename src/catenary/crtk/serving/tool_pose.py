@@ -18,9 +18,8 @@ SEARCH = 15  # steps of a search from the pose before, or 75 mm beside: a tick h
 class ToolPose:
     """Kinematics between a robot's joints and its model's tip.
 
-    A model has the robot's own joints, or, where the robot's last two are jaws, one joint in their place that turns the
-    tool: J6 = (jaw2 - jaw1) / 2. The opening of the jaws, jaw1 + jaw2, then is no matter of the pose; nor is the
-    last joint of a robot where that is the opening itself, as a da Vinci PSM's `jaw`.
+    Where the robot's last two joints are jaws the model has one in their place, which turns the tool: J6 = (jaw2 -
+    jaw1) / 2. Their opening is no matter of the pose, nor is a last joint that is the opening itself, as a PSM's `jaw`.
     """
 
     def __init__(self, model: RobotModel, joint_names: tuple[str, ...]) -> None:
@@ -85,10 +84,7 @@ class ToolPose:
         return inverse_kinematics(self.model, pose, start, max_iterations=SEARCH)
 
     def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
-        """Return joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
-
-        A RAVEN-II's 50 poses take one compiled call, well within a tick; other arms are searched pose by pose.
-        """
+        """Return joints (N, n) along poses (N, 3, 3), (N, 3) [m], each as `joints` from the one before."""
         model = self.model
         start = np.clip(self._to_model @ near, model.lower, model.upper)
         if model.closed_form == "raven2":

@@ -1,5 +1,6 @@
 """Calibrate a robot in one go, resumable at every step: home, excite, record, extract, fit, evaluate, deploy, page."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,7 +20,6 @@ from catenary.side_by_side import Progress, silent
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import require_apart, robot_of, verdict
 from catenary.workflows.calibration_model import fit_calibration, held_against, recordings_for, warnings_of
-from catenary.workflows.project.deploy import Deployment
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.recordings import (
@@ -30,7 +30,6 @@ from catenary.workflows.project.recordings import (
     read_imports,
 )
 from catenary.workflows.project.robot import ProjectRobot, SimulatedRobot
-from catenary.workflows.project.state import read_state
 
 TRAIN, TEST = "train", "test"
 VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
@@ -46,10 +45,10 @@ RECOMMENDED = "recommended"
 
 
 def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
-    """Return options for every kind of model, and of the one that was asked for, which is recommended and deployed.
+    """Return options for every kind of model, and of the one asked for, which is recommended and deployed.
 
     The others share its memory, target and seed, and its inputs where it has any: else the paper's network takes all of
-    the paper's, and the joints of a project's `robot` what is theirs; None for recordings.
+    the paper's, and the joints of a project's `robot` (None for recordings) what is theirs.
     """
     positioning, everything, own = (
         (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot == "raven2" else (None,) * 3
@@ -110,17 +109,9 @@ def calibrate_robot(
     run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
-    """Calibrate a project's robot, doing only what has not been done.
+    """Calibrate a project's robot, its simulated one when None, doing only what has not been done.
 
-    Args:
-        robot: Homes, moves, records; the project's simulated one when None.
-        asked: The model to recommend and deploy; its seed is the project's. Chosen joint by joint when None.
-        run: Which rows fits see, and how they are tested.
-        progress: Given a step's name, returns a callback for the share done.
-
-    Raises:
-        CatenaryError: A step failed; what was done before stays, and is not done again.
-        InputError: Options that contradict each other.
+    `asked` is the model to recommend, chosen joint by joint when None; `run` says which rows fits see, and their tests.
     """
     project.ran.clear()
     run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
@@ -168,19 +159,7 @@ def calibrate_recordings(
     run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
-    """Calibrate from recordings in place of a robot: fit every model to some, test on others.
-
-    All of them are judged first: where one is refused, nothing is written, and a folder that was begun goes away.
-
-    Args:
-        asked: The model to recommend. Chosen joint by joint when None.
-        run: Which rows fits see, and how they are tested; its error limit holds for the test too.
-        progress: Given a step's name, returns a callback for the share done.
-
-    Raises:
-        DataError: Something is wrong with a recording that `run.accept` does not name, or rows are in both.
-        InputError: No recording to train on or to test on, one that is in both, or options that contradict each other.
-    """
+    """Calibrate from recordings in place of a robot: fit every model to some, test on others; all are judged first."""
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
     project.ran.clear()
@@ -280,9 +259,7 @@ def conclude(
         ).evaluate()
         for name in models
     }
-    deployment = None
-    if deployed is not None:
-        deployment = read_state(deployed, Deployment, "delete it, and `catenary calibrate PROJECT` makes it again")
+    deployment = None if deployed is None else json.loads(deployed.read_bytes())
     page = project.folder / "report.html"
     best = results[RECOMMENDED]
     concluded = CalibrationResult(

@@ -57,16 +57,9 @@ class Deployment:
 def deploy_on_robot(
     plant: FirmwarePlant[Any] | CrtkClient, model: CalibrationModel, trajectory: Trajectory, *, real_time: bool = False
 ) -> Deployment:
-    """Run a model in the 1 kHz loop of a robot that follows a trajectory by its own firmware.
+    """Run a model in the 1 kHz loop of a robot, homed and enabled, that follows a trajectory by its own firmware.
 
-    Args:
-        plant: Homed and enabled; its external encoders are read in every tick.
-        model: Fitted to recordings of this robot.
-        real_time: Keep time with the clock also on a simulated robot, to see jitter and overruns.
-
-    Raises:
-        LimitError: The trajectory leaves the limits; nothing has moved.
-        InputError: The robot lacks a joint or an input of the model.
+    A trajectory beyond the limits, and a robot that lacks what the model takes, are refused before anything moves.
     """
     places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
     corrector = Corrector(model)

@@ -89,24 +89,10 @@ class ProjectSettings:
 
 
 class Project:
-    """A folder and what has been done in it.
-
-    What it writes it writes under the folder's lock: for one step, or as a context manager from the first step that
-    has to be done until the end. A folder that it began goes away again when what is done in it is refused before
-    anything is there.
-    """
+    """A folder and what has been done in it, under its lock; one refused before anything is there goes away again."""
 
     def __init__(self, folder: Path, settings: ProjectSettings) -> None:
-        """Open a project, or begin one.
-
-        Args:
-            settings: Written into it where they differ from its own.
-
-        Raises:
-            FileFormatError: The folder cannot be made, or holds other things than a project.
-            InUseError: The settings differ, and another process is writing in the folder.
-            ConfigError: Its steps.json is damaged.
-        """
+        """Open a project, or begin one; the settings are written into it where they differ from its own."""
         self.folder, self.settings = folder, settings
         self.ran: list[str] = []  # steps that were run since it was opened; all others had been done
         self._lock, self._depth = FolderLock(folder), 0
@@ -127,10 +113,7 @@ class Project:
                 write(folder / SETTINGS, asdict(settings))
 
     def done(self, step: str, made_from: Any, files: Sequence[Path]) -> bool:
-        """Return whether a step was done with the same settings and inputs, and its files hold what it wrote.
-
-        Sizes and times are compared, and bytes only where a time differs (`state.hold`).
-        """
+        """Return whether a step was done from the same, and its files hold what it wrote (`state.hold`)."""
         entry = self._steps.get(step)
         if entry is None or entry["made_from"] != fingerprint(made_from):
             return False
@@ -145,17 +128,10 @@ class Project:
         *,
         trusted: bool = True,
     ) -> bool:
-        """Do a step unless it was done; return whether it was done now.
+        """Do a step unless it was done with `made_from`, plain data, and its files hold; return whether it was done.
 
-        Args:
-            made_from: Everything that it depends on, as plain data.
-            files: What it writes, files or folders.
-            work: Does it; what it returns is noted beside the step.
-            trusted: False where what was done cannot be used, whatever is noted of it.
-
-        Raises:
-            InUseError: Another process is writing in the project.
-            FileFormatError: A file that it should have written is not there when its work ends; it is not noted.
+        What `work` returns is noted beside it. A step that is not `trusted` is done; one that left no files is not
+        noted.
         """
         if trusted and self.done(step, made_from, files):
             return False

@@ -21,12 +21,8 @@ from catenary.workflows.project.state import contents, describe, hold, missing
 def extract_recording(project: Project, name: str) -> bool:
     """Synchronise recordings/NAME into a motion log, NAME.parquet; return whether that had to be done.
 
-    A recording that no step made is extracted as well: somebody put it there, or what recorded it was killed. Of one
-    that is not whole what is whole is taken; the report, the log's notes and the step say so (`rescued`).
-
-    Raises:
-        ConfigError: There is no such recording.
-        FileFormatError, InputError: Nothing in it can be read, or a topic without which there is no log lacks messages.
+    Of a recording that is not whole what is whole is taken; the report, the log's notes and the step say so
+    (`rescued`).
     """
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
     recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report]
@@ -66,10 +62,7 @@ def extract_recording(project: Project, name: str) -> bool:
 
 
 def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
-    """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless that was done; return them.
-
-    What a killed command has left half written is no bag, and goes away; bags of others are never overwritten.
-    """
+    """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless done; never over bags of others."""
     step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
     files = [project.folder / written for written in project.outputs_of(step) or {}]
     made_from = contents(describe(project.folder, [recording]), f"recordings/{name}")

@@ -79,15 +79,7 @@ class ProjectRobot(ABC):
         after: str,
         progress: Progress = silent,
     ) -> bool:
-        """Drive it along a trajectory and record that into recordings/NAME; return whether that had to be done.
-
-        `motion` says as plain data what the trajectory, of the calibrated joints, is; `after` is "home" or the name of
-        the recording before.
-
-        Raises:
-            LimitError: The motion leaves the joint limits; nothing has moved.
-            ConfigError: The step before was not done.
-        """
+        """Drive it along a trajectory of the calibrated joints and record that; return whether that had to be done."""
         before = after if after == "home" else f"record {after}"
         made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(before)]
         take = Take(project.folder / "recordings" / name, name, trajectory, motion, after, progress)
@@ -237,13 +229,7 @@ class RosRobot(ProjectRobot):
         patience: float = PATIENCE,
         homing_patience: float = HOMING,
     ) -> None:
-        """Take a transport.
-
-        Args:
-            simulated: What is behind the topics, which do not say it.
-            patience: [s] until the robot must report what a person has done.
-            homing_patience: [s] from the press of its button until it must be homed.
-        """
+        """Take a transport, and how long [s] to wait for what a person does, and for homing."""
         self._transport, self._guide, self._simulated = transport, guide, simulated
         self._patience, self._homing_patience = patience, homing_patience
         self._is_clear = False  # whether the workspace was said to be
@@ -266,10 +252,7 @@ class RosRobot(ProjectRobot):
         return project.run("home", [settings.robot, settings.side, settings.connection, *place], [path], work)
 
     def drive(self, project: Project, take: Take) -> None:
-        """Record over the robot's topics; a recording that was cut off goes on from its last whole pass.
-
-        Unless the robot had to home since: its joints' zeros are not those of the passes before.
-        """
+        """Record over topics, on from the last whole pass of one that was cut off, unless it had to home since."""
         with self._connected(project) as client, paused_if_interrupted(client):
             kind = kind_of(project.settings)
             check_motion(client, take.trajectory, joints=kind.joints)

@@ -13,7 +13,6 @@ from catenary.errors import ConfigError, FileFormatError
 from catenary.files import damage, fingerprint, sha256_of
 
 MOST_STATE = 2**20  # [B]; steps.json of a hundred recordings has some 50 kB
-Few = Field(max_length=1_000)  # joints
 Count = Annotated[int, Field(ge=0)]
 
 
@@ -39,44 +38,8 @@ class StepsFile(Recorded):
     steps: dict[str, StepEntry]
 
 
-class HomeFile(Recorded):
-    """robot/home.json: what is believed is known; an encoder may be missing."""
-
-    simulated: bool
-    seconds: float | None = None
-    joint_names: Annotated[tuple[str, ...], Few]
-    believed: Annotated[tuple[float, ...], Few]
-    external_encoders: Annotated[tuple[float | None, ...], Few] | None = None
-
-
-class ExtractedTopic(Recorded):
-    """A topic that was extracted; rates are null of a single message."""
-
-    topic: str
-    messages: Count
-    rate: float | None
-    longest_gap: float | None
-
-
-class ExtractionFile(Recorded):
-    """NAME.synchronised.json."""
-
-    topics: tuple[ExtractedTopic, ...]
-    rows: Count
-    problems: tuple[str, ...]
-
-
 def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None = None) -> Any:
-    """Read one of a project's JSON files, as plain data that its schema has seen.
-
-    Args:
-        remedy: What makes it again, for the message.
-        below: Key of the schema that stands for the whole file.
-
-    Raises:
-        ConfigError: It is missing, empty, no JSON, or holds something else; the message names it and ends with the
-            remedy.
-    """
+    """Read a project's JSON file by its schema, whole or below a key; ConfigError names it and ends with the remedy."""
     try:
         content = json_value(read_bounded(path, MOST_STATE), str(path))
         parse_settings(content if below is None else {below: content}, schema, str(path))
@@ -87,10 +50,7 @@ def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None 
 
 
 def describe(folder: Path, outputs: Sequence[Path]) -> dict[str, dict[str, Any]]:
-    """Return `size`, `mtime_ns` and `sha256` of every file of a step, by its path below the project's folder.
-
-    Their bytes are then on the disk (fsync), so that what is noted as done survives a power cut.
-    """
+    """Return `size`, `mtime_ns`, `sha256` of a step's files by their path, once their bytes are on the disk (fsync)."""
     described = {}
     for output in outputs:
         for path in _files(output):
@@ -110,11 +70,7 @@ def missing(outputs: Sequence[Path]) -> list[Path]:
 
 
 def hold(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Return whether files still hold what `describe` saw: the same files, and the same bytes in each.
-
-    Cheap: a file of the same size and time is believed, and only one whose time differs is hashed. So what changes
-    bytes and leaves size and time is not found here, but by the checksums of journals, Parquet and models.
-    """
+    """Return whether files still hold what `describe` saw; one of the same size and time is believed, not hashed."""
     there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
     return there.keys() == described.keys() and all(_holds(path, described[name]) for name, path in there.items())
 

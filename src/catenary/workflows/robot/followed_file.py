@@ -48,20 +48,11 @@ class FollowedFile:
 
 
 def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> FollowedFile:
-    """Read a motion.
+    """Read a motion; `rows_per_second` of a file without times, that of the published zig-zags when None.
 
-    A table of text, as `catenary import` reads it, with a heading that states units, as in `time [s],shoulder
-    [deg],insertion [mm]` or in a line of units behind the names, or that of `catenary excitation` (`t [s],q:shoulder
-    [rad],...,dq:shoulder [rad/s],...`, of which positions are taken); numbers alone in the layout of the published
-    zig-zags (rad, rad, m, no times); a motion log, `.parquet`; an `.npz` with `q` or `q_des` (N, k), `t` (N,) [s],
-    `units` and `joint_names` (k,).
-
-    Args:
-        rows_per_second: Of a file without times; that of the published zig-zags when None.
-
-    Raises:
-        FileFormatError: No such file, another kind, damaged, no units, or something is missing.
-        InputError: Times that do not rise, numbers that are not finite, or a rate for a file that has times.
+    A table of text with units in its heading (`time [s],shoulder [deg]`), or that of `catenary excitation`; numbers
+    alone in the layout of the published zig-zags (rad, rad, m); a motion log, `.parquet`; an `.npz` with `q` or `q_des`
+    (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
     """
     if not path.is_file():
         raise FileFormatError(no_file(path))

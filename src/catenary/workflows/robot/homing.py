@@ -63,12 +63,7 @@ def clear_workspace(guide: Guide) -> None:
 def have_done(
     guide: Guide, text: str, missing: Check, sleep: Callable[[float], None], *, patience: float = PATIENCE
 ) -> None:
-    """Ask for something to be done unless the robot reports that it is, and wait until it does.
-
-    Args:
-        missing: What the robot reports as missing.
-        patience: [s] after each answer until the robot must report it; then it is asked again.
-    """
+    """Ask for something to be done unless the robot reports that it is, and wait `patience` [s] after each answer."""
     if missing() is None:
         return
     while True:
@@ -110,16 +105,7 @@ class Homing:
 
 
 def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
-    """Home a robot unless it is homed; one behind a transport is paused then.
-
-    Args:
-        robot: Simulated here, in any state, or behind a transport.
-        guide: Asks the person beside a robot behind a transport; says yes by itself where that one is simulated.
-
-    Raises:
-        NotReadyError: Given up, in FAULT, or not homed in time.
-        TransportError: The robot fell silent.
-    """
+    """Home a robot, in any state, unless it is homed; one behind a transport is paused then, and its person asked."""
     plant = robot.plant
     begin = plant.measured_js().time
     was_run = not plant.operating_state().is_homed
@@ -142,11 +128,7 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
 def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -> None:
     """Home a robot whose workspace is clear: by its own button, or by commands where its dialect has them.
 
-    A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state.
-
-    Args:
-        guide: Has the button pressed; one that only says yes presses a simulated robot's.
-        patience: [s] until it must be homed.
+    An interrupted homing is ended by `disable`, which acts in every state; `patience` in s.
     """
     asked = False
     try:

@@ -24,11 +24,7 @@ ARRIVED = 1e-6  # [rad|m]
 def at_rest_afterwards(plant: Plant, began: Callable[[], bool] = lambda: True) -> Iterator[None]:
     """Pause a robot when what runs inside ends; where an error, Ctrl-C or a signal ends it, hold it first.
 
-    A second Ctrl-C does not keep it from being paused. What fails on the way is told with the error.
-
-    Args:
-        plant: Enabled and homed.
-        began: Whether anything has moved; one of our errors before that is a refusal, and changes no state.
+    One of our errors before anything `began` to move is a refusal, and changes no state.
     """
     try:
         yield
@@ -87,15 +83,7 @@ def check_motion(
     joints: Sequence[str] | None = None,
     max_velocity: ArrayLike | None = None,
 ) -> None:
-    """Refuse a trajectory that leaves the joint limits or moves too fast.
-
-    Args:
-        joints: Names of the joints that it moves, in its order; all when None.
-        max_velocity: (k,) largest speed [rad/s or m/s]; not checked when None.
-
-    Raises:
-        LimitError: The first violation: which joint, when, value and limit.
-    """
+    """Refuse a trajectory of named joints, or all, beyond the limits or `max_velocity` (k,) [rad/s|m/s]: LimitError."""
     moved = _indices(limits, trajectory, joints)
     lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
     fastest = np.full(len(moved), np.inf)
@@ -162,18 +150,11 @@ def move_to(
     observe: Observer | None = None,
     progress: Progress = silent,
 ) -> None:
-    """Bring a plant to a joint position, all joints arriving together; joints not named hold their setpoint.
+    """Bring the named joints, or all, to q (k,) [rad|m], arriving together; the others hold their setpoint.
 
-    It may start outside the limits, as after homing against a stop, but not end there.
-
-    Args:
-        q: (k,) where to [rad or m].
-        joints: Names of the k joints, in the order of q; all when None.
-        max_velocity: (k,) [rad/s or m/s]; GENTLE_VELOCITY when None.
-
-    Raises:
-        LimitError: The goal lies outside the limits; nothing has moved.
-        NotFiniteError: Measured positions were not finite for 20 ticks in a row; the robot holds, and is paused.
+    A goal outside the limits is a LimitError, before anything moves; a start there is not. `max_velocity` (k,)
+    [rad/s|m/s] is GENTLE_VELOCITY when None. Where measured positions are not finite for 20 ticks the robot is paused:
+    NotFiniteError.
     """
     require_ready(plant, "servo_jp")
     moved = _named_indices(plant, joints)
@@ -191,19 +172,11 @@ def run_trajectory(
     observe: Observer | None = None,
     progress: Progress = silent,
 ) -> None:
-    """Run a trajectory on a plant, one setpoint a tick; joints not named hold their setpoint.
+    """Run a trajectory on a plant, one setpoint a tick; joints not named hold their setpoint. Errors as `move_to`.
 
-    If the plant's setpoint is not at the trajectory's start it first goes there, gently. Time advances by the
-    plant's period each tick: a late tick delays the motion, it never makes it leap.
-
-    Args:
-        joints: Names of the joints that it moves, in its order; all when None.
-        max_velocity: (k,) largest speed that is let pass [rad/s or m/s]; any when None.
-        observe: Called after every tick, those of the approach included.
-        progress: Called with the share done, from 0 to 1.
-
-    Raises:
-        LimitError, NotFiniteError: As `move_to`.
+    The plant first goes to its start, gently. A late tick delays the motion, it never makes it leap. Speeds up to
+    `max_velocity` (k,) [rad/s|m/s] are let pass, any when None; `observe` is called after every tick, the approach's
+    too.
     """
     require_ready(plant, "servo_jp")
     moved = _indices(plant, trajectory, joints)

@@ -21,11 +21,7 @@ TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetr
 
 
 class Truth(NamedTuple):
-    """Where the joints of a simulated robot are.
-
-    External encoders find their zero at the stops while the robot homes: on RAVEN-II 7.5 deg (elbow) and 10 mm
-    (insertion) from the robot's own (docs/plant.md). A calibration model gives positions in the encoders' sense.
-    """
+    """Where the joints of a simulated robot are; external encoders have their zero elsewhere (docs/plant.md)."""
 
     q: Floats  # (n,) [rad|m] of the joints themselves
     encoders: Floats | None  # (n,) [rad|m] as external encoders tell it, where there are any; NaN before it homes
@@ -62,10 +58,7 @@ class OperatedRobot:
 
     @cached_property
     def tool(self) -> ToolPose | None:
-        """Where the tool is by all of the plant's joints; None where the model itself ends at the tool.
-
-        A RAVEN-II's model ends at its wrist, before the joints that turn the tool.
-        """
+        """Where the tool is by all of the plant's joints; None where the model itself ends at the tool."""
         kind = KINDS.get(self.model.name)
         if kind is None or kind.whole == kind.robot or self.plant.joint_names != kind.joints:
             return None
@@ -99,13 +92,7 @@ class OperatedRobot:
 
 
 def operated_robot(robot: str, where: Simulated | OverTopics, *, real_time: bool = True) -> OperatedRobot:
-    """Open a robot that is operated; errors as `open_robot`.
-
-    Args:
-        robot: Name in the catalogue, or a robot file.
-        where: Simulated here, or behind a transport: the plant then is a client, the caller's to close.
-        real_time: False lets the ticks of a simulated one be as short as the machine makes them.
-    """
+    """Open a robot of the catalogue or a file, in real time; one behind a transport is the caller's to close."""
     plant, model = open_robot(robot, where), load_robot(robot)
     if isinstance(plant, CrtkReader):
         return OperatedRobot(model.name, plant, model, lambda: plant.late)

@@ -93,16 +93,7 @@ def go_to_joints(
     speed: float = 1.0,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Bring joints to a position, gently, all arriving together.
-
-    Args:
-        q: (k,) [rad|m].
-        joints: Their names; the first k when None.
-        speed: Times the gentle one, 0.2 rad/s and 10 mm/s.
-
-    Raises:
-        LimitError, NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.move_to`; nothing moved.
-    """
+    """Bring the named joints, or the first k, to q (k,) [rad|m] together, `speed` times gently; errors as `move_to`."""
     goal = as_array("q", q, (None,))
     names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
     if not 0.0 < speed <= 5.0:
@@ -114,13 +105,7 @@ def go_to_joints(
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
-    """Return joints (n,) [rad|m], near where they are, that bring the tool to (3,) [m] in the base frame.
-
-    Joints of a RAVEN-II that turn the tool stay; of other robots the tool keeps its orientation where it can.
-
-    Raises:
-        UnreachablePoseError: It cannot be reached.
-    """
+    """Return joints (n,) [rad|m], near where they are, that bring the tool to (3,) [m] in the base frame."""
     q = robot.plant.setpoint_js().q
     model = robot.with_tool_at(q)
     start = np.clip(q[: model.n], model.lower, model.upper)
@@ -154,16 +139,10 @@ def follow(
     from_afar: bool = False,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Check the whole motion of a file, go to its start gently, and follow it.
+    """Check the whole motion of a file, go to its start gently, and follow it, velocities averaged over `blend` [s].
 
-    Args:
-        blend: [s] over which velocities are averaged.
-        largest_velocity: Per unit, rad and m [rad/s, m/s]; LARGEST_VELOCITY when None.
-        from_afar: Also start from farther away than NEAR.
-
-    Raises:
-        LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.
-        NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.run_trajectory`.
+    Beyond limits or `largest_velocity` by unit (LARGEST_VELOCITY [rad/s, m/s] when None), or from farther away than
+    NEAR, unless `from_afar`, it is refused before anything moves.
     """
     plant, motion = robot.plant, file.trajectory(blend)
     names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names

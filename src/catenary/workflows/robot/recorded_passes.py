@@ -24,13 +24,7 @@ PASS = 20.0  # [s] of a motion, which a recording that is cut off loses at most
 def record_passes(
     client: CrtkClient, recorder: TopicRecorder, motion: GoneOn, *, joints: Sequence[str], progress: Progress
 ) -> None:
-    """Drive a robot along a motion, or what is left of one, and record the topics meanwhile.
-
-    Args:
-        client: Homed and enabled.
-        joints: Those that move.
-        progress: Called with the share done, of the whole motion.
-    """
+    """Drive joints of a homed, enabled robot along what is left of a motion, and record."""
     start, moved = motion(0.0).q, [client.joint_names.index(name) for name in joints]
     move_to(client, start, joints=joints)
     sent = np.array(client.setpoint_js().q)

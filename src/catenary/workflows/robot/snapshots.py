@@ -19,10 +19,8 @@ from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
 from catenary.crtk.transport import Latest
 from catenary.errors import InputError, TransportError
 from catenary.monitor import EventRate, Snapshot
-from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
+from catenary.plant import JointState, MotionLog, fault_of, places_of
 from catenary.raven2.transmission import CALIBRATED
-from catenary.trajectories.reference import InTurn, Trajectory
-from catenary.workflows.robot.motion import gentle_way
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
 EVERY = 0.04  # [s] between two samples: 25 a second
@@ -95,47 +93,24 @@ def watch_robot(
     *,
     model: Path | None = None,
     every: float = EVERY,
-    motion: Trajectory | None = None,
-    observe: Callable[[], str | None] = lambda: None,
+    tick: Callable[[], None] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Snapshot]:
-    """Yield a snapshot every so often, for as long as somebody takes them; a robot is only read.
-
-    Without a model, joints are calibrated where `catenary deploy` runs beside a robot on ROS. What is compiled on first
-    use is compiled before the first sample, and the robot's first state is waited for.
-
-    Args:
-        model: Calibration model to run beside it.
-        motion: What a simulated robot does meanwhile.
-        observe: Called after each tick, as a recorder is; returns a line to show.
-
-    Raises:
-        InputError: A model that does not fit the robot, or a motion for a robot that is not simulated here.
-    """
+    """Yield a snapshot `every` so often [s]; `tick` is called after each tick of the robot's, which is only read."""
     plant = robot.plant
-    if motion is not None and not plant.simulated:
-        raise InputError("monitor: only a robot that is simulated here can be given a motion")
     corrected: _Calibrated | _Deployed | None = None
     if model is not None:
         corrected = _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
     elif isinstance(plant, CrtkReader):
         corrected = _Deployed(plant)
-    path: Trajectory | None = None
-    if motion is not None:
-        start = motion(0.0).q
-        k = len(start)
-        path = InTurn([gentle_way(plant.setpoint_js().q[:k], start, plant.joint_units[:k]), motion])
     states, late = EventRate(), EventRate()
     prepared, patience = False, clock() + FIRST_STATE
-    seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
+    seen_late, last, next_sample = robot.late(), None, clock()
     state: JointState | None = None
     while True:
         silent = None
         try:
-            if path is not None:
-                _follow(plant, path, begun)
             plant.wait()
-            begun += plant.period
             state = plant.measured_js()
             setpoint: Floats | None = plant.setpoint_js().q
             if setpoint is not None and np.isnan(setpoint).all():
@@ -152,7 +127,7 @@ def watch_robot(
             _truth(robot, state.q, None)
             prepared, seen_late, next_sample = True, robot.late(), clock()
             continue
-        line = observe()
+        tick()
         now = clock()
         if silent is None and state.time != last:
             states.count(now)
@@ -171,7 +146,7 @@ def watch_robot(
             gravity_tau=robot.gravity_torque(state), gravity=state.gravity, gravity_age=state.gravity_age,
             operating=operating, fault=fault_of(plant) if operating.state == "FAULT" else "",
             lower=plant.lower, upper=plant.upper, rate_hz=states.hertz(now),
-            late=late.within(now), silent=silent, recording=line, **_truth(robot, state.q, latest.q),
+            late=late.within(now), silent=silent, **_truth(robot, state.q, latest.q),
         )  # fmt: skip
 
 
@@ -237,12 +212,3 @@ def corrected_rows(log: MotionLog, model: CalibrationModel) -> tuple[Floats, Fla
     correction, inside[:, places], interval[:, places] = model.correct(features, q[:, places], leaping)
     q[:, places] += correction
     return q, inside, interval
-
-
-def _follow(plant: Plant, path: Trajectory, time: float) -> None:
-    """Send the setpoint of a path's first joints at a time [s]; nothing to a robot that is not to be moved."""
-    state = plant.operating_state()
-    if state.state == "ENABLED" and state.is_homed and not state.is_busy:
-        q, moved = np.array(plant.setpoint_js().q), path(time).q
-        q[: len(moved)] = moved
-        plant.servo_jp(q)

@@ -5,32 +5,23 @@ and bytes. Topics that come faster than they are wanted are thinned, by their ow
 rate is kept whole, also where a busy machine lets it in by bursts.
 """
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-import numpy as np
-
-from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
-from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
 from catenary.errors import FileFormatError, InputError, RecordingError
-from catenary.raven2.topics import ARM_OF_SIDE, RAVENSTATE, RAVENSTATE_100HZ, in_channels, raven_topics
+from catenary.raven2.topics import RAVENSTATE, RAVENSTATE_100HZ
 from catenary.recording.journal import About, JournalTopic, JournalWriter, LeftOff
 from catenary.recording.journal_reader import JournalReader, is_journal
-from catenary.recording.recorder import Recorder
-from catenary.robots.catalog import RAVEN_SIDES
 from catenary.side_by_side import Progress, silent
-from catenary.simulation.cable_plant import REPORTED
 from catenary.topics import Topic
-from catenary.workflows.robot.operated_robot import OperatedRobot
 
 DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
 TICK = 0.02  # [s] between two `collect` of a recording without a motion of ours
@@ -95,12 +86,9 @@ class TopicRecorder:
         after: LeftOff | None = None,
         ready: Callable[[Self], None] = lambda _: None,
     ) -> None:
-        """Begin a recording, or go on with one.
+        """Begin a recording, or go on `after` where one was cut off: what is missing since is noted in it.
 
-        Args:
-            topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
-            after: Where it was cut off; what is missing since is noted in it.
-            ready: Called when the topics are listened to, before a file is made; an error of its ends it.
+        `ready` is called when all are listened to, before a file is made; an error of its ends it.
         """
         self._after = after
         self._kept: list[_Kept] = []
@@ -242,21 +230,7 @@ def record_topics(
     required: Sequence[str] = (),
     progress: Progress = silent,
 ) -> RecordedTopics:
-    """Record what a robot publishes, whoever moves it; Ctrl-C or a signal ends the recording properly.
-
-    Args:
-        seconds: How long; infinity until Ctrl-C.
-        after: Where the recording was cut off, which goes on.
-        required: Names of topics without which it is no recording.
-        progress: Called with the share done.
-
-    Returns:
-        What came of each topic, and how long it was recorded.
-
-    Raises:
-        InputError: The time is not positive, or the folder holds a recording.
-        RecordingError: A required topic never came, or the disk is full.
-    """
+    """Record what a robot publishes for so many seconds, or on `after` a cut; every required topic must come."""
     if not seconds > 0.0:
         raise InputError(f"recording: expected more than 0 s, got {seconds}")
     begin, ended_by = transport.steady(), ""
@@ -276,10 +250,7 @@ def record_topics(
 
 
 def left_off(folder: Path, about: About, topics: Sequence[Topic], now: int, *, in_passes: bool) -> LeftOff | None:
-    """Return where a recording of the same kind was cut off, at `now` [ns]; None where there is none to go on with.
-
-    One that seems to end later than now was made by another clock, and cannot go on.
-    """
+    """Return where a recording of the same kind was cut off, at `now` [ns]; None where none can go on."""
     if not is_journal(folder):
         return None
     try:
@@ -292,85 +263,3 @@ def left_off(folder: Path, about: About, topics: Sequence[Topic], now: int, *, i
         return None
     found = reader.left_off(in_passes=in_passes)
     return found if found is not None and found.last < now else None
-
-
-_PER_AXIS = tuple(REPORTED)
-_ENCODERS = ("joint_enc", "ext_jpos")
-_MEASURED = ("measured_js", "measured_js_velocity", "measured_js_effort")
-COLLECT = 0.02  # [s] between two looks at what came over the wire
-
-
-class BesideRecorder:
-    """Records a RAVEN-II's topics into a folder; what fails ends the recording and nothing else."""
-
-    def __init__(self, robot: OperatedRobot, folder: Path, *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin a recording.
-
-        Raises:
-            InputError: Another robot, or a folder that holds a recording.
-            RecordingError: The files cannot be made.
-        """
-        if robot.name not in RAVEN_SIDES:
-            raise InputError(f"--record: records a RAVEN-II's topics; the robot is {robot.name}")
-        self._robot, self._folder, self._clock = robot, folder, clock
-        self._arm = ARM_OF_SIDE[RAVEN_SIDES[robot.name]]
-        topics = raven_topics(self._arm)
-        about = About(robot=robot.name, simulated=robot.plant.simulated, configuration={"motion": "by hand"})
-        self._recorder: TopicRecorder | Recorder
-        if isinstance(robot.plant, CrtkReader):
-            self._recorder = TopicRecorder(robot.plant.transport, folder, topics, about=about)
-        else:
-            available = [*_PER_AXIS, *_ENCODERS, *_MEASURED, "runlevel", "type", "dt"]
-            rng = np.random.default_rng(0)
-            self._recorder = Recorder(folder, topics, available, rng, about=about, start_ns=time.time_ns())
-            self._begin = robot.plant.measured_js().time
-        self._looked, self._counted, self._messages, self._rate = -np.inf, clock(), 0, 0.0
-        self.failure: str | None = None
-
-    @property
-    def messages(self) -> int:
-        """Number of messages recorded until now."""
-        return self._recorder.journal.messages
-
-    def observe(self) -> str:
-        """Record a tick; return a line on how the recording goes."""
-        now = self._clock()
-        if self.failure is None:
-            try:
-                self._take(now)
-            except RecordingError as error:
-                self.failure = str(error)
-        if self.failure is not None:
-            return f"recording ended: {self.failure}"
-        if now - self._counted >= 1.0:
-            self._rate = (self.messages - self._messages) / (now - self._counted)
-            self._counted, self._messages = now, self.messages
-        return f"recording {self._folder.name}: {self.messages} messages, {self._rate:.0f} /s"
-
-    def close(self) -> str:
-        """Finish the recording; return a line on what is in it."""
-        try:
-            self._recorder.close()
-        except RecordingError as error:
-            self.failure = self.failure or str(error)
-        ended = "" if self.failure is None else f"; ended by: {self.failure}"
-        return f"{self._folder}: {self.messages} messages recorded{ended}"
-
-    def _take(self, now: float) -> None:
-        if isinstance(self._recorder, Recorder):
-            at = round(self._robot.plant.measured_js().time - self._begin, 6)
-            if at >= self._recorder.next_due and at > 0.0:
-                self._recorder.observe(at, self._columns())
-        elif now - self._looked >= COLLECT:
-            self._looked = now
-            self._recorder.collect()
-
-    def _columns(self) -> Mapping[str, Floats]:
-        """Return what a simulated arm reports, in raven_state's channels, those of the other arm zero."""
-        plant = self._robot.plant
-        telemetry, state = plant.telemetry(), plant.measured_js()
-        columns = {name: in_channels(self._arm, telemetry[name]) for name in _PER_AXIS}
-        columns |= {name: telemetry[name] for name in _ENCODERS}
-        columns |= dict(zip(_MEASURED, (state.q, state.qd, state.tau), strict=True))
-        running = 3.0 if plant.operating_state().state == "ENABLED" else 2.0  # pedal down, pedal up
-        return columns | {"runlevel": np.array([running]), "type": np.zeros(2), "dt": np.array([plant.period])}
