@@ -56,13 +56,6 @@ def test_what_is_open_is_asked_and_nothing_is_accepted_then(
         proposal.accepted()
 
 
-def test_units_follow_from_ranges_beside_each_other(tmp_path: Path) -> None:
-    proposal = of_table(tmp_path, "cmd1_rad,cmd2_rad,encoder1,encoder2", *Q.T, *np.rad2deg(Q).T)
-    mapping = proposal.accepted()
-    assert mapping.q_encoder is not None
-    assert mapping.q_encoder.units == ("deg", "deg")
-
-
 def test_columns_that_never_change_and_currents_are_set_aside_and_said(tmp_path: Path) -> None:
     still = np.ones((len(T), 2))
     proposal = of_table(tmp_path, "q1_rad,q2_rad,enc1_rad,enc2_rad,current1,current2", *Q.T, *still.T, *Q.T)
@@ -92,14 +85,6 @@ def test_a_slide_in_mm_among_angles_in_rad_is_told_by_its_range(
     assert any("the units of q_nominal" in one for one in proposal.questions) == (is_open and scale > 1.0)
 
 
-def test_two_topics_that_may_both_be_the_encoder_are_asked(tmp_path: Path) -> None:
-    topics = ("/arm/joint_states", "/vicon/joints", "/camera/joints")
-    messages: list[Message] = [(t, topic, joint_state(JOINTS, true_q(t))) for t in T for topic in topics]
-    bag = write_bag(tmp_path / "lab", "ros1", dict.fromkeys(topics, JOINT_STATE), messages)
-    proposal = propose_mapping(bag)
-    assert any("/vicon/joints.position or /camera/joints.position" in one for one in proposal.questions)
-
-
 @settings(max_examples=30)
 @given(st.text(max_size=12), st.sampled_from(["q_nominal", "signal:x", "time", "ok", "other"]))
 def test_any_text_as_an_option_is_a_mapping_or_refused(text: str, quantity: str) -> None:
@@ -123,16 +108,6 @@ def moving(rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
     t = np.linspace(0.0, 20.0, rows)
     q = np.column_stack([30.0 * np.sin(t), 20.0 * np.cos(1.3 * t), 150.0 + 25.0 * np.sin(0.7 * t)])
     return q, 1.02 * q + 0.5
-
-
-def test_an_array_without_names_is_parted_into_time_commands_and_measurements(tmp_path: Path) -> None:
-    q, seen = moving()
-    np.savez(tmp_path / "three.npz", data=np.column_stack([0.05 * np.arange(len(q)), np.deg2rad(q), np.deg2rad(seen)]))
-    proposal = propose_mapping(tmp_path / "three.npz", units="rad")
-    assert 'time = "data[0]"' in proposal.toml
-    assert 'columns = ["data[1]", "data[2]", "data[3]"]' in proposal.toml
-    assert 'columns = ["data[4]", "data[5]", "data[6]"]' in proposal.toml
-    assert any("which moves with it" in question for question in proposal.questions)
 
 
 def test_units_behind_the_names_and_words_of_a_lab_are_enough(tmp_path: Path) -> None:
