@@ -96,6 +96,27 @@ def test_messages_without_stamps_are_taken_at_their_arrival_and_nan_is_no_measur
     assert_allclose(log.q_encoder[log.ok], log.q_nominal[log.ok])
 
 
+@pytest.mark.parametrize("good", [1, 200])  # not 0, as docs have it: a quality, too
+def test_what_lies_between_a_good_sample_and_a_bad_one_is_not_trusted(good: int, tmp_path: Path) -> None:
+    """A camera at 30 Hz beside a robot at 100 Hz, which writes zeros where it sees nothing."""
+    t, s = np.arange(0.0, 10.0, 0.01), np.arange(0.003, 10.0, 0.033)
+    seen, valid = true_q(s) + 0.01, np.full(len(s), good)
+    seen[100:103], valid[100:103] = 0.0, 0
+    robot, camera = tmp_path / "robot.csv", tmp_path / "camera.csv"
+    np.savetxt(robot, np.column_stack([t, true_q(t)]), delimiter=",", header="t,q1,q2,q3", comments="")
+    np.savetxt(camera, np.column_stack([s, seen, valid]), delimiter=",", header="t,cam1,cam2,cam3,valid", comments="")
+    options = ["q_nominal=q1,q2,q3", "q_encoder=cam1,cam2,cam3", "ok=valid"]
+    log = import_recording([robot, camera], options, units="rad,rad,m")
+    assert log.time is not None
+    assert log.q_encoder is not None
+    inside = (log.time > s[99]) & (log.time < s[103])
+    assert np.array_equal(log.ok, (log.time >= s[0]) & (log.time <= s[-1]) & ~inside)
+    assert_allclose(log.q_encoder[log.ok], true_q(log.time[log.ok]) + 0.01, atol=STRAIGHT)
+    np.savetxt(robot, np.column_stack([t, true_q(t), t != 5.0]), delimiter=",", header="t,q1,q2,q3,valid", comments="")
+    both = import_recording([robot, camera], units="rad,rad,m", accept_proposal=True)
+    assert np.flatnonzero(log.ok & ~both.ok).tolist() == [500]
+
+
 def test_clocks_that_nobody_set_are_left_for_arrivals(tmp_path: Path) -> None:
     from lab_bags import header
 

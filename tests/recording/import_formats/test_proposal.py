@@ -5,6 +5,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -62,6 +65,18 @@ def test_columns_that_never_change_and_currents_are_set_aside_and_said(tmp_path:
     assert any("never changes" in said for said in proposal.decisions)
     assert any("needs a scale" in said for said in proposal.decisions)
     assert proposal.accepted().q_encoder is None
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_rows_of_which_a_truth_value_is_missing_are_not_trusted(ending: str, tmp_path: Path) -> None:
+    is_seen = [True] * 100 + [None] * 10 + [False] * 10 + [True] * 180
+    columns = {"t": T, "q1": Q[:, 0], "q2": Q[:, 1], "camera1": Q[:, 0] + 0.01, "camera2": Q[:, 1] + 0.01}
+    table = pa.table(columns | {"valid": pa.array(is_seen)})
+    path = tmp_path / f"lab.{ending}"
+    (pyarrow.csv.write_csv if ending == "csv" else pq.write_table)(table, path)
+    assert 'ok = ["valid"]' in propose_mapping(path, units="rad").toml
+    log = import_recording(path, units="rad", accept_proposal=True)
+    assert np.flatnonzero(~log.ok).tolist() == list(range(100, 120))
 
 
 @pytest.mark.parametrize(

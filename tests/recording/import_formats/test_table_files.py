@@ -139,10 +139,20 @@ def test_arrays_of_other_programs_are_read_by_name(make, tmp_path: Path) -> None
 
 def test_a_matlab_file_with_an_encoder_of_its_own_rate_and_time(tmp_path: Path) -> None:
     slow = np.arange(0.0, 6.0, 0.03)
-    content = {"t": T, "cmd": Q, "t_cam": slow, "cam": true_q(slow) + 0.01}
+    cells = np.empty(2, dtype=object)
+    cells[:] = ["lost", Q[:2]]
+    content = {
+        "t": T,
+        "cmd": Q,
+        "t_cam": slow,
+        "cam": true_q(slow) + 0.01,
+        "cells": cells,
+        "images": np.zeros((2, 3, 4)),
+    }
     savemat(tmp_path / "lab.mat", content)
     log = import_recording(tmp_path / "lab.mat", ["q_nominal=cmd", "q_encoder=cam"], units="rad,rad,m")
     assert log.q_encoder is not None
+    assert any("no rows of numbers were left out: cells, images" in note for note in log.notes)
     assert log.ok.mean() > 0.98
     assert_allclose(log.q_encoder[log.ok], Q[log.ok] + 0.01, atol=0.7 * 0.03**2 / 8)
 

@@ -191,12 +191,10 @@ def candidates_of(streams: Sequence[Stream]) -> list[Candidate]:
 
 
 def ok_columns(stream: Stream) -> list[str]:
-    """Return columns of a table that say by name and content where a measurement can be trusted."""
-    return [
-        name
-        for name, values in stream.columns.items()
-        if set(_words(name)) & _OK and bool(np.isin(values, (0, 1)).all())
-    ]
+    """Return columns of a table that say by name and content where a measurement can be trusted; open cells say no."""
+    named = {name: values for name, values in stream.columns.items() if set(_words(name)) & _OK}
+    told = {name: values[np.isfinite(values)] for name, values in named.items()}
+    return [name for name, values in told.items() if len(values) and np.isin(values, (0, 1)).all()]
 
 
 def _of_topic(stream: Stream) -> list[Candidate]:

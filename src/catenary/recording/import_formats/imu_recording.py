@@ -105,7 +105,9 @@ def read_imu(
     measured, turned = (_measured(whole, name, len(values)) for name in ("linear_acceleration", "angular_velocity"))
     without = int((~measured).sum())
     missing = f"; {without} messages say (covariance -1) that they measure no acceleration" if without else ""
-    known = (stamp > np.iinfo(np.int64).min) & measured
+    there = np.isfinite(values).any(axis=1)  # a table may have rows of other sensors between
+    missing += f"; {int((~there).sum())} rows have no reading" * (not there.all())
+    known = (stamp > np.iinfo(np.int64).min) & measured & there
     if known.sum() < _LEAST:
         raise FileFormatError(
             f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}{missing}"
@@ -118,7 +120,7 @@ def read_imu(
         rows = np.hstack([rows[:, 3 * k : 3 * k + 3] @ matrices[k].T for k in range(rows.shape[1] // 3)])
     rate = rows[:, 3:] if rows.shape[1] == 6 and turned[known].all() else None
     if rows.shape[1] == 6 and rate is None:
-        missing = "; its messages say (covariance -1) that they measure no angular velocity"
+        missing += "; its messages say (covariance -1) that they measure no angular velocity"
     said = (why + missing + spread, f"read {', '.join(map(cut, names))}")
     return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
 
