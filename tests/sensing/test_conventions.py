@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
+from catenary.recording.import_formats import sources
 from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.sensing.conventions import DRIVERS, axes_matrix, convention_of
 from catenary.sensing.vector import Kind, Mailbox
@@ -109,7 +110,7 @@ def test_units_in_headers_count(header: str, force: float, rate: float, tmp_path
 
 
 def test_rows_of_other_sensors_are_no_readings_and_one_that_is_no_number_is_a_fault_of_the_check(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As PlotJuggler writes several topics: a row for each message, what is not in it left open."""
     rows = [f"{0.01 * i:.2f},0.1,0.2,9.8," if i % 2 else f"{0.01 * i:.2f},,,,0.5" for i in range(40)]
@@ -117,6 +118,11 @@ def test_rows_of_other_sensors_are_no_readings_and_one_that_is_no_number_is_a_fa
     found = read_imu(tmp_path / "a.csv")
     assert_allclose(found.force, np.tile([0.1, 0.2, 9.8], (20, 1)))
     assert "20 rows have no reading" in found.notes[0]
+    with monkeypatch.context() as long:  # a text that is not held whole, of which only the first rows are looked at
+        long.setattr(sources, "LONG_TEXT", 100)
+        long.setattr(sources, "SAMPLED_NUMBERS", 50)
+        long.setattr("catenary.recording.import_formats.csv_files._BLOCK", 200)
+        assert_allclose(read_imu(tmp_path / "a.csv").time, found.time)
     assert check_file(str(tmp_path / "a.csv")).facts["mean_force"] == pytest.approx([0.1, 0.2, 9.8])
     rows[1] = "0.01,0.1,,9.8,"
     (tmp_path / "a.csv").write_text("\n".join(["t,ax,ay,az,q1", *rows]) + "\n")
