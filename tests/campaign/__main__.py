@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tests.campaign.part import Part, chosen, found_parts
-from tests.campaign.results import Results, markdown, seeds_of
+from tests.campaign.results import Results, seeds_of
 from tests.campaign.run import run_part
 
 OFTEN = 5.0  # between two writings of the results [s]
@@ -23,9 +23,6 @@ def main() -> int:
     if options.replay is not None:
         return replay(options.replay)
     results = Results(options.out)
-    if options.markdown:
-        print(markdown(results.read()))
-        return 0
     parts = chosen([name for name in options.parts if name != "list"])
     if "list" in options.parts:
         entries = results.read()["parts"]
@@ -64,7 +61,7 @@ def _run(results: Results, module: str, part: Part, deadline: float, options: ar
 
     try:
         for seeds in results.following(part, options.seed, options.count):
-            run_part(module, part, seeds, tell, deadline=deadline, out=options.out, workers=options.workers)
+            run_part(module, part, seeds, tell, deadline=deadline, out=options.out)
             if time.monotonic() > deadline:
                 break
     finally:
@@ -90,9 +87,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=1800.0, help="of all parts together (default 1800)")
     parser.add_argument("--seed", type=int, default=0, help="first seed; those that held before are left out")
     parser.add_argument("--out", type=Path, default=Path("build/campaign"), help="folder of the results")
-    parser.add_argument("--workers", type=int, default=1, help="child processes at a time")
     parser.add_argument("--replay", type=Path, metavar="FAILURE", help="a folder below failures/, tried again")
-    parser.add_argument("--markdown", action="store_true", help="print the table of the results, try nothing")
     return parser.parse_args()
 
 

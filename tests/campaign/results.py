@@ -1,4 +1,4 @@
-"""What a campaign has found, kept in one file that several runs add to: seeds, failures; as a table."""
+"""What a campaign has found, kept in one file that several runs add to: seeds, failures."""
 
 import fcntl
 import json
@@ -117,11 +117,3 @@ def _about() -> dict[str, Any]:
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }
-
-
-def markdown(content: Mapping[str, Any]) -> str:
-    """Return the table as Markdown, for docs/reliability.md."""
-    columns = ("target", "tried", "held", "failed")
-    rows = [["part", "asked for", "tried", "held", "failed"], ["---"] + ["---:"] * len(columns)]
-    rows += [[name, *(f"{row[column]:,}" for column in columns)] for name, row in content["parts"].items()]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)

@@ -9,10 +9,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from tests.campaign.child import LONGEST, keep
@@ -23,29 +21,14 @@ START = 120.0  # the longest that imports may take [s], on a busy machine
 Tell = Callable[[int, str | None], object]  # takes a seed, and why it failed
 
 
-def run_part(
-    module: str, part: Part, seeds: range, tell: Tell, *, deadline: float, out: Path, workers: int = 1
-) -> None:
-    """Try seeds of a part until a deadline (time.monotonic), in as many child processes at a time as are workers.
+def run_part(module: str, part: Part, seeds: range, tell: Tell, *, deadline: float, out: Path) -> None:
+    """Try seeds of a part until a deadline (time.monotonic), one at least, in a child process.
 
     A child that ends in a case, by a crash, for memory or for time, has failed that case; another one goes on after it.
-    Each worker tries one seed at least.
     """
-    alone = threading.Lock()
-
-    def tell_alone(seed: int, why: str | None) -> None:
-        with alone:
-            tell(seed, why)
-
-    def work(own: range) -> None:
-        while own:
-            following = _run_child(module, part, own, tell_alone, deadline, out)
-            own = range(following, own.stop if time.monotonic() < deadline else following)
-
-    workers = max(1, min(workers, len(seeds)))
-    cuts = [seeds.start + len(seeds) * k // workers for k in range(workers + 1)]
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(work, map(range, cuts[:-1], cuts[1:])))
+    while seeds:
+        following = _run_child(module, part, seeds, tell, deadline, out)
+        seeds = range(following, seeds.stop if time.monotonic() < deadline else following)
 
 
 def _run_child(module: str, part: Part, seeds: range, tell: Tell, deadline: float, out: Path) -> int:

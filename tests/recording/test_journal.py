@@ -204,14 +204,6 @@ def test_what_cannot_be_opened_or_written_is_said(tmp_path: Path) -> None:
         JournalWriter(tmp_path / "r", TOPICS)
 
 
-def test_a_type_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catenary.recording.journal.full_definition", lambda _: "string other\n")
-    _write(tmp_path / "r")
-    monkeypatch.undo()
-    with pytest.raises(FileFormatError, match="differs from the type that catenary knows"):
-        JournalReader(tmp_path / "r")
-
-
 def test_threads_append_without_loss(tmp_path: Path) -> None:
     with JournalWriter(tmp_path / "r", TOPICS, max_bytes=20_000) as journal:
 

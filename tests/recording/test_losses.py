@@ -9,7 +9,7 @@ from rosbags.rosbag1 import Writer as Writer1
 
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.losses import Rescue, losses
+from catenary.recording.losses import Hole, Rescue, TopicLoss
 from catenary.recording.messages import typestore
 from oracles.raven_recording import record, write_bag
 
@@ -77,6 +77,10 @@ def test_what_is_lost_is_told_by_each_topics_own_rate() -> None:
     fast, slow = second // 100 * np.arange(1000), second // 10 * np.arange(100)
     hole = (3 * second, 5 * second)
     cut = {"/fast": fast[(fast <= hole[0]) | (fast >= hole[1])], "/slow": slow[(slow <= hole[0]) | (slow >= hole[1])]}
+
+    def losses(arrivals: dict[str, np.ndarray], holes: list[Hole]) -> tuple[TopicLoss, ...]:
+        return Rescue.of(arrivals, holes, ends_early=False).topics
+
     found = {one.topic: one for one in losses(cut, [hole])}
     assert (found["/fast"].lost, found["/slow"].lost) == (199, 19)
     assert found["/fast"].seconds == pytest.approx(1.99)

@@ -41,24 +41,11 @@ def test_md5_sum_of_a_service_is_the_published_one_and_unknown_types_are_refused
         messages.md5_sum("raven_2/raven_mood")
 
 
-@pytest.mark.parametrize("name", messages.MESSAGES)
-def test_full_definition_holds_every_type_within(name: str) -> None:
-    definition = messages.full_definition(name)
-    for part in (f for f in messages.MESSAGES if any(field.type == f for field in messages.fields(name))):
-        assert f"MSG: {part}\n" in definition
-    assert definition.count("MSG: std_msgs/Header") <= 1
-
-
 def test_raven_state_has_964_bytes_after_its_header() -> None:
     message = blank_messages("raven_2/raven_state", 1, {}, {})
     header = 4 + 8 + 4  # seq, stamp, length of an empty frame
     assert message.dtype.itemsize == header + 964
     assert message.dtype.fields["runlevel"][1] == header  # type: ignore[index]
-
-
-def test_old_and_ros2_names_lead_to_the_same_type() -> None:
-    assert messages.current_name("crtk_msgs/msg/operating_state") == "crtk_msgs/OperatingState"
-    assert messages.ros2_name("crtk_msgs/operating_state") == "crtk_msgs/msg/OperatingState"
 
 
 def _joint_state(rng: np.random.Generator, joints: int, frame: str) -> bytes:

@@ -1,7 +1,6 @@
 """ROS 2 bags of three files, and ROS 1 bags in a row, with every trouble that a folder may have, against the whole."""
 
 import shutil
-import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,13 +9,12 @@ import pytest
 from numpy.testing import assert_array_equal
 from rosbags.rosbag2 import Reader
 
-from catenary.errors import FileFormatError
 from catenary.plant import MotionLog
 from catenary.recording.bag_reader import open_recording, open_recordings
 from catenary.workflows.import_recording import import_recording
 from catenary.workflows.recover import recover
 from command_line import catenary
-from lab_bags import JOINT_STATE, JOINTS, START, Kind, joint_state, true_q, write_bag
+from lab_bags import JOINT_STATE, JOINTS, Kind, joint_state, true_q, write_bag
 
 TOPIC = "/raven/joint_cmd"
 PARTS = [np.arange(first, first + 1000) / 100.0 for first in (0, 1000, 2000)]  # [s] each ten seconds of 100 Hz
@@ -106,7 +104,7 @@ def test_metadata_that_cannot_be_used_cost_no_message(bag: Path, trouble: str) -
     assert_array_equal(log.time, whole.time)
     assert ("its files were read one by one" in warned(log)) == (trouble == "empty metadata")
     assert ("is listed in" in warned(log)) == ("file" in trouble)
-    assert sum(1 for source in open_recordings([bag], salvage=True) for _ in source.messages()) == 3000
+    assert sum(1 for source in open_recordings([bag]) for _ in source.messages()) == 3000
 
 
 def test_a_file_that_is_missing_leaves_a_gap_that_is_told(bag: Path) -> None:
@@ -116,8 +114,7 @@ def test_a_file_that_is_missing_leaves_a_gap_that_is_told(bag: Path) -> None:
     assert_array_equal(log.q_nominal, np.concatenate([whole.q_nominal[:1000], whole.q_nominal[2000:]]))
     assert f"{lost}: is listed in metadata.yaml and missing" in warned(log)
     assert any("1 gap(s), the longest 10.010 s" in note for note in log.notes)
-    with pytest.raises(FileFormatError, match=r"missing; 2000 messages of /raven/joint_cmd can be saved"):
-        open_recording(bag)
+    assert open_recording(bag).counts == {TOPIC: 2000}
 
 
 @pytest.mark.parametrize("place", [0, 1, 2])
@@ -213,16 +210,3 @@ def test_ros1_bags_in_a_row_are_read_in_order_of_time(given: str, tmp_path: Path
     log = imported(*([folder] if given == "a folder" else sorted(bags)))
     assert_array_equal(log.q_nominal, true_q(np.concatenate(PARTS)))
     assert not [note for note in log.notes if "out of order" in note]
-
-
-def test_a_damaged_database_that_claims_more_than_it_holds_is_bounded(tmp_path: Path) -> None:
-    bag = split(tmp_path, "sqlite")
-    database = sqlite3.connect(files(bag)[0])
-    with database:
-        database.execute("CREATE VIEW messages_too AS SELECT zeroblob(1000000000)")
-    database.close()
-    log = imported(bag)
-    assert len(log) == 2000
-    assert "view 'messages_too': expected plain tables" in warned(log)
-    assert log.time is not None
-    assert START > 0

@@ -20,16 +20,7 @@ def test_every_robot_loads_and_states_its_sources(name):
     assert model.sources
     assert all(len(source) > 10 for source in model.sources)
     assert (model.lower < model.upper).all()
-
-
-@pytest.mark.parametrize("name", robot_names())
-def test_every_robots_inertias_are_those_of_bodies_that_can_exist(name):
-    model = load_robot(name)
-    for mass, tensor in zip(model.tree.mass, model.tree.inertia, strict=True):
-        moments = np.linalg.eigvalsh(tensor)
-        assert moments[0] >= -1e-12
-        assert moments[2] <= moments[0] + moments[1] + 1e-9  # triangle inequality
-        assert (mass > 0.0) == (moments[2] > 0.0)
+    assert not model.doubts  # every inertia is that of a body that can exist
 
 
 @pytest.mark.parametrize("name", ["dvrk_psm_motors", "dvrk_psm", "dvrk_mtm_motors", "dvrk_mtm", "tiago"])
@@ -55,12 +46,6 @@ def test_the_psms_shaft_always_passes_one_point_on_the_first_axis(rng):
     for q in rng.uniform(-0.7, 0.7, size=(10, 7)):
         shaft = frame_pose(model, "insertion", q)
         assert_allclose(np.cross(shaft[:3, 3] - remote_centre, shaft[:3, 2]), 0.0, atol=1e-12)
-
-
-def test_pandas_flange_at_zero_is_where_its_lengths_put_it():
-    hand = frame_pose(load_robot("panda"), None, np.zeros(7))
-    assert_allclose(hand[:3, 3], [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107], atol=1e-12)
-    assert_allclose(hand[:3, 2], [0, 0, -1], atol=1e-12)
 
 
 @pytest.mark.parametrize(

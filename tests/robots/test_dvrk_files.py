@@ -11,7 +11,6 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError, FileFormatError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.workflows.check import check_file
 
 HALF = 1.5708  # as the dVRK writes a quarter turn
 TIP = [[0.0, -1.0, 0.0, 0.002], [0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.01], [0.0, 0.0, 0.0, 1.0]]
@@ -200,8 +199,3 @@ def test_damaged_files_are_refused_at_once(tmp_path: Path, text: str, words: str
     (tmp_path / "bad.json").write_text(text)
     with pytest.raises(CatenaryError, match=words):
         load_robot(tmp_path / "bad.json")
-
-
-def test_check_says_what_the_file_is(share: Path) -> None:
-    found = check_file(str(share / "psm_420006.toml"))
-    assert found.kind.startswith("robot")

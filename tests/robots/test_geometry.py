@@ -5,9 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.robots.geometry import Ball, Box, Capsule, TriangleMesh, capsule_between, check_form, shape_on
-from catenary.spatial import identity_pose
-from colliding_arm import PANDA
+from catenary.robots.geometry import Ball, Box, Capsule, TriangleMesh, capsule_between, check_form
 
 
 @given(st.lists(st.floats(-2, 2), min_size=6, max_size=6))
@@ -30,12 +28,3 @@ def test_a_capsule_between_two_points_ends_there(numbers):
 def test_forms_that_nothing_has_are_refused(form):
     with pytest.raises(InputError, match=r"^shape: "):
         check_form("shape", form)
-
-
-def test_a_shape_stands_where_its_frame_does():
-    shape = shape_on("test", PANDA, PANDA.tip, "hand", identity_pose(), Ball(0.1))
-    frame = PANDA.frame(PANDA.tip)
-    assert shape.link == frame.link
-    assert_allclose(shape.pose.position, frame.pose.position)
-    with pytest.raises(InputError, match='no frame "thumb"'):
-        shape_on("test", PANDA, "thumb", "thumb", identity_pose(), Ball(0.1))

@@ -154,8 +154,3 @@ def test_a_payload_that_cannot_be_is_refused(name, arguments, said):
 def test_a_payload_that_is_hardly_meant_is_logged(mass, place, said, caplog):
     RAVEN.with_payload("wrist", mass, place)
     assert said in caplog.text
-
-
-def test_a_payload_as_heavy_as_the_arm_is_not(caplog):
-    RAVEN.with_payload("wrist", float(RAVEN.tree.mass.sum()), PLACE)
-    assert not caplog.records

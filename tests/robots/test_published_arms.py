@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.spatial import STANDARD_GRAVITY
@@ -125,10 +124,3 @@ def test_every_motor_holds_its_own_arm_and_has_a_speed(name, rng):
     assert (most < model.effort_limit).all()
     assert np.isfinite(model.effort_limit).all()
     assert np.isfinite(model.velocity_limit).all()
-
-
-@pytest.mark.parametrize("name", ARMS)
-def test_every_mass_matrix_is_positive(name, rng):
-    model = load_robot(name)
-    for q in rng.uniform(-2.0, 2.0, size=(50, model.n)):
-        assert np.linalg.eigvalsh(mass_matrix(model, q))[0] > 0.0

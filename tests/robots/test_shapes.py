@@ -118,14 +118,6 @@ def test_an_mjcf_gives_the_geoms_that_collide_where_mujoco_has_them(tmp_path):
         assert_allclose(R @ shape.pose.rotation, data.geom_xmat[geom].reshape(3, 3), atol=1e-12)
 
 
-def test_an_mjcf_without_geoms_gets_capsules(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(
-        '<mujoco><worldbody><body pos="0 0 1"><joint/><inertial pos="0 0 0.2" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
-    )
-    assert load_geometry(path, load_robot(path)).assumed
-
-
 @pytest.mark.parametrize("name", ["raven2", "raven2_right", "raven2_full", "raven2_full_right"])
 def test_the_ravens_arcs_run_from_axis_to_axis_about_the_remote_centre(name):
     model = load_robot(name)

@@ -7,9 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
+from catenary.recording.import_formats import sources
 from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.sensing.conventions import DRIVERS, axes_matrix, convention_of
 from catenary.sensing.vector import Kind, Mailbox
+from catenary.workflows.check import check_file
 
 G = 9.80665
 DEG = 180.0 / np.pi
@@ -105,6 +107,26 @@ def test_units_in_headers_count(header: str, force: float, rate: float, tmp_path
     assert_allclose(found.force[0], [0.0, 0.0, force])
     assert found.rate is not None
     assert_allclose(found.rate[0], [rate, 0.0, 0.0])
+
+
+def test_rows_of_other_sensors_are_no_readings_and_one_that_is_no_number_is_a_fault_of_the_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As PlotJuggler writes several topics: a row for each message, what is not in it left open."""
+    rows = [f"{0.01 * i:.2f},0.1,0.2,9.8," if i % 2 else f"{0.01 * i:.2f},,,,0.5" for i in range(40)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,ax,ay,az,q1", *rows]) + "\n")
+    found = read_imu(tmp_path / "a.csv")
+    assert_allclose(found.force, np.tile([0.1, 0.2, 9.8], (20, 1)))
+    assert "20 rows have no reading" in found.notes[0]
+    with monkeypatch.context() as long:  # a text that is not held whole, of which only the first rows are looked at
+        long.setattr(sources, "LONG_TEXT", 100)
+        long.setattr(sources, "SAMPLED_NUMBERS", 50)
+        long.setattr("catenary.recording.import_formats.csv_files._BLOCK", 200)
+        assert_allclose(read_imu(tmp_path / "a.csv").time, found.time)
+    assert check_file(str(tmp_path / "a.csv")).facts["mean_force"] == pytest.approx([0.1, 0.2, 9.8])
+    rows[1] = "0.01,0.1,,9.8,"
+    (tmp_path / "a.csv").write_text("\n".join(["t,ax,ay,az,q1", *rows]) + "\n")
+    assert check_file(str(tmp_path / "a.csv")).faults == ["1 of 20 readings of the accelerometer are no numbers"]
 
 
 def test_gravity_that_was_taken_away_and_units_that_there_are_not_are_refused(tmp_path: Path) -> None:

@@ -4,15 +4,11 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePath
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from catenary.archives import unpacked
-from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.bag_search import most_unpacked
-from catenary.recording.bag_stream import BagStream, whole_text
+from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal_reader import FilesInARow, JournalReader, is_journal
 from catenary.recording.losses import Rescue
 from catenary.recording.sqlite_bag import SqliteBag
@@ -27,16 +23,17 @@ _COUNTED = re.compile(r"(?m)^  message_count:\s*(\d+)\s*$")
 class BagFolder(FilesInARow):
     """A ROS 2 bag (folder): its files in the order of time, what is whole of each."""
 
-    def __init__(self, path: Path, *, any_types: bool = False) -> None:
-        """Open its files; `any_types` as of `BagStream`."""
+    def __init__(self, path: Path) -> None:
+        """Open its files."""
         stated = _metadata(path)
         listed = listed_files(stated)
         there = sorted(file.name for file in path.iterdir() if file.suffix in FILES)
-        packed = sorted(path.glob("*.zstd"))
         missing = [name for name in listed if not (path / name).is_file()]
         is_listed = bool(listed) and not missing
         chosen = [name for name in there if name in listed] if is_listed else there
         damage = [f"{path / name}: is listed in {METADATA} and missing" for name in missing]
+        packed = sorted(path.glob("*.zstd"))
+        damage += [f"{file}: is packed, and was not read; `zstd -d {file.name}` unpacks it" for file in packed]
         self.warnings = list[str]()
         if (path / METADATA).is_file() and not listed:
             read = ", ".join(chosen)
@@ -46,11 +43,10 @@ class BagFolder(FilesInARow):
             for name in there
             if name not in chosen
         ]
-        self._unpacked = TemporaryDirectory() if packed else None
         parts = list[BagStream | SqliteBag]()
-        for file in (*(path / name for name in chosen), *packed):
+        for name in chosen:
             try:
-                parts.append(_file(self._plain(file), any_types=any_types))
+                parts.append(_file(path / name))
             except FileFormatError as error:
                 damage.append(str(error))
         if not parts:
@@ -80,18 +76,6 @@ class BagFolder(FilesInARow):
         for part, topics in super()._each():
             yield part, topics
             self.holes += [*part.holes, *([(part.last, None)] if self.damage else [])]
-
-    def _plain(self, file: Path) -> Path:
-        """Return a file, or one that was packed as a whole in a folder of its own, unpacked."""
-        if self._unpacked is None or file.suffix != ".zstd":
-            return file
-        plain = Path(self._unpacked.name) / file.stem
-        try:
-            plain.write_bytes(unpacked(file.read_bytes(), "zstd", most_unpacked(file.stat().st_size)))
-        except (ValueError, OSError) as error:
-            why = f"is packed, and was not read: {cut(str(error))}"
-            raise FileFormatError(f"{file}: {why}; `zstd -d {file.name}` unpacks it") from error
-        return plain
 
 
 Source = BagStream | SqliteBag | BagFolder | JournalReader  # of messages, in the order of arrival
@@ -127,44 +111,36 @@ def is_bag_file(path: Path) -> bool:
     return path.suffix in (".bag", *FILES) or path.name.endswith(".bag.active")
 
 
-def _file(path: Path, *, any_types: bool) -> BagStream | SqliteBag:
-    """Open a file of a bag, or what is whole of it."""
-    return (SqliteBag if path.suffix == ".db3" else BagStream)(path, any_types=any_types)
+def _file(path: Path) -> BagStream | SqliteBag:
+    return (SqliteBag if path.suffix == ".db3" else BagStream)(path)
 
 
-def open_recording(path: Path, *, salvage: bool = False, any_types: bool = False) -> Source:
+def open_recording(path: Path) -> Source:
     """Open a journal (folder or file), a ROS 1 bag, an MCAP file, a SQLite file or a ROS 2 bag (folder).
 
-    `salvage` opens a bag, too, that was cut off or is damaged, to read what is whole; with `any_types` types that bear
-    the names of ours may differ from them.
+    Of one that was cut off or is damaged what is whole is read; `damage` says what is not.
     """
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
     if is_journal(path):
         return JournalReader(path)
-    source: BagStream | SqliteBag | BagFolder
     if path.is_dir():
-        source = BagFolder(path, any_types=any_types)
-    elif is_bag_file(path):
-        source = _file(path, any_types=any_types)
-        others = [name for name in listed_files(_metadata(path.parent)) if name != path.name]
-        if others:
-            source.warnings.append(f"warning: {path}: is one file of a bag; not read were {', '.join(others)}")
-    else:
+        return BagFolder(path)
+    if not is_bag_file(path):
         raise FileFormatError(f"{path}: expected a journal, a .bag, an .mcap, a .db3 or a folder with {METADATA}")
-    if source.damage and not salvage:
-        problem = source.damage[0].removeprefix(f"{path}: ").removeprefix("cannot be read: ")
-        raise FileFormatError(f"{path}: cannot be read: {problem}; {whole_text(source.counts)}")
+    source = _file(path)
+    others = [name for name in listed_files(_metadata(path.parent)) if name != path.name]
+    if others:
+        source.warnings.append(f"warning: {path}: is one file of a bag; not read were {', '.join(others)}")
     return source
 
 
-def open_recordings(paths: Sequence[Path], *, salvage: bool = False) -> tuple[Source, ...]:
+def open_recordings(paths: Sequence[Path]) -> tuple[Source, ...]:
     """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them."""
     found = [bag for path in paths for bag in bags_in(path)]
     if not found:
         raise FileFormatError("recording: expected at least one file, got none")
-    sources = [open_recording(path, salvage=salvage) for path in found]
-    return tuple(sorted(sources, key=_start) if len(sources) > 1 else sources)
+    return tuple(sorted(map(open_recording, found), key=_start))
 
 
 def rescue_of(sources: Sequence[Source]) -> Rescue:

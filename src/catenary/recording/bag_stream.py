@@ -1,7 +1,7 @@
 """ROS 1 bags and MCAP read from their first byte to their last, by no index, which a bag that was cut off lacks."""
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO, NamedTuple, TypeVar
@@ -40,7 +40,7 @@ from catenary.recording.bag_search import (
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
-from catenary.recording.messages import check_type, current_name
+from catenary.recording.messages import current_name
 from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -71,9 +71,8 @@ class BagFile:
 
     encoding: Encoding = "cdr"
 
-    def __init__(self, path: Path, *, any_types: bool) -> None:
-        """With `any_types`, types that bear the names of ours may differ from them."""
-        self.path, self._any_types = path, any_types
+    def __init__(self, path: Path) -> None:
+        self.path = path
         self.warnings: list[str] = []  # of whoever opened it
         self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
@@ -104,11 +103,9 @@ class BagFile:
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         raise NotImplementedError
 
-    def _keep(self, number: int, connection: BagConnection, *, ros: int = 2) -> None:
-        """Check and keep a topic and its type."""
+    def _keep(self, number: int, connection: BagConnection) -> None:
+        """Keep a topic and its type."""
         name, kind = connection.topic, current_name(connection.type)
-        if not self._any_types:
-            check_type(self.path, name, connection.type, connection.definition, ros=ros)
         known = current_name(self.connections.setdefault(name, connection).type)
         if len(self.connections) > MOST_TOPICS:
             raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
@@ -124,9 +121,9 @@ class BagStream(BagFile):
     is damaged. `damage` says where that was; a bag without its index has one, too.
     """
 
-    def __init__(self, path: Path, *, any_types: bool = False) -> None:
-        """Read the file once, to find its topics; `any_types` as of `BagFile`."""
-        super().__init__(path, any_types=any_types)
+    def __init__(self, path: Path) -> None:
+        """Read the file once, to find its topics."""
+        super().__init__(path)
         self._unread: set[int] = set()  # channels in another encoding than ROS's
         try:
             with path.open("rb") as file:
@@ -314,7 +311,7 @@ class BagStream(BagFile):
         """Check and keep the type of a connection's topic."""
         name, kind = topic.decode(), field_of(about, b"type").decode()
         md5, text = field_of(about, b"md5sum").decode(), field_of(about, b"message_definition").decode(errors="replace")
-        self._keep(number, BagConnection(name, kind, md5, text), ros=1)
+        self._keep(number, BagConnection(name, kind, md5, text))
 
     def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk of MCAP with the records of its messages."""
@@ -419,7 +416,7 @@ class BagStream(BagFile):
                 return  # again, as before each chunk of a journal
             if encoding == "ros1":
                 self.encoding = "ros1"
-            self._keep(number, found, ros=1 if encoding == "ros1" else 2)
+            self._keep(number, found)
         elif kind == _HEADER:
             self.is_journal = text_at(data, text_at(data, 0)[1])[0] == LIBRARY
         elif kind == _METADATA:
@@ -453,14 +450,6 @@ class BagStream(BagFile):
         else:
             said = f"message {number} of {name} comes out of order, or again"
         self.damage.append(f"{self.path}: {said}")
-
-
-def whole_text(counts: Mapping[str, int]) -> str:
-    """Return in words what can still be read."""
-    if not counts:
-        return "no whole message is in it, nothing can be saved"
-    found = ", ".join(f"{count} messages of {topic}" for topic, count in counts.items())
-    return f"{found} can be saved: `catenary recover` writes them"
 
 
 def about_of(path: Path, data: bytes, encoding: Encoding) -> About:

@@ -19,7 +19,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.bag_reader import Source
 from catenary.recording.layout import Encoding, blank_messages
-from catenary.recording.messages import MESSAGES, current_name, ros2_name, typestore
+from catenary.recording.messages import MESSAGES, check_type, current_name, ros2_name, typestore
 from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE, topic_named
 
 log = logging.getLogger(__name__)
@@ -41,6 +41,8 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
     if unknown:
         said = [f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written" for t in unknown]
         raise InputError("; ".join(said))
+    for name, spelt, _, definition in source.connections.values():  # what is written is defined as ours
+        check_type(source.path, name, spelt, definition, ros=1 if source.encoding == "ros1" else 2)
     topics: dict[str, dict[str, str]] = {}  # of each bag, and their types
     for topic in source.topics:
         known = topic_named(topic.name)

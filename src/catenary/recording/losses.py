@@ -22,30 +22,6 @@ class TopicLoss(NamedTuple):
     seconds: float  # without a message, beyond the usual interval
 
 
-def losses(arrivals: Mapping[str, NDArray[np.int64]], holes: Sequence[Hole]) -> tuple[TopicLoss, ...]:
-    """Return what holes cost each topic.
-
-    A topic goes on at its usual rate, the median of its intervals; so many messages are missing as would fit between
-    the last before a hole and the first behind it. What came behind the end of a recording nobody knows: it is not
-    counted, but for topics that end before others do. Arrivals are (M,) [ns] of each topic, in order.
-    """
-    ends = [int(a[-1]) for a in arrivals.values() if len(a)]
-    found = []
-    for topic, arrival in arrivals.items():
-        usual = int(np.median(np.diff(arrival))) if len(arrival) > 1 else 0
-        lost, without = 0, 0
-        places = {int(np.searchsorted(arrival, at, side="right")) for at, _ in holes if at is not None}
-        for place in places if usual > 0 else ():
-            if place == 0:
-                continue
-            following = int(arrival[place]) if place < len(arrival) else max(ends)
-            gap = following - int(arrival[place - 1])
-            lost += max(0, round(gap / usual) - (place < len(arrival)))
-            without += max(0, gap - usual)
-        found.append(TopicLoss(topic, len(arrival), lost, without / SECOND))
-    return tuple(found)
-
-
 @dataclass(frozen=True)
 class Rescue:
     """What is there of a recording that was not whole, and what is not."""
@@ -56,10 +32,26 @@ class Rescue:
 
     @classmethod
     def of(cls, arrivals: Mapping[str, NDArray[np.int64]], holes: Sequence[Hole], *, ends_early: bool) -> Self:
-        """Compare topics with one another; see `losses`."""
+        """Compare topics with one another.
+
+        A topic goes on at its usual rate, the median of its intervals; so many messages are missing as would fit
+        between the last before a hole and the first behind it. What came behind the end of a recording nobody knows: it
+        is not counted, but for topics that end before others do. Arrivals are (M,) [ns] of each topic, in order.
+        """
         there = [a for a in arrivals.values() if len(a)]
         span = max(int(a[-1]) for a in there) - min(int(a[0]) for a in there) if there else 0
-        return cls(losses(arrivals, holes), span / SECOND, ends_early)
+        found = []
+        for topic, arrival in arrivals.items():
+            usual = int(np.median(np.diff(arrival))) if len(arrival) > 1 else 0
+            lost, without = 0, 0
+            places = {int(np.searchsorted(arrival, at, side="right")) for at, _ in holes if at is not None} - {0}
+            for place in places if usual > 0 else ():
+                following = int(arrival[place]) if place < len(arrival) else max(int(a[-1]) for a in there)
+                gap = following - int(arrival[place - 1])
+                lost += max(0, round(gap / usual) - (place < len(arrival)))
+                without += max(0, gap - usual)
+            found.append(TopicLoss(topic, len(arrival), lost, without / SECOND))
+        return cls(tuple(found), span / SECOND, ends_early)
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""

@@ -25,9 +25,9 @@ _ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER B
 class SqliteBag(BagFile):
     """Reads a SQLite file of a ROS 2 bag, in the order in which it was recorded."""
 
-    def __init__(self, path: Path, *, any_types: bool = False) -> None:
-        """Read the file once, to find its topics; `any_types` as of `BagFile`."""
-        super().__init__(path, any_types=any_types)
+    def __init__(self, path: Path) -> None:
+        """Read the file once, to find its topics."""
+        super().__init__(path)
         counts = Counter[str]()
         with reading(path, "SQLite", (sqlite3.Error, *DAMAGE)):
             self._size = path.stat().st_size

@@ -25,13 +25,14 @@ def with_quarter_turns(model: RobotModel) -> RobotModel:
     if not ((off > ROUNDING) & (off <= WITHIN)).any():
         return model
     tree = model.tree
-    rotation = np.array([_exact_rotation(each) for each in tree.rotation])
-    axis = np.array([_exact_axis(each) for each in tree.axis])
-    quarters = 0.5 * np.pi * np.round(model.offset / (0.5 * np.pi))
+    near = np.round(tree.rotation) + 0.0
+    turns = (_off_axis(tree.rotation.swapaxes(1, 2)).min(axis=1) <= WITHIN)[:, None, None]
+    rotation = np.where(turns & (np.abs(tree.rotation - near) <= WITHIN), near, tree.rotation)
+    axis = np.where(_off_axis(tree.axis)[:, None] > WITHIN, tree.axis, np.round(tree.axis) + 0.0)
+    quarters = _quarters(model.offset)
     is_quarter = ~tree.prismatic & (np.abs(model.offset - quarters) <= WITHIN)
-    return replace(
-        model, tree=tree._replace(rotation=rotation, axis=axis), offset=np.where(is_quarter, quarters, model.offset)
-    )
+    offset = np.where(is_quarter, quarters, model.offset)
+    return replace(model, tree=tree._replace(rotation=rotation, axis=axis), offset=offset)
 
 
 def quarter_turn_notes(names: tuple[str, ...], tree: Tree, offset: Floats) -> list[str]:
@@ -48,32 +49,15 @@ def _turns_off(tree: Tree, offset: Floats) -> Floats:
 
     Of its rotation that of each axis to the nearest of the parent's, of its joint's axis likewise, of its constant.
     """
-    rows = []
-    for rotation, axis, constant, slides in zip(tree.rotation, tree.axis, offset, tree.prismatic, strict=True):
-        quarters = 0.5 * np.pi * round(constant / (0.5 * np.pi))
-        rows.append(
-            [
-                *(_off_axis(rotation[:, k]) for k in range(3)),
-                _off_axis(axis),
-                0.0 if slides else abs(constant - quarters),
-            ]
-        )
-    return np.array(rows)
+    constant = np.where(tree.prismatic, 0.0, np.abs(offset - _quarters(offset)))
+    return np.column_stack([_off_axis(tree.rotation.swapaxes(1, 2)), _off_axis(tree.axis), constant])
 
 
-def _off_axis(vector: Floats) -> float:
-    """Return the angle between a unit vector and the nearest coordinate axis, for small ones [rad]."""
-    others = np.delete(vector, int(np.argmax(np.abs(vector))))
-    return float(np.linalg.norm(others))
+def _quarters(angle: Floats) -> Floats:
+    """Return the nearest multiples of quarter turns [rad]."""
+    return np.asarray(0.5 * np.pi * np.round(angle / (0.5 * np.pi)))
 
 
-def _exact_axis(axis: Floats) -> Floats:
-    return axis if _off_axis(axis) > WITHIN else np.round(axis) + 0.0
-
-
-def _exact_rotation(rotation: Floats) -> Floats:
-    """Return a rotation that takes to an axis exactly what it takes to within 1e-6 rad of one."""
-    if min(_off_axis(rotation[:, k]) for k in range(3)) > WITHIN:
-        return rotation
-    near = np.round(rotation) + 0.0
-    return np.where(np.abs(rotation - near) > WITHIN, rotation, near)
+def _off_axis(vectors: Floats) -> Floats:
+    """Return the angles (...) between unit vectors (..., 3) and the coordinate axis nearest to each, small ones."""
+    return np.asarray(np.linalg.norm(np.sort(np.abs(vectors), axis=-1)[..., :2], axis=-1))

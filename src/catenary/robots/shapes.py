@@ -38,9 +38,8 @@ from catenary.robots.geometry import (
 )
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf, included_files, refuse_too_much
 from catenary.robots.model import RobotModel
-from catenary.robots.urdf import urdf_root
+from catenary.robots.urdf import expanded_xacro, urdf_root
 from catenary.robots.urdf_elements import named_elements, number_of, numbers_of, origin_of
-from catenary.robots.xacro_files import expanded_xacro
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]

@@ -1,6 +1,10 @@
-"""Robots from URDF files (http://wiki.ros.org/urdf/XML): links, one-coordinate joints, mimic joints."""
+"""Robots from URDF files (http://wiki.ros.org/urdf/XML), and from xacro, which makes them.
+
+Links, one-coordinate joints, mimic joints; friction in <dynamics>, rotors of transmissions and of an SRDF beside it.
+"""
 
 from collections.abc import Container, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -9,19 +13,20 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.documents import MOST_XML, cut, read_bounded, xml_tree
-from catenary.errors import FileFormatError, UnsupportedModelError
+from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
+from catenary.robots.actuation import Actuation, StatedDrive, stated_actuation
 from catenary.robots.assembly import Coordinate, JointKind, Link, assemble, file_source, left_out, naming_the_file
 from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
-from catenary.robots.urdf_drives import srdf_rotors, stated_drives
 from catenary.robots.urdf_elements import named_elements, number_of, numbers_of, origin_of
-from catenary.robots.xacro_files import expanded_xacro
 from catenary.spatial import Pose
 
 XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
 # of these a model is made
 _READ = {"parent", "child", "axis", "origin", "limit", "mimic", "inertial", "mass", "inertia"}
+_REDUCTION = ("mechanicalReduction", "gear_ratio")  # of ROS, of Drake
+_ROTOR = ("motorInertia", "rotor_inertia")
 _TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _KINDS: dict[str, JointKind] = {
     "revolute": "revolute",
@@ -50,6 +55,24 @@ def load_xacro(path: Path, *, massless: Massless = ()) -> RobotModel:
     return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
+def expanded_xacro(path: Path) -> bytes:
+    """Return the URDF that xacro makes of a file with its default arguments; xacro runs expressions in the file."""
+    try:
+        import xacro
+    except ImportError as error:
+        raise MissingPackageError(
+            f"{path}: is a xacro file, and xacro is not installed: pip install xacro, or source ROS, or expand it "
+            "elsewhere (xacro robot.urdf.xacro > robot.urdf) and load the result"
+        ) from error
+    try:
+        text: bytes = xacro.process_file(str(path)).toxml().encode()
+    except Exception as error:  # any of an expression's in the file
+        raise FileFormatError(f"{path}: xacro cannot expand it: {error}") from error
+    if len(text) > MOST_XML:
+        raise FileFormatError(f"{path}: expands to {len(text)} bytes, expected at most {MOST_XML}")
+    return text
+
+
 def parse_urdf(
     text: str | bytes,
     where: str = "URDF",
@@ -73,8 +96,8 @@ def parse_urdf(
         stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
         tree_links = [_tree_link(where, joint, links[joint.child], following, stepping) for joint in joints]
     leaders = {joint.name: following.get(joint.name, Mimic(joint.name, 1.0, 0.0)) for joint in joints if joint.moves}
-    rotors, beside = srdf_rotors(path, str(robot.get("name")))
-    actuation, rotorless = stated_drives(where, robot, leaders, rotors)
+    rotors, beside = _srdf_rotors(path, str(robot.get("name")))
+    actuation, rotorless = _stated_drives(where, robot, leaders, rotors)
     declared = set(links) if massless == "all" else set(massless)
     weightless = [
         link.name for link in tree_links if link.massless and link.joint != "fixed" and link.inertia is not None
@@ -284,3 +307,70 @@ def _is_tighter(own: Coordinate, mimic: Mimic, coordinates: Mapping[str, Coordin
     leader = coordinates[str(mimic.leader)]
     reached = sorted(mimic.multiplier * limit + mimic.offset for limit in (leader.lower, leader.upper))
     return reached[0] < own.lower - 1e-9 or reached[1] > own.upper + 1e-9
+
+
+def _srdf_rotors(path: Path | None, robot: str) -> tuple[dict[str, float], list[str]]:
+    """Return the reflected inertia of rotors by joint [kg m2] that an SRDF beside a URDF states, and its source.
+
+    It is looked for beside the URDF and in the folder `srdf` beside its own, by the URDF's name and by the robot's.
+    """
+    folders = [] if path is None else [path.parent, path.parent.parent / "srdf"]
+    names = [] if path is None else [f"{name}.srdf" for name in (path.stem, robot) if "/" not in name]
+    for place in (folder / name for folder in folders for name in names):
+        if place.is_file():
+            rotors, content = dict[str, float](), read_bounded(place, MOST_XML)
+            for joint in xml_tree(content, str(place)).iterfind("rotor_params/joint"):
+                what = f'{place}: rotor of joint "{joint.get("name")}"'
+                gear, inertia = (number_of(what, joint, key) for key in ("gear_ratio", "mass"))  # "mass" in kg m2
+                rotors[str(joint.get("name"))] = gear**2 * inertia
+            if any(rotors.values()):
+                return rotors, [file_source(place, content)]
+    return {}, []
+
+
+def _stated_drives(
+    where: str, robot: Element, leaders: Mapping[str, Mimic], beside: Mapping[str, float]
+) -> tuple[Actuation | None, list[str]]:
+    """Return what a URDF states of its joints' drives, and notes on transmissions that it leaves out.
+
+    A rotor of inertia J that turns N times as fast as its joint has the reflected inertia N^2 J. It is known where a
+    transmission of one joint states both (`mechanicalReduction` and `motorInertia`, or Drake's `gear_ratio` and
+    `rotor_inertia`), or where an SRDF does (`beside`). `leaders` has each moving joint in terms of a coordinate.
+    """
+    rotors, without = dict(beside), list[str]()
+    for transmission in robot.findall("transmission"):
+        joints = [str(joint.get("name")) for joint in transmission.findall("joint")]
+        what = f'{where}: transmission "{transmission.get("name")}"'
+        gear, rotor = (_first(what, transmission, tags) for tags in (_REDUCTION, _ROTOR))
+        if len(joints) == 1 and gear is not None and rotor is not None:
+            rotors[joints[0]] = gear**2 * rotor
+        else:
+            without += joints
+    drives = []
+    for joint in robot.findall("joint"):
+        name, dynamics = str(joint.get("name")), joint.find("dynamics")
+        if name not in leaders:
+            continue
+        what = f'{where}: joint "{name}": <dynamics>'
+        element = Element("dynamics") if dynamics is None else dynamics
+        friction, damping = (number_of(what, element, key, default=0.0) for key in ("friction", "damping"))
+        rotor = rotors.get(name, 0.0)
+        for said, value in (("friction", friction), ("damping", damping), ("rotor's inertia", rotor)):
+            if value < 0.0:
+                raise FileFormatError(f"{what}: {said} {value:g}, expected zero or more")
+        leader = leaders[name]
+        drives.append(StatedDrive(str(leader.leader), leader.multiplier, friction, damping, rotor))
+    coordinates = [name for name, leader in leaders.items() if leader.leader == name]
+    notes = left_out("transmissions that state no rotor", dict.fromkeys(n for n in without if n not in rotors))
+    return stated_actuation(coordinates, drives), notes
+
+
+def _first(what: str, transmission: Element, tags: tuple[str, ...]) -> float | None:
+    """Return the number of the first element of these names, in its text or as its `value`; prefixes do not matter."""
+    for element in transmission.iter():
+        if element.tag.rpartition(":")[2] in tags:
+            text = element.get("value", element.text or "")
+            with suppress(ValueError):
+                return float(text)
+            raise FileFormatError(f"{what}: <{element.tag}> is {text!r}, expected a number")
+    return None

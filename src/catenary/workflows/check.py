@@ -152,7 +152,10 @@ def _check_inertial(source: str) -> FileReport:
     found = FileReport("recording of an inertial unit", next=shlex.join(["catenary", "sense", "--replay", source]))
     found.tell("readings", len(imu.time), f"{len(imu.time)} in {imu.duration:.1f} s")
     found.tell("gyroscope", imu.rate is not None, "none" if imu.rate is None else "yes")
-    mean = imu.force.mean(axis=0)
+    finite = np.asarray(np.isfinite(imu.force).all(axis=1))
+    if not finite.all():
+        found.faults.append(f"{int((~finite).sum())} of {len(finite)} readings of the accelerometer are no numbers")
+    mean = imu.force[finite].mean(axis=0) if finite.any() else np.full(3, np.nan)
     found.tell("mean_force", mean.tolist(), f"{', '.join(f'{f:.2f}' for f in mean)} m/s2", called="mean")
     found.remarks += imu.notes
     return found

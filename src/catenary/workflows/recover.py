@@ -84,7 +84,7 @@ def _opened(path: Path) -> Source:
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
     if is_journal(path) or path.suffix == ".db3" or (path / METADATA).is_file():
-        return open_recording(path, salvage=True)
+        return open_recording(path)
     files = [*path.glob("*.mcap"), *path.glob("*.bag")] if path.is_dir() else [path]
     if len(files) != 1:
         raise FileFormatError(

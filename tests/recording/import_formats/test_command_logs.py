@@ -132,13 +132,6 @@ def test_units_and_names_that_do_not_fit_are_refused(tmp_path, n, stated, given,
         read_commands(written(tmp_path, n=n, **stated), **given)
 
 
-def test_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileFormatError, match=r"none.npz: no such file"):
-        read_commands(tmp_path / "none.npz")
-    with pytest.raises(FileFormatError, match="is a folder, expected a file"):
-        read_commands(tmp_path)
-
-
 @pytest.mark.parametrize("names", [np.full(2000, "a"), np.array([b"\xff"] * 6)], ids=["many", "no UTF-8"])
 def test_names_that_are_no_names_are_refused(tmp_path: Path, names: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"log.npz: joint_names: expected"):

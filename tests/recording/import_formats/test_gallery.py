@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 import gallery
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.column_motion import by_motion
+from catenary.recording.import_formats.column_groups import by_motion
 from catenary.recording.import_formats.mapping import TrackedPose
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.tracked_pose import pose_places, positions_and_rotations

@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.hdf5_files import read_hdf5
 from catenary.recording.import_formats.sources import Sources
-from catenary.workflows.check import check_file
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from command_line import catenary
 
@@ -48,17 +47,6 @@ def robomimic(path: Path, **changes: Any) -> Path:
             demo["obs/robot0_eef_pos"] = joints(rows, 3)
             demo["obs/agentview_image"] = np.zeros((rows, 4, 4, 3), dtype=np.uint8)
         file["mask/train"] = np.array([b"demo_0"])
-    return path
-
-
-def aloha(path: Path) -> Path:
-    with h5py.File(path, "w") as file:
-        file.attrs["sim"] = False
-        file["action"] = joints(200, 14) + 0.01 * np.sin(np.arange(200))[:, None]
-        file["observations/qpos"] = joints(200, 14)
-        file["observations/qvel"] = np.gradient(joints(200, 14), 0.02, axis=0)
-        file["observations/effort"] = 3.0 * joints(200, 14)
-        file["observations/images/cam_high"] = np.zeros((200, 4, 4, 3), dtype=np.uint8)
     return path
 
 
@@ -190,15 +178,6 @@ def test_rows_without_time_are_counted_from_the_first_of_each_episode(tmp_path: 
     assert_allclose(log.time, np.concatenate([np.arange(rows) / 20 for rows in LENGTHS]), atol=1e-9)
 
 
-def test_the_proposal_takes_what_aloha_reports_with_its_velocity_and_effort(tmp_path: Path) -> None:
-    proposal = propose_mapping(aloha(tmp_path / "episode_0.hdf5"), units="rad")
-    assert "not what it was told (action)" in proposal.toml
-    log = import_recording(tmp_path / "episode_0.hdf5", accept_proposal=True, units="rad")
-    assert log.name == "episode_0"
-    assert_array_equal(log.q_nominal, joints(200, 14))
-    assert_array_equal(log.tau, 3.0 * joints(200, 14))
-
-
 def test_matlab_s_version_7_3_reads_as_the_versions_before(tmp_path: Path) -> None:
     log = import_recording(matlab(tmp_path / "lab.mat"), accept_proposal=True, units="rad")
     assert_array_equal(log.q_nominal, joints(200, 3))
@@ -298,8 +277,3 @@ def test_without_h5py_the_extra_and_other_ways_are_named(tmp_path: Path, monkeyp
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     with pytest.raises(FileFormatError, match=r"pip install 'h5py.*'-v7'"):
         propose_mapping(path)
-
-
-def test_check_takes_a_file_and_an_episode(tmp_path: Path) -> None:
-    path = robomimic(tmp_path / "lift.hdf5")
-    assert check_file(str(path)).kind == check_file(str(path / "demo_2")).kind == "third-party recording"

@@ -7,13 +7,10 @@ import pytest
 from mcap.writer import Writer
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.plant import MotionLog
-from catenary.robots.catalog import load_robot
-from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
 from catenary.workflows.import_recording import import_recording
-from lab_bags import JOINT_STATE, JOINTS, POSE, Kind, Message, joint_state, pose, true_q, two_topics, write_bag
+from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, two_topics, write_bag
 
 BY_HAND = ["q_nominal=/raven/joint_cmd.position", "q_encoder=/optitrack/joints.position"]
 # a straight line between samples 1/30 s apart is off by at most h^2/8 of the acceleration, 0.7 rad/s2
@@ -99,6 +96,27 @@ def test_messages_without_stamps_are_taken_at_their_arrival_and_nan_is_no_measur
     assert_allclose(log.q_encoder[log.ok], log.q_nominal[log.ok])
 
 
+@pytest.mark.parametrize("good", [1, 200])  # not 0, as docs have it: a quality, too
+def test_what_lies_between_a_good_sample_and_a_bad_one_is_not_trusted(good: int, tmp_path: Path) -> None:
+    """A camera at 30 Hz beside a robot at 100 Hz, which writes zeros where it sees nothing."""
+    t, s = np.arange(0.0, 10.0, 0.01), np.arange(0.003, 10.0, 0.033)
+    seen, valid = true_q(s) + 0.01, np.full(len(s), good)
+    seen[100:103], valid[100:103] = 0.0, 0
+    robot, camera = tmp_path / "robot.csv", tmp_path / "camera.csv"
+    np.savetxt(robot, np.column_stack([t, true_q(t)]), delimiter=",", header="t,q1,q2,q3", comments="")
+    np.savetxt(camera, np.column_stack([s, seen, valid]), delimiter=",", header="t,cam1,cam2,cam3,valid", comments="")
+    options = ["q_nominal=q1,q2,q3", "q_encoder=cam1,cam2,cam3", "ok=valid"]
+    log = import_recording([robot, camera], options, units="rad,rad,m")
+    assert log.time is not None
+    assert log.q_encoder is not None
+    inside = (log.time > s[99]) & (log.time < s[103])
+    assert np.array_equal(log.ok, (log.time >= s[0]) & (log.time <= s[-1]) & ~inside)
+    assert_allclose(log.q_encoder[log.ok], true_q(log.time[log.ok]) + 0.01, atol=STRAIGHT)
+    np.savetxt(robot, np.column_stack([t, true_q(t), t != 5.0]), delimiter=",", header="t,q1,q2,q3,valid", comments="")
+    both = import_recording([robot, camera], units="rad,rad,m", accept_proposal=True)
+    assert np.flatnonzero(log.ok & ~both.ok).tolist() == [500]
+
+
 def test_clocks_that_nobody_set_are_left_for_arrivals(tmp_path: Path) -> None:
     from lab_bags import header
 
@@ -119,60 +137,6 @@ def test_clocks_that_nobody_set_are_left_for_arrivals(tmp_path: Path) -> None:
     assert log.ok.all()
     assert_allclose(log.q_encoder, log.q_nominal, atol=1e-9)  # type: ignore[arg-type]
     assert any("clocks that differ; arrivals were taken" in note for note in log.notes)
-
-
-def dvrk_bag(path: Path, kind: Kind, truth: np.ndarray) -> tuple[Path, dict[str, object]]:
-    """A PSM's measured_js and setpoint_js at 100 Hz, and a tracker that sees a marker on its insertion at 40 Hz."""
-    robot = load_robot("dvrk_psm")
-    tracker = Pose(rotation_from_rpy([0.1, -0.2, 1.0]), np.array([0.4, -0.3, 0.9]))  # in the base
-    frame = Pose(rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02]))  # the insertion's in the marker's
-    times = np.arange(0.0, 5.0, 0.025)
-    messages: list[Message] = []
-    for t in np.arange(0.0, 5.0, 0.01):
-        q = np.concatenate([true_q(t), np.zeros(3)])
-        names = [*JOINTS, "outer_roll", "wrist_pitch", "wrist_yaw"]
-        messages.append((t, "/PSM1/measured_js", joint_state(names, q, np.zeros(6), np.zeros(6))))
-        messages.append((t, "/PSM1/setpoint_js", joint_state(names, q + 0.001, (), np.zeros(6))))
-    for t in times:
-        full = np.zeros(6)
-        full[:3] = true_q(t) + truth
-        marker = tracker.inverse() @ forward_kinematics(robot, full, "outer_insertion") @ frame.inverse()
-        messages.append((t, "/ndi/marker", pose(marker.position, quaternion_from_rotation(marker.rotation))))
-    topics = {"/PSM1/measured_js": JOINT_STATE, "/PSM1/setpoint_js": JOINT_STATE, "/ndi/marker": POSE}
-    transforms = {
-        name: {"position_m": t.position.tolist(), "quaternion_wxyz": quaternion_from_rotation(t.rotation).tolist()}
-        for name, t in (("T_base_tracker", tracker), ("T_marker_frame", frame))
-    }
-    return write_bag(path, kind, topics, messages), transforms
-
-
-@pytest.mark.slow  # compiles the robot's kinematics
-@pytest.mark.parametrize("kind", ["ros1", "mcap"])
-def test_a_dvrk_s_joints_follow_from_a_tracked_marker(kind: Kind, tmp_path: Path) -> None:
-    error = np.array([0.01, -0.02, 0.003])
-    bag, transforms = dvrk_bag(tmp_path / "psm", kind, error)
-    mapping = {
-        "robot": "dvrk_psm",
-        "joint_names": ["outer_yaw", "outer_pitch", "outer_insertion"],
-        "q_nominal": {"columns": "/PSM1/measured_js.position[0:3]"},
-        "q_encoder": {"pose": {"columns": "/ndi/marker.pose", "frame": "outer_insertion", **transforms}},
-    }
-    log = import_recording(bag, mapping)
-    assert log.joint_names == ("outer_yaw", "outer_pitch", "outer_insertion")
-    assert log.time is not None
-    assert log.q_encoder is not None
-    assert log.ok.mean() > 0.95
-    # 40 Hz: a straight line between poses; the search ends within 1e-6
-    assert_allclose(log.q_encoder[log.ok], true_q(log.time[log.ok]) + error, atol=0.7 / 40**2 / 8 + 5e-5)
-
-
-@pytest.mark.slow  # as above
-def test_the_proposal_asks_what_a_tracked_pose_is(tmp_path: Path) -> None:
-    bag, _ = dvrk_bag(tmp_path / "psm", "ros1", np.zeros(3))
-    with pytest.raises(InputError, match=r"leaves open: .*/ndi/marker\.pose") as refused:
-        import_recording(bag, robot="dvrk_psm", accept_proposal=True)
-    assert "T_base_tracker" in str(refused.value)
-    assert "not what it was told (/PSM1/setpoint_js.position)" in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -105,10 +105,15 @@ def test_an_episode_alone_keeps_its_name_and_the_date_of_the_dataset(tmp_path: P
     assert check_file(str(path / named)).kind == "third-party recording"
 
 
-def test_columns_of_names_that_do_not_fit_are_numbered(tmp_path: Path) -> None:
+def test_columns_of_names_that_do_not_fit_are_numbered_and_those_that_not_all_files_have_are_told(
+    tmp_path: Path,
+) -> None:
     path = dataset(tmp_path / "lab", names=["state"])
+    later = path / "data" / "chunk-000" / "file-001.parquet"
+    pq.write_table(pq.read_table(later).drop_columns(["task_index"]), later)
     log = import_recording(path / "0", ["q_nominal=observation.state[0:3]@rad"])
     assert log.joint_names == ("J1", "J2", "J3")
+    assert any("left out, as not all files have them: task_index" in note for note in log.notes)
 
 
 @pytest.mark.parametrize(("names", "scale"), [([f"{joint}.pos" for joint in JOINTS], 90.0), (list(JOINTS), 400.0)])

@@ -85,22 +85,3 @@ def test_definitions_that_no_message_has_are_refused_and_harm_no_other_topic(
     beside = Sources([bag, whole])
     log_streams = {stream.name for stream in beside.streams if stream.columns}
     assert log_streams == {"/raven/joint_cmd", "/optitrack/joints"}
-
-
-def test_what_is_whole_of_a_bag_that_was_cut_off_is_imported_and_said(tmp_path: Path) -> None:
-    bag = two_topics(tmp_path / "lab", "ros1")
-    cut = tmp_path / "cut.bag"
-    cut.write_bytes(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
-    log = import_recording(cut, ["q_nominal=/raven/joint_cmd.position"], units="rad,rad,m")
-    assert log.time is not None
-    assert 100 < len(log) < 1000
-    assert_allclose(log.q_nominal, true_q(log.time), atol=1e-9)
-    assert any("cut off" in note or "lacks its index" in note for note in log.notes)
-
-
-def test_the_file_of_a_ros2_bag_is_read_with_its_metadata_and_without(tmp_path: Path) -> None:
-    bag = two_topics(tmp_path / "lab", "sqlite", seconds=3.0)
-    (part,) = bag.glob("*.db3")
-    assert len(import_recording(part, ["q_nominal=/raven/joint_cmd.position"], units="rad,rad,m")) == 300
-    (bag / "metadata.yaml").unlink()
-    assert len(import_recording(part, ["q_nominal=/raven/joint_cmd.position"], units="rad,rad,m")) == 300

@@ -5,6 +5,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -56,19 +59,24 @@ def test_what_is_open_is_asked_and_nothing_is_accepted_then(
         proposal.accepted()
 
 
-def test_units_follow_from_ranges_beside_each_other(tmp_path: Path) -> None:
-    proposal = of_table(tmp_path, "cmd1_rad,cmd2_rad,encoder1,encoder2", *Q.T, *np.rad2deg(Q).T)
-    mapping = proposal.accepted()
-    assert mapping.q_encoder is not None
-    assert mapping.q_encoder.units == ("deg", "deg")
-
-
 def test_columns_that_never_change_and_currents_are_set_aside_and_said(tmp_path: Path) -> None:
     still = np.ones((len(T), 2))
     proposal = of_table(tmp_path, "q1_rad,q2_rad,enc1_rad,enc2_rad,current1,current2", *Q.T, *still.T, *Q.T)
     assert any("never changes" in said for said in proposal.decisions)
     assert any("needs a scale" in said for said in proposal.decisions)
     assert proposal.accepted().q_encoder is None
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_rows_of_which_a_truth_value_is_missing_are_not_trusted(ending: str, tmp_path: Path) -> None:
+    is_seen = [True] * 100 + [None] * 10 + [False] * 10 + [True] * 180
+    columns = {"t": T, "q1": Q[:, 0], "q2": Q[:, 1], "camera1": Q[:, 0] + 0.01, "camera2": Q[:, 1] + 0.01}
+    table = pa.table(columns | {"valid": pa.array(is_seen)})
+    path = tmp_path / f"lab.{ending}"
+    (pyarrow.csv.write_csv if ending == "csv" else pq.write_table)(table, path)
+    assert 'ok = ["valid"]' in propose_mapping(path, units="rad").toml
+    log = import_recording(path, units="rad", accept_proposal=True)
+    assert np.flatnonzero(~log.ok).tolist() == list(range(100, 120))
 
 
 @pytest.mark.parametrize(
@@ -90,14 +98,6 @@ def test_a_slide_in_mm_among_angles_in_rad_is_told_by_its_range(
     expected = units if scale > 1.0 else ["rad", "rad", "m" if "insertion" in names or robot else "rad"]
     assert f"units = {json.dumps(expected)}  # " in proposal.toml  # and how it was told
     assert any("the units of q_nominal" in one for one in proposal.questions) == (is_open and scale > 1.0)
-
-
-def test_two_topics_that_may_both_be_the_encoder_are_asked(tmp_path: Path) -> None:
-    topics = ("/arm/joint_states", "/vicon/joints", "/camera/joints")
-    messages: list[Message] = [(t, topic, joint_state(JOINTS, true_q(t))) for t in T for topic in topics]
-    bag = write_bag(tmp_path / "lab", "ros1", dict.fromkeys(topics, JOINT_STATE), messages)
-    proposal = propose_mapping(bag)
-    assert any("/vicon/joints.position or /camera/joints.position" in one for one in proposal.questions)
 
 
 @settings(max_examples=30)
@@ -123,16 +123,6 @@ def moving(rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
     t = np.linspace(0.0, 20.0, rows)
     q = np.column_stack([30.0 * np.sin(t), 20.0 * np.cos(1.3 * t), 150.0 + 25.0 * np.sin(0.7 * t)])
     return q, 1.02 * q + 0.5
-
-
-def test_an_array_without_names_is_parted_into_time_commands_and_measurements(tmp_path: Path) -> None:
-    q, seen = moving()
-    np.savez(tmp_path / "three.npz", data=np.column_stack([0.05 * np.arange(len(q)), np.deg2rad(q), np.deg2rad(seen)]))
-    proposal = propose_mapping(tmp_path / "three.npz", units="rad")
-    assert 'time = "data[0]"' in proposal.toml
-    assert 'columns = ["data[1]", "data[2]", "data[3]"]' in proposal.toml
-    assert 'columns = ["data[4]", "data[5]", "data[6]"]' in proposal.toml
-    assert any("which moves with it" in question for question in proposal.questions)
 
 
 def test_units_behind_the_names_and_words_of_a_lab_are_enough(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from catenary.recording.journal import JournalTopic, JournalWriter
 from catenary.recording.logs import read_log
 from catenary.recording.topic_samples import encode
 from catenary.topics import SECOND
-from catenary.verdict.check import findings_of
 from oracles import raven_recording
 from oracles.raven_recording import record, write_csv
 
@@ -113,47 +112,6 @@ def test_further_columns_are_signals_the_other_arms_under_its_name(tmp_path: Pat
     assert set(some.signals) - set(plain.signals) == {"runlevel", *(f"green_jpos:{axis}" for axis in AXES)}
     with pytest.raises(InputError, match="columns: no jpso in raven_state; it has all, runlevel"):
         read_raven([tmp_path / "r"], columns=("jpso",))
-
-
-def _gap(rig: np.ndarray) -> np.ndarray:
-    return rig[(RIG_TIME < 4.0) | (RIG_TIME > 6.0)]
-
-
-def _not_a_number(rig: np.ndarray) -> np.ndarray:
-    rig[400:600, 2] = np.nan
-    return rig
-
-
-@pytest.mark.parametrize(("change", "note"), [(_gap, "/ext_jpos: 1 gap(s), the longest 2.0"), (_not_a_number, "")])
-def test_an_encoder_that_fails_is_reported_and_not_trusted(tmp_path, change, note) -> None:
-    rig = change(np.column_stack([RIG_TIME, raven_recording.encoder(RIG_TIME)]))
-    result = _synchronised(tmp_path, rig[:, 0], rig[:, 1:])
-    assert result.log.time is not None
-    # a sample before and after takes part in what is between
-    inside = (result.log.time > 4.001) & (result.log.time < 5.989)
-    near = (result.log.time > 3.98) & (result.log.time < 6.02)
-    assert not result.log.ok[inside].any()
-    assert result.log.ok[~near & (result.log.time < RIG_TIME[-1])].all()
-    assert result.without_encoder == int((~result.log.ok).sum())
-    assert any(note in line for line in result.log.notes) or not note
-
-
-def test_an_encoder_that_stops_keeps_its_rows_and_is_found_by_the_verdict(tmp_path: Path) -> None:
-    rig = raven_recording.encoder(RIG_TIME)
-    rig[(RIG_TIME >= 4.0) & (RIG_TIME < 6.0), 0] = rig[400, 0]
-    log = _synchronised(tmp_path, RIG_TIME, rig).log
-    assert log.time is not None
-    assert log.ok[(log.time > 3.0) & (log.time < 7.0)].all()
-    assert ("stuck", ("shoulder",)) in [(each.name, each.joints) for each in findings_of(log)]
-
-
-def test_a_state_that_is_not_a_number_is_left_out_and_counted(tmp_path: Path) -> None:
-    columns = raven_recording.telemetry(STATE_TIME, np.random.default_rng(0))
-    columns["jpos"][7, 1] = np.nan
-    result = _synchronised(tmp_path, RIG_TIME, raven_recording.encoder(RIG_TIME), columns=columns)
-    assert result.dropped == 1
-    assert len(result.log) == len(STATE_TIME) - 1
-    assert any("1 of 600 rows without q_nominal" in note for note in result.log.notes)
 
 
 @pytest.mark.parametrize("by", [3600, -5])

@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.table_files import read_table_file
 from catenary.workflows.check import check_file
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from lab_bags import true_q
@@ -29,32 +28,6 @@ def write_csv(
     rows = [separator.join(f"{v:.9f}".replace(".", decimal) for v in row) for row in np.column_stack(columns)]
     path.write_text("\n".join([separator.join(names), *rows]) + "\n")
     return path
-
-
-def own_names(path: Path, **how: str) -> Path:
-    names = ["time_ms", *(f"{n}_cmd_{u}" for n, u in zip(NAMES, ("deg", "deg", "mm"), strict=True))]
-    names += [f"camera_{n} [{u}]" for n, u in zip(NAMES, ("deg", "deg", "mm"), strict=True)]
-    return write_csv(path, names, [1e3 * T, *(Q * DEG).T, *(SEEN * DEG).T], **how)
-
-
-@pytest.mark.parametrize("how", [{}, {"separator": ";", "decimal": ","}, {"separator": "\t"}])
-def test_a_csv_with_names_of_its_own_is_imported_by_mapping_and_by_proposal(how: dict, tmp_path: Path) -> None:
-    table = own_names(tmp_path / "lab.csv", **how)
-    units = ("deg", "deg", "mm")
-    by_hand = import_recording(
-        table,
-        {
-            "q_nominal": {"columns": [f"{n}_cmd_{u}" for n, u in zip(NAMES, units, strict=True)], "units": units},
-            "q_encoder": {"columns": [f"camera_{n} [{u}]" for n, u in zip(NAMES, units, strict=True)], "units": units},
-        },
-    )
-    proposed = import_recording(table, accept_proposal=True)
-    for log in (by_hand, proposed):
-        assert log.joint_units == ("rad", "rad", "m")
-        assert log.ok.all()
-        assert_allclose(log.time, T, atol=1e-9)
-        assert_allclose(log.q_nominal, Q, atol=1e-9)
-        assert_allclose(log.q_encoder, SEEN, atol=1e-9)
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
@@ -97,9 +70,6 @@ def test_a_first_line_that_tells_spreadsheets_the_separator_is_no_line_of_names(
     table = write_csv(tmp_path / "lab.csv", ["t [s]", "q1", "q2"], [T, Q[:, 0], Q[:, 1]], separator=";", decimal=",")
     table.write_text("sep=;\n" + table.read_text())
     assert_allclose(import_recording(table, ["q_nominal=q1,q2"], units="rad").q_nominal, Q[:, :2], atol=1e-9)
-    table.write_text("sep=;\n")
-    with pytest.raises(FileFormatError, match="expected a line of names, if any"):
-        import_recording(table, ["q_nominal=q1,q2"], units="rad")
 
 
 def test_a_unit_of_time_that_cannot_be_told_is_asked(tmp_path: Path) -> None:
@@ -169,10 +139,20 @@ def test_arrays_of_other_programs_are_read_by_name(make, tmp_path: Path) -> None
 
 def test_a_matlab_file_with_an_encoder_of_its_own_rate_and_time(tmp_path: Path) -> None:
     slow = np.arange(0.0, 6.0, 0.03)
-    content = {"t": T, "cmd": Q, "t_cam": slow, "cam": true_q(slow) + 0.01}
+    cells = np.empty(2, dtype=object)
+    cells[:] = ["lost", Q[:2]]
+    content = {
+        "t": T,
+        "cmd": Q,
+        "t_cam": slow,
+        "cam": true_q(slow) + 0.01,
+        "cells": cells,
+        "images": np.zeros((2, 3, 4)),
+    }
     savemat(tmp_path / "lab.mat", content)
     log = import_recording(tmp_path / "lab.mat", ["q_nominal=cmd", "q_encoder=cam"], units="rad,rad,m")
     assert log.q_encoder is not None
+    assert any("no rows of numbers were left out: cells, images" in note for note in log.notes)
     assert log.ok.mean() > 0.98
     assert_allclose(log.q_encoder[log.ok], Q[log.ok] + 0.01, atol=0.7 * 0.03**2 / 8)
 
@@ -196,15 +176,6 @@ def test_files_that_nothing_here_reads_are_refused_with_a_way_to_one_that_is(
     for read in (propose_mapping, check_file):
         with pytest.raises(FileFormatError, match=words):
             read(str(tmp_path / name))
-
-
-def test_a_packed_csv_is_read_as_the_plain_one(tmp_path: Path) -> None:
-    plain = own_names(tmp_path / "lab.csv")
-    packed = tmp_path / "run.csv.gz"
-    packed.write_bytes(gzip.compress(plain.read_bytes()))
-    expected, log = (import_recording(path, accept_proposal=True) for path in (plain, packed))
-    assert_allclose(log.q_nominal, expected.q_nominal, rtol=0)
-    assert check_file(str(packed)).kind.startswith("recording")
 
 
 @pytest.mark.parametrize(
@@ -241,15 +212,6 @@ def test_what_is_no_table_is_refused_in_words(content: bytes, message: str, tmp_
     (tmp_path / "lab.csv").write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
         propose_mapping(tmp_path / "lab.csv")
-
-
-def test_columns_of_text_without_a_line_of_names_are_numbered(tmp_path: Path) -> None:
-    (tmp_path / "lab.txt").write_bytes(b"0.5 2 3\n4 5 6\n7 8 9.5\n")
-    (table,) = read_table_file(tmp_path / "lab.txt")
-    assert {name: values.tolist() for name, values in table.columns.items()} == {
-        "data[0]": [0.5, 4, 7], "data[1]": [2, 5, 8], "data[2]": [3, 6, 9.5],
-    }  # fmt: skip
-    assert any("no line of names" in note for note in table.notes)
 
 
 @pytest.mark.parametrize("ending", [".mat", ".npz", ".npy", ".parquet", ".bag", ".mcap", ".db3", ".csv"])

@@ -152,6 +152,7 @@ def synchronise(
     units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
     streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
+    streams = _truth_values(streams, found["ok"].places if "ok" in found else ())
     for stream in streams.values():
         notes += [f"{stream.name}: {note}" for note in stream.notes]
     scaled, jumped = {}, set[str]()
@@ -269,12 +270,24 @@ def _scale(
     return factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
 
 
+def _truth_values(streams: dict[str, Stream], places: Sequence[Place]) -> dict[str, Stream]:
+    """Return streams with 1 in these columns where they are not 0, else 0, and NaN where they have no number."""
+    changed = dict(streams)
+    for place in places:
+        columns = dict(changed[place.stream].columns)
+        values = np.asarray(columns[place.column], dtype=np.float64)
+        columns[place.column] = np.where(np.isfinite(values), values != 0.0, np.nan)
+        changed[place.stream] = replace(changed[place.stream], columns=columns)
+    return changed
+
+
 def _trusted(
     where: str, clock: OneClock, measured: Floats | None, rows: int, *, has_ok: bool, is_piece: bool
 ) -> NDArray[np.bool_]:
     """Return the rows whose q_encoder can be trusted."""
     is_there = np.ones(rows, dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
-    ok = np.asarray(is_there & (clock.rows("ok") > 0.5).all(axis=1) if has_ok else is_there)
+    # 1 where both samples around a row are: what lies between a good one and another is made of both
+    ok = np.asarray(is_there & (clock.rows("ok") == 1.0).all(axis=1) if has_ok else is_there)
     if measured is not None and not ok.any() and not is_piece:
         why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
         raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))

@@ -17,7 +17,7 @@ from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.columns import Stream, listed, places_of
 from catenary.recording.import_formats.sources import Sources
-from catenary.recording.import_formats.table_time import time_of
+from catenary.recording.import_formats.table_time import time_of, times_among
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
 IMU = "sensor_msgs/Imu"
@@ -82,11 +82,12 @@ def read_imu(
         raise InputError(f"columns: expected three of the accelerometer and three of the gyroscope, got {len(names)}")
     names = names or _named(stream, _FORCE, required=True) + _named(stream, _RATE, required=False)
     flags = [name for name in stream.columns if name.endswith("_covariance[0]") and "orientation" not in name]
-    whole = sources.read({stream.name: [*names, *flags]}).get(stream.name, stream)
+    column, _, unit = (time or "").partition("@")
+    times = times_among(stream, [column] if column else []) if stream.type == "table" else []
+    whole = sources.read({stream.name: [*names, *flags, *times]}).get(stream.name, stream)
     if whole.type == "table":
-        column, _, unit = (time or "").partition("@")
         try:
-            told = time_of(stream, (column,) if column else (), unit or None, None)
+            told = time_of(whole, (column,) if column else (), unit or None, None)
         except InputError as error:
             # an import has a mapping and a rate of rows, which are not there for this
             plain = re.sub(r"time_unit, or |their rate in its place \(.*?\), or ", "", str(error))
@@ -105,7 +106,9 @@ def read_imu(
     measured, turned = (_measured(whole, name, len(values)) for name in ("linear_acceleration", "angular_velocity"))
     without = int((~measured).sum())
     missing = f"; {without} messages say (covariance -1) that they measure no acceleration" if without else ""
-    known = (stamp > np.iinfo(np.int64).min) & measured
+    there = np.isfinite(values).any(axis=1)  # a table may have rows of other sensors between
+    missing += f"; {int((~there).sum())} rows have no reading" * (not there.all())
+    known = (stamp > np.iinfo(np.int64).min) & measured & there
     if known.sum() < _LEAST:
         raise FileFormatError(
             f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}{missing}"
@@ -118,7 +121,7 @@ def read_imu(
         rows = np.hstack([rows[:, 3 * k : 3 * k + 3] @ matrices[k].T for k in range(rows.shape[1] // 3)])
     rate = rows[:, 3:] if rows.shape[1] == 6 and turned[known].all() else None
     if rows.shape[1] == 6 and rate is None:
-        missing = "; its messages say (covariance -1) that they measure no angular velocity"
+        missing += "; its messages say (covariance -1) that they measure no angular velocity"
     said = (why + missing + spread, f"read {', '.join(map(cut, names))}")
     return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
 

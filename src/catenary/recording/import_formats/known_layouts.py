@@ -59,11 +59,11 @@ def layout_of_files(paths: Sequence[Path]) -> Layout | None:
     if not paths or not all(is_bag(path) and path.exists() for path in paths):
         return layout_of_file(paths[0]) if len(paths) == 1 else None
     try:
-        topics = {topic.name for source in open_recordings(paths, salvage=True) for topic in source.topics}
-    except FileFormatError:  # of other types under these names, say
+        topics = {tuple(topic) for source in open_recordings(paths) for topic in source.topics}
+    except FileFormatError:
         return None
-    state = topics & {RAVENSTATE.name, RAVENSTATE_100HZ.name}
-    return RAVEN_BAG if len(state) == 1 and EXT_JPOS.name in topics else None
+    is_there = [(topic.name, topic.type) in topics for topic in (RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS)]
+    return RAVEN_BAG if is_there in ([True, False, True], [False, True, True]) else None
 
 
 def layout_of_file(path: Path) -> Layout | None:

@@ -34,7 +34,10 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
             "are read, with their files (LeRobot converts older ones)"
         )
     parts = [read_parquet_table(file) for file in files]
-    shared = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
+    every = dict.fromkeys(name for part in parts for name in part.columns)
+    shared = [name for name in every if all(name in part.columns for part in parts)]
+    lost = [cut(name) for name in every if name not in shared]
+    said = [f"left out, as not all files have them: {', '.join(lost[:10])}"] * bool(lost)
     if _EPISODE not in shared:
         raise FileFormatError(f"{path}: not all its files have the column {_EPISODE}")
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in shared}
@@ -52,7 +55,9 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
         constants={"fps": float(fps)} if isinstance(fps, int | float) else {},
         starts=(0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist()),
         began=began_of(info),
-        notes=tuple(dict.fromkeys([*in_a_row(path, chosen, ()), *(note for part in parts for note in part.notes)])),
+        notes=tuple(
+            dict.fromkeys([*in_a_row(path, chosen, ()), *said, *(note for part in parts for note in part.notes)])
+        ),
     )
     return [_with_names(stream, info.get("features"))]
 

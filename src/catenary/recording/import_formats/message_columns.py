@@ -44,7 +44,7 @@ class Bag:
     def __init__(self, path: Path, progress: Callable[[float], object] = lambda done: None) -> None:
         """Open it; `progress` is told the share of its messages that were read."""
         self.path, self._progress = path, progress
-        self._reader = open_recording(path, salvage=True, any_types=True)
+        self._reader = open_recording(path)
         self.encoding: Encoding = self._reader.encoding
         self._known: dict[str, FieldsOf] = {}  # by topic
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition

@@ -367,13 +367,13 @@ def _tracked(
 
 def _times(used: Mapping[str, Stream], draft: _Draft) -> None:
     columns, units, said = list[str](), list[str](), list[str]()
-    for stream in used.values():
-        if stream.type != "table":
-            continue
-        valid = ok_columns(stream)
-        if valid:
-            draft.top.append(f"ok = [{', '.join(map(_text, valid))}]")
-            draft.used[stream.name].update(valid)
+    tables = [stream for stream in used.values() if stream.type == "table"]
+    trusted = [(stream.name, column) for stream in tables for column in ok_columns(stream)]
+    if trusted:
+        names = [f"{table}:{column}" if len(tables) > 1 else column for table, column in trusted]
+        draft.top.append(f"ok = [{', '.join(map(_text, names))}]")
+    for stream in tables:
+        draft.used[stream.name].update(column for table, column in trusted if table == stream.name)
         named = time_columns(stream)
         column: str | None = named[0] if named else None
         if len(named) > 1:

@@ -135,12 +135,13 @@ def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_fi
     if not plain:
         there = ", ".join(f"{cut(name)} {a.shape}" for name, a in list(arrays.items())[:10]) or "nothing"
         raise FileFormatError(f"{path}: holds no array of numbers of one or two dimensions; it has {there}")
+    left = [cut(name) for name in arrays if name not in {**plain, **texts, **constants}]
     numbers = Counter[int]()
     for a in plain.values():
         numbers[len(a) if rows_first else max(a.shape)] += a.size
     rows = max(numbers, key=lambda size: (numbers[size], size))
     groups: dict[int, dict[str, NDArray[Any]]] = {rows: {}}
-    notes: list[str] = []
+    notes = [f"arrays that hold no rows of numbers were left out: {', '.join(left[:10])}"] * bool(left)
     for name, a in plain.items():
         if a.ndim == 2 and not rows_first and a.shape[0] != rows and (a.shape[1] == rows or a.shape[0] < a.shape[1]):
             a = a.T
@@ -171,6 +172,13 @@ def read_parquet_table(path: Path) -> Stream:
 
     from catenary.recording.parquet_files import open_parquet
 
+    def is_number(kind: pa.DataType) -> bool:
+        return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
+
+    def numbers(column: pa.ChunkedArray) -> NDArray[Any]:
+        values: NDArray[Any] = column.to_numpy()
+        return values.astype(np.float64) if values.dtype.kind == "O" else values  # truth values, and some missing
+
     file = open_parquet(path)
     columns: dict[str, NDArray[Any]] = {}
     names, left, notes = file.schema_arrow.names, list[str](), list[str]()
@@ -178,22 +186,21 @@ def read_parquet_table(path: Path) -> Stream:
         for name in names:
             kind, widths = file.schema_arrow.field(name).type, [0]
             is_list = pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
-            is_number = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
-            if names.count(name) == 1 and (is_list or is_number or pa.types.is_timestamp(kind)):
+            is_known = is_number(kind.value_type if is_list else kind) or pa.types.is_timestamp(kind)
+            if names.count(name) == 1 and is_known:
                 column = file.read(columns=[name], use_threads=False).column(0)
                 widths = pc.unique(pc.list_value_length(column)).to_pylist() if is_list else [1]
             if len(widths) != 1 or not widths[0] or widths[0] > MOST_COLUMNS:
                 left.append(name)
             elif is_list:
-                flat = pc.list_flatten(column).to_numpy().reshape(-1, widths[0])
+                flat = numbers(pc.list_flatten(column)).reshape(-1, widths[0])
                 columns |= {f"{name}[{i}]": flat[:, i] for i in range(widths[0])}
-            elif is_number:
-                columns[name] = column.to_numpy()
+            elif is_number(kind):
+                columns[name] = numbers(column)
             else:
                 plain = "time" if name == PANDAS_INDEX and "time" not in names else name
                 columns[plain] = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy()
                 notes.append(f"{plain}: holds stamps, read as nanoseconds")
-    columns = {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}
     if left:
         notes.append(f"columns that hold no numbers were left out: {', '.join(map(cut, left[:10]))}")
     return _table(path, columns, {}, notes)
@@ -219,6 +226,5 @@ def _collect(content: dict[str, Any], prefix: str, arrays: dict[str, NDArray[Any
         if isinstance(value, dict) and depth < DEEPEST:
             _collect(value, f"{prefix}{key}.", arrays, depth + 1)
             continue
-        array = np.asarray(value)
-        if array.dtype.kind in "biufSU" and len(arrays) < MOST_ARRAYS:
-            arrays[prefix + key] = array
+        if len(arrays) < MOST_ARRAYS:
+            arrays[prefix + key] = np.asarray(value)

@@ -17,7 +17,6 @@ from catenary.recording.parquet_files import MOST_COLUMNS
 NOTHING = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "None", "none", "#N/A")
 ARRAY = "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
 _EXACT = 2.0**53  # from which on a float64 has not every whole number
-_SAYS_SEPARATOR = re.compile(r"\"?sep=[;,\t]\"?[;,\t]*")  # a first line for spreadsheets
 COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
 _UNIT = re.compile(
     r"[\[(]?\s*(|-|1|s|sec|ms|us|µs|ns|rad|deg|°|m|mm|cm|um|nm|n|a|ma|v|hz|counts?|ticks?"
@@ -89,7 +88,6 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
     lines = [*lines, unended] if len(lines) < 2 and unended else lines  # a head and one row
     lines = [lines[0].lstrip("\ufeff"), *lines[1:]] if lines else []
     plain = [k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
-    plain = plain[1:] if plain and _SAYS_SEPARATOR.fullmatch(lines[plain[0]]) else plain
     if not plain:
         raise FileFormatError(f"{where}: expected a line of names, if any, and lines of numbers, got no line")
     body = [*(lines[k] for k in plain[len(plain) // 2 :]), *(line for line in last if not COMMENT.match(line))]
@@ -100,7 +98,7 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
         raise FileFormatError(f"{where}: {width} columns, expected {MOST_COLUMNS} at most")
     tail = [cells for line in body if len(cells := dialect.split(line)) == width]
     begins = next((k for k in plain if _is_row(dialect.split(lines[k]), tail, dialect)), None)
-    heads = [line for line in lines[:begins] if line.strip() and not _SAYS_SEPARATOR.fullmatch(line)]
+    heads = [line for line in lines[:begins] if line.strip()]
     if begins is None:
         raise FileFormatError(f"{where}: no column of numbers among {', '.join(map(cut, tail[0][:10]))}")
     counted = [*map(str, range(width))]

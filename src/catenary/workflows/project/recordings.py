@@ -41,7 +41,7 @@ def extract_recording(project: Project, name: str) -> bool:
         made_from = as_it_is()
 
     def work() -> dict[str, Any]:
-        sources = open_recordings([recording], salvage=True)
+        sources = open_recordings([recording])
         result = kind_of(project.settings).synchronise(recording)
         found_whole = rescue_of(sources)
         is_whole = not any(source.damage for source in sources)
@@ -72,7 +72,7 @@ def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
         for old in files:
             old.unlink(missing_ok=True)
         empty(half)
-        bags = write_group_bags(open_recording(recording, salvage=True), half, kind)
+        bags = write_group_bags(open_recording(recording), half, kind)
         whole.mkdir(exist_ok=True)
         there = [path for bag in bags if (path := whole / bag.name).is_file() or any(path.glob("*"))]
         if there:
