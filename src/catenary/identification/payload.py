@@ -15,7 +15,7 @@ from math import erf, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
@@ -36,7 +36,9 @@ SHARE = 0.2  # torque of the payload over what stays unexplained: less is seen i
 SHARE_ANYWHERE = 0.4  # the same where mass, place and link are free to follow a drift of the arm
 CORRELATED = 1.0  # [s] over which residuals hang together: friction and cables remember
 TOLD = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
+PREFER_SMALL = 3e-3  # of the residual per kg: where a place near an axis hides any mass, the smallest is taken
 HIDDEN = 100.0  # [kg, kg m] standard deviation of what recordings do not show at all
+RARE = 3.0  # logarithm of how much less likely beforehand it is, of each zero, that it shifted
 SHIFTED = 0.5  # of the RMS that identification leaves of an axis: a zero that differs by less is none that shifted
 VISIBLE = 0.02  # smallest singular value, columns scaled to one, of a direction that recordings show
 
@@ -72,6 +74,7 @@ class _Fitted(NamedTuple):
     estimate: PayloadEstimate
     misfit: float  # sum of squares that stays, weighted
     body: Floats  # (4,) mass and moment [kg, kg m], also where recordings hardly tell them
+    shifted: int = 0  # zeros that differ from those identified
 
 
 def estimate_payload(
@@ -122,8 +125,8 @@ def payload_candidates(
     # residuals are weighted by those of the training; where even the best link leaves more, that is the noise
     repeated = _lags(result, rows, _rate(result, loaded)) * _repeats(result, rows)
     counted = 1.0 / repeated / max(1.0, best / (rows * n))
-    # every link has the same four unknowns, so that what each leaves decides
-    shares = probabilities([-0.5 * counted * (fit.misfit - best) for fit in fits])
+    # every link has the same four unknowns, so that what each leaves decides, and how many zeros must have shifted
+    shares = probabilities([-0.5 * counted * (fit.misfit - best) - RARE * fit.shifted for fit in fits])
     order = sorted(range(len(fits)), key=lambda k: (-shares[k], -fits[k].estimate.explained))
     found = likely([fits[k].estimate.link for k in order], [shares[k] for k in order])
     joint = None
@@ -146,9 +149,9 @@ def zero_findings(
     if payload.zeros is None or payload.zeros_std is None:
         return []
     model, found = result.model, list[tuple[str, Finding]]()
-    usual = np.mean([r.rms for r in result.training], axis=0)
+    usual = 1.0 / one_over(np.mean([r.rms for r in result.training], axis=0))
     for part, zeros, deviations in zip(loaded, payload.zeros, payload.zeros_std, strict=True):
-        shifted = np.flatnonzero((np.abs(zeros) > SIGNIFICANT * deviations) & (np.abs(zeros) > SHIFTED * usual))
+        shifted = np.flatnonzero(_shifted(zeros / usual, deviations / usual))
         told = ", ".join(
             f"{model.joint_names[i]} {zeros[i]:+.3g} ({deviations[i]:.2g}) {TORQUE_UNIT[model.joint_units[i]]}"
             for i in shifted
@@ -163,6 +166,11 @@ def zero_findings(
         says = f"a load on {payload.link} cannot be told from zeros of torque that shifted: {move}"
         found.append((loaded[0].name, Finding("offset", (), says, "poses that are too much alike", refuses=False)))
     return found
+
+
+def _shifted(zeros: Floats, deviations: Floats) -> NDArray[np.bool_]:
+    """Return which zeros, in units of what identification leaves of an axis, are surely not those identified."""
+    return np.asarray(np.abs(zeros) > np.maximum(SIGNIFICANT * deviations, SHIFTED))
 
 
 def _separating_joint(result: Identification, q: Floats, payload: PayloadEstimate) -> str | None:
@@ -264,6 +272,7 @@ def _fit(
     inverse = np.asarray(np.linalg.pinv(_flat(X / scale), rcond=1e-6), dtype=np.float64)
     covariance = _spread(result, rows, inverse.reshape(-1, *y.shape), left, rate) / np.outer(scale, scale)
     deviation = np.sqrt(np.diag(covariance))
+    deviation[np.diag(inverse @ _flat(X / scale)) < 0.99] = np.inf  # of a direction that the inverse leaves out
     zeros = np.array([(own - of @ baseline) - of @ phi for of, own in rows.means])
     shrunk = rows.independent[:, None] * rows.zeros**2
     zeros *= shrunk / (1.0 + shrunk)
@@ -292,7 +301,7 @@ def _fit(
         zeros_std=zeros_std / rows.weights,
         like_zeros=bool(sure < SIGNIFICANT < np.sqrt(sum(alike)) and z < SIGNIFICANT and mass > 0.0),
     )
-    return _Fitted(estimate, rest**2, body)
+    return _Fitted(estimate, rest**2, body, int(_shifted(zeros, zeros_std).sum()))
 
 
 def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]:
@@ -302,11 +311,12 @@ def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]
     is solved from several masses.
     """
     R = np.asarray(np.linalg.qr(np.hstack([_flat(Y), y.reshape(-1, 1)]), mode="r"))
+    small = PREFER_SMALL * float(np.linalg.norm(R[:, PER_LINK]))
     from scipy.optimize import least_squares
 
     def misfit(unknown: Floats) -> Floats:
-        error: Floats = R[:, :PER_LINK] @ (unknown[0] * point_mass(unknown[1:])) - R[:, PER_LINK]
-        return error
+        error = R[:, :PER_LINK] @ (unknown[0] * point_mass(unknown[1:])) - R[:, PER_LINK]
+        return np.append(error, small * unknown[0])
 
     solutions = []
     bounds = ([1e-4] + [-reach] * 3, [1e3] + [reach] * 3)
