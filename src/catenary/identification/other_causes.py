@@ -19,7 +19,7 @@ from catenary.verdict.finding import Finding
 
 BETWEEN_DAYS = 0.4  # of the product of all axes' mean squares: at most this is left where one day has a cause
 CLEARLY = 0.1  # of it, from which on nothing is identified
-ROWS = 600  # of each day that are looked at
+ROWS, MOST_ROWS = 600, 6000  # that are looked at, of each of several days, and of one that is weighed
 WORSE = 1.3  # times the training residual, from which on another cause is asked for
 LEFT = 0.6  # of what load and zeros leave squared, at most, that a cause leaves
 NOTHING_LEFT = 1e-3  # of the torque
@@ -47,6 +47,7 @@ def _cause(
 ) -> Finding | None:
     model, n, stated = result.model, result.model.n, np.array(result.options.gravity)
     weights = one_over(np.mean([r.rms for r in result.training], axis=0))
+    part = _some(part, MOST_ROWS)
     own = slice(PER_LINK * (0 if payload is None else model.link_names.index(payload.link)), None)
     mass, moment = (None, None) if payload is None else (payload.mass, payload.moment)
     body = np.zeros(PER_LINK) if mass is None or moment is None else mass * point_mass(np.nan_to_num(moment) / mass)
@@ -105,10 +106,10 @@ def _cause(
 
 def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[str, Finding]]:
     """Find one of several fitted recordings with a zero, a gain or a tilt of its own, which spoils all masses."""
-    n = result.model.n
-    stated = np.array(result.options.gravity)
-    every = [max(1, len(day) // ROWS) for day in days]
-    few = [day.rows(np.arange(len(day)) % k == 0, day.name) for day, k in zip(days, every, strict=True)]
+    if len(days) < 2:
+        return []
+    n, stated = result.model.n, np.array(result.options.gravity)
+    few = [_some(day, ROWS) for day in days]
     heard = carrying(result.base, result.beta, few, stated)
     X = [np.concatenate([Y for _, Y in result.base.chunks(day, stated)]) for day in heard]
     ends = np.cumsum([0, *map(len, few)])
@@ -130,7 +131,7 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
         return float(np.log(np.maximum(np.square(left.reshape(-1, n)).sum(axis=0), least)).sum())
 
     found = list[tuple[float, str, str, int, Floats]]()
-    if len(days) < 2 or y @ y < NOTHING_LEFT**2 * float(tau @ tau):
+    if y @ y < NOTHING_LEFT**2 * float(tau @ tau):
         return []
     for day, part, first, last in zip(few, heard, ends, ends[1:], strict=False):
         causes = {("offset", i): np.ones((len(day), n, 1)) * np.eye(n)[i][:, None] for i in range(n)}
@@ -182,3 +183,8 @@ def _under(result: Identification, part: Samples, gravity: Floats) -> Floats:
     """Return the torques (N, n) that are predicted under another gravity."""
     turned = replace(result, options=replace(result.options, gravity=tuple(gravity)))
     return turned.predict_samples(part)
+
+
+def _some(samples: Samples, most: int) -> Samples:
+    every = max(1, len(samples) // most)
+    return samples.rows(np.arange(len(samples)) % every == 0, samples.name)
