@@ -64,6 +64,26 @@ def recorded(
     return MotionLog(**(fields | changes))
 
 
+SLOW = 0.25  # of the speed of `sinusoids`
+
+
+def slow(
+    model: RobotModel, seed: int, *, seconds: float = 25.0, gain: Any = (), zero: Any = (), gravity: Floats = LEVEL
+) -> MotionLog:
+    """A recording of an arm that moves slowly enough for gravity to matter, some axes times or beside a constant."""
+    time = np.arange(int(100.0 * seconds)) / 100.0
+    rng = np.random.default_rng(seed)
+    q, qd, qdd = (SLOW**k * values for k, values in enumerate(sinusoids(rng, model, SLOW * time)))
+    tau = torques(model, q, qd, qdd, np.full(3 * model.n, 0.3)) + 0.3 * rng.normal(size=q.shape)
+    still = np.zeros_like(q)
+    tau += inverse_dynamics(model, q, still, still, gravity) - inverse_dynamics(model, q, still, still, LEVEL)
+    for axis, factor in gain:
+        tau[:, axis] *= factor
+    for axis, constant in zero:
+        tau[:, axis] += constant
+    return recorded(model, seed, seconds=0.1, q_nominal=q, qd=qd, tau=tau, ok=np.ones(len(q), bool), time=time)
+
+
 def write_npz(log: MotionLog, path: Any, **changes: Any) -> None:
     """Write a recording as catenary identify reads it."""
     arrays = {"q": log.q_nominal, "dq": log.qd, "tau": log.tau, "t": log.time} | changes

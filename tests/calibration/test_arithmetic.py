@@ -6,16 +6,6 @@ from catenary.calibration.arithmetic import dense, logistic, tanh
 from oracles.calibration_models import PREDICTORS, predicted, random_network, random_predictor
 
 
-@pytest.mark.parametrize("inputs", [0, 1, 5, 101])
-@pytest.mark.parametrize("outputs", [1, 3, 8, 17, 100])
-def test_layers_are_matrix_products(inputs: int, outputs: int) -> None:
-    rng = np.random.default_rng([inputs, outputs])
-    X, W, b = rng.normal(size=(4, inputs)), rng.normal(size=(inputs, outputs)), rng.normal(size=outputs)
-    Y = np.empty((4, outputs))
-    dense(X, W, b, Y)
-    assert_allclose(Y, X @ W + b, rtol=0.0, atol=1e-12)  # sums of a hundred terms of order one, in another order
-
-
 def test_sums_run_along_the_inputs_and_do_not_depend_on_how_many_columns_lie_beside() -> None:
     rng = np.random.default_rng(1)
     X, W, b = rng.normal(size=(3, 9)), rng.normal(size=(9, 100)), rng.normal(size=100)

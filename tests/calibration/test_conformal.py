@@ -86,15 +86,6 @@ def validation(rows: int, **changes: np.ndarray) -> CrossValidation:
     return CrossValidation((), **(fields | changes))
 
 
-def test_half_widths_are_the_models_inside_and_the_offsets_outside_or_the_larger() -> None:
-    found = estimate_intervals(validation(400))
-    assert found is not None
-    assert (found.level, found.inside.tolist(), found.outside.tolist()) == (0.9, [1.0], [2.0])
-    worse = estimate_intervals(validation(400, after_offset=np.full((400, 1), 0.5)))
-    assert worse is not None
-    assert worse.outside.tolist() == [1.0]
-
-
 def test_a_joint_whose_folds_were_hardly_inside_has_the_offsets_half_width() -> None:
     inside = np.zeros((400, 1), dtype=bool)
     inside[:30] = True
@@ -200,3 +191,12 @@ def test_the_promise_for_other_minutes_holds_however_alike_neighbouring_rows_are
     # of N independent rows: 2 x 1.96 x sqrt(2) / 2 / sqrt(N); of rows that are alike, N (1 - r^2) / (1 + r^2)
     independent = 1500.0 * (1.0 - memory**2) / (1.0 + memory**2)
     assert np.median(widths) == pytest.approx(2.77 / math.sqrt(independent), rel=0.3)
+
+
+def test_half_widths_are_the_models_inside_and_the_offsets_outside_or_the_larger() -> None:
+    found = estimate_intervals(validation(400))
+    assert found is not None
+    assert (found.level, found.inside.tolist(), found.outside.tolist()) == (0.9, [1.0], [2.0])
+    worse = estimate_intervals(validation(400, after_offset=np.full((400, 1), 0.5)))
+    assert worse is not None
+    assert worse.outside.tolist() == [1.0]

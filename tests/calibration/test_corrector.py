@@ -82,14 +82,6 @@ def test_joint_state_of_a_robot_with_more_joints_in_another_order() -> None:
         assert_array_equal(inside, [True, flags[k, 2], flags[k, 0], flags[k, 1]])
 
 
-def test_calibrated_positions_may_overwrite_the_reported_ones() -> None:
-    corrector = Corrector(model())
-    expected, _ = ticked(corrector, SIGNALS[:1, :3], SIGNALS[:1])
-    q = SIGNALS[0, :3].copy()
-    corrector.correct(q, SIGNALS[0], q, np.empty(3, dtype=bool))
-    assert_array_equal(q, expected[0])
-
-
 def test_the_unused_channel_of_an_arm_reads_what_it_read_in_training() -> None:
     rng = np.random.default_rng(5)
     q, error = rng.normal(size=(200, 1)), rng.normal(size=(200, 1))
@@ -152,20 +144,6 @@ def test_arrays_that_cannot_be_taken_are_refused(method: str, arrays: Any, messa
         getattr(Corrector(model()), method)(*arrays)
 
 
-def test_arrays_of_another_type_or_layout_are_copied() -> None:
-    plain, corrector = model(plays=1), Corrector(model(plays=1))
-    q, signals = np.ascontiguousarray(SIGNALS[:, :3]), SIGNALS
-    expected, flags = ticked(Corrector(plain), q, signals)
-    apart, single = np.repeat(signals, 2, axis=1)[:, ::2], np.empty((3, 2))[:, 0]
-    for k in range(50):
-        inside = np.empty(3, dtype=bool) if k % 2 else np.empty(3)
-        corrector.correct(np.asfortranarray(q)[k] if k % 3 else q[k], apart[k], single, inside)  # type: ignore[arg-type]
-        assert_array_equal(single, expected[k])
-        assert_array_equal(inside, flags[k])
-    whole = Corrector(model())
-    whole.correct(np.zeros(3, dtype=int), np.zeros(5, dtype=np.float32), np.empty(3), np.empty(3, dtype=bool))
-
-
 @pytest.mark.parametrize("copied", [deepcopy, lambda corrector: pickle.loads(pickle.dumps(corrector))])
 def test_a_copy_goes_on_from_the_same_memory_and_then_has_its_own(copied) -> None:
     first = Corrector(model(plays=1))
@@ -179,14 +157,3 @@ def test_a_copy_goes_on_from_the_same_memory_and_then_has_its_own(copied) -> Non
     second.correct(Q, VALUES, out, inside)
     first.correct(SIGNALS[70, :3], SIGNALS[70], out, inside)
     assert_array_equal(out, expected[70])
-
-
-def test_a_bound_tick_runs_on_the_arrays_that_it_was_given() -> None:
-    expected, flags = ticked(Corrector(model(plays=1)), SIGNALS[:, :3], SIGNALS)
-    q, signals, out, inside = np.empty(3), np.empty(5), np.empty(3), np.empty(3, dtype=bool)
-    tick = Corrector(model(plays=1)).bind(q, signals, out, inside)
-    for k in range(20):
-        q[:], signals[:] = SIGNALS[k, :3], SIGNALS[k]
-        tick()
-        assert_array_equal(out, expected[k])
-        assert_array_equal(inside, flags[k])

@@ -27,11 +27,6 @@ def kept_rows(data: CalibrationData, log: MotionLog, number: int = 0) -> np.ndar
     return np.searchsorted(log.time, data.time[data.recording == number])
 
 
-def test_error_is_truth_minus_what_was_reported() -> None:
-    log = run()
-    assert_array_equal(calibration_data([log], PLAIN).error, log.q_encoder - log.q_nominal)
-
-
 def test_rows_without_measurement_or_known_inputs_are_left_out_and_counted() -> None:
     log = run(bad=(1, 20, 21))
     data = calibration_data([log], PLAIN)
@@ -99,20 +94,6 @@ def test_blocks_are_contiguous_and_cover_every_recording_alike(count: int) -> No
                 assert np.all(np.diff(numbers) >= 0)  # rows are in order of time, so each block is one stretch
                 assert set(numbers) == set(range(count))
                 assert np.ptp(np.bincount(numbers)) <= 1 + int((~logs[number].ok).sum())
-
-
-@pytest.mark.parametrize("recordings", [2, 3, 7])
-def test_blocks_of_several_recordings_are_recordings_where_asked(recordings: int) -> None:
-    data = calibration_data([run(seed, rows=40 + seed) for seed in range(recordings)], PLAIN)
-    block = data.blocks(5, recordings=True)
-    assert set(block) == set(range(min(5, recordings)))
-    assert all(len(set(block[data.recording == number])) == 1 for number in range(recordings))
-
-
-def test_robot_is_the_one_that_any_recording_names_and_sources_say_what_is_simulated() -> None:
-    data = calibration_data([run(1), run(2, robot="raven2", simulated=True)], PLAIN)
-    assert data.robot == "raven2"
-    assert [source.simulated for source in data.sources] == [False, True]
 
 
 OTHERS = r'"run2" has .*recording "run1" has'

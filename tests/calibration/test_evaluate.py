@@ -85,35 +85,6 @@ def test_windows_of_a_given_length_follow(time: Any, unit: str, stretches: list[
     assert [(round(w.start, 6), round(w.end, 6), w.n) for w in evaluation.windows] == stretches
 
 
-@pytest.mark.parametrize("rows", [40, 101, 1000])
-@pytest.mark.parametrize("timed", [True, False])
-def test_windows_are_ten_of_about_the_same_size_where_none_is_asked_for(rows: int, timed: bool) -> None:
-    log = off_by(np.zeros((rows, 2)), **({} if timed else {"time": None}))
-    sizes = [w.n for w in judged(offset_model(0.0, 0.0), log).windows]
-    assert (len(sizes), sum(sizes)) == (10, rows)
-    assert max(sizes) - min(sizes) <= 1 + timed
-
-
-def test_errors_of_a_window_are_those_of_its_rows() -> None:
-    errors = np.zeros((20, 2))
-    errors[:10, 1], errors[10:, 1] = 0.002, 0.005
-    log = off_by(errors, time=np.arange(20.0))
-    windows = judged(offset_model(0.0, 0.001), log, window=10.0).windows
-    assert [w.raw_rmse[1] for w in windows] == pytest.approx([2.0, 5.0])
-    assert [w.offset_rmse[1] for w in windows] == pytest.approx([1.0, 4.0])
-    assert [w.rmse[1] for w in windows] == pytest.approx([1.0, 4.0])
-
-
-def test_clock_that_goes_back_begins_new_windows_with_a_name_of_their_own() -> None:
-    time = np.concatenate([np.arange(20.0), np.arange(10.0)])
-    evaluation = judged(offset_model(0.0, 0.0), off_by(np.zeros((30, 2)), time=time), window=10.0)
-    assert [(w.recording, w.start, w.n) for w in evaluation.windows] == [
-        ("run (1)", 0.0, 10),
-        ("run (1)", 10.0, 10),
-        ("run (2)", 0.0, 10),
-    ]
-
-
 RUN = recording(np.random.default_rng(5))
 SLIDING = recording(np.random.default_rng(6), units=("rad", "m"))
 ONE_INPUT = {"inputs": ("q:J1",)}

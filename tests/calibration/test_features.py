@@ -15,6 +15,7 @@ from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs
 from catenary.errors import InputError
+from hysteretic_arm import play as pushed
 from recordings import STEP, recording
 
 NAMES, UNITS = ("q:J1", "q:J2", "q:J3"), ("rad", "rad", "m")
@@ -35,22 +36,10 @@ def play(x: np.ndarray, r: float) -> np.ndarray:
     return np.array(places)
 
 
-def dragged(x: np.ndarray, r: float) -> np.ndarray:
-    """A block of half-width r on a table, pushed by a pin at x only when the pin touches its end."""
-    block, places = x[0], []
-    for pin in x:
-        if pin - block > r:
-            block = pin - r
-        elif block - pin > r:
-            block = pin + r
-        places.append(block)
-    return np.array(places)
-
-
 @repeatable
 @given(motions, half_widths)
 def test_play_is_a_block_pushed_by_a_pin(x: np.ndarray, r: float) -> None:
-    assert_allclose(play(x, r), dragged(x, r), rtol=0.0, atol=1e-12)  # rounding of numbers up to 150
+    assert_allclose(play(x, r), pushed(x, r), rtol=0.0, atol=1e-12)  # rounding of numbers up to 150
 
 
 @repeatable
@@ -64,15 +53,10 @@ def test_play_does_not_depend_on_the_rate_of_sampling(x: np.ndarray, r: float, s
     assert_array_equal(play(np.array(finer), r)[kept], play(x, r))
 
 
-def test_play_starts_centred_and_of_zero_width_follows_exactly() -> None:
-    assert play(np.array([3.0]), 1.0) == 3.0
-    assert_array_equal(play(LOG.q_nominal[:, 0].copy(), 0.0), LOG.q_nominal[:, 0])
-
-
 def test_play_begins_anew_where_the_clock_goes_back() -> None:
     time = np.array([*range(7), *range(5)], dtype=float)
     X = FeatureSet(NAMES, UNITS, play=(("q:J1", 0.2),)).matrix(replace(LOG, time=time))
-    expected = np.concatenate([dragged(LOG.q_nominal[:7, 0], 0.2), dragged(LOG.q_nominal[7:, 0], 0.2)])
+    expected = np.concatenate([pushed(LOG.q_nominal[:7, 0], 0.2), pushed(LOG.q_nominal[7:, 0], 0.2)])
     assert_array_equal(X[:, -1], expected - LOG.q_nominal[:, 0])
 
 
@@ -105,14 +89,6 @@ def test_unknown_input_is_refused_with_those_there_are(word: str | None) -> None
         choose_signals(LOG, [] if word is None else [word])
 
 
-def test_unit_of_a_signal_follows_from_its_joint() -> None:
-    log = replace(LOG, tau=np.ones((12, 3)), qd=np.ones((12, 3)), signals={"current": np.ones(12)})
-    units = {name: unit for name, (_, unit) in signals_of(replace(log, signal_units={"current": "A"})).items()}
-    expected = {"q": ("rad", "rad", "m"), "tau": ("Nm", "Nm", "N"), "qd": ("rad/s", "rad/s", "m/s")}
-    joints = {f"{group}:J{j + 1}": of[j] for group, of in expected.items() for j in range(3)}
-    assert units == joints | {"current": "A"}
-
-
 @pytest.mark.parametrize(
     ("signal", "changes", "message"),
     [
@@ -126,11 +102,6 @@ def test_log_that_lacks_an_input_is_refused(signal: str, changes: dict[str, Any]
     log = replace(LOG, **(with_current | changes if signal == "current" else {}))
     with pytest.raises(InputError, match=message):
         FeatureSet((signal,), ("A",)).matrix(log)
-
-
-def test_feature_set_of_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="inputs: expected at least one"):
-        FeatureSet((), ())
 
 
 @pytest.mark.parametrize("every", [1, 3])

@@ -48,33 +48,6 @@ def test_regressions_agree_with_scikit_learn(options: Any, theirs: list[Any], at
     assert_allclose(model.correction(data.X, data.q_nominal), expected, atol=atol)
 
 
-@pytest.mark.parametrize(("kind", "atol"), [("offset", 0.0), ("linear", 1e-9), ("polynomial", 1e-9)])
-def test_correction_is_the_same_whichever_the_target(kind: str, atol: float) -> None:
-    # q_nominal is among the inputs, so position = error + q_nominal is as linear as the error
-    data = data_of(log())
-    one, two = (
-        fitted(log(), kind=kind, target=target).correction(data.X, data.q_nominal) for target in ("error", "position")
-    )
-    assert_allclose(one, two, rtol=0.0, atol=atol)
-
-
-@pytest.mark.parametrize(
-    ("options", "ridge"),
-    [
-        ({"kind": "linear"}, 0.0),
-        ({"kind": "linear", "play": (0.1,)}, 10.0),
-        ({"kind": "polynomial"}, 0.0),
-        ({"kind": "polynomial", "play": (0.1,)}, 10.0),
-        ({"kind": "polynomial", "play": (0.1,), "ridge": 0.0}, 0.0),
-        ({"kind": "linear", "ridge": 3.0}, 3.0),
-        ({"kind": "neural"}, None),
-        ({"kind": "offset"}, None),
-    ],
-)
-def test_ridge_is_that_asked_for_or_the_kinds(options: dict[str, Any], ridge: float | None) -> None:
-    assert FitOptions(**options).ridge_used == ridge
-
-
 def test_joint_is_fitted_to_its_own_inputs_together_with_those_of_the_same() -> None:
     run, inputs = log(), {"J1": ("q:J1",), "J2": ("q:J1",), "J3": ("q:J1", "q:J3")}
     model = fitted(run, inputs=inputs)
@@ -84,12 +57,6 @@ def test_joint_is_fitted_to_its_own_inputs_together_with_those_of_the_same() -> 
         X = run.q_nominal[:, columns]
         expected = LinearRegression().fit(X, error[:, joint]).predict(X)
         assert_allclose(calibrated[:, joint] - run.q_nominal[:, joint], expected, atol=1e-10)
-
-
-def test_inputs_are_positions_and_torques_where_recorded() -> None:
-    assert choose_inputs([log()], FitOptions()).features.signals == ("q:J1", "q:J2", "q:J3")
-    with_tau = log(tau=np.ones((300, 3)))
-    assert choose_inputs([with_tau], FitOptions()).features.signals[3:] == ("tau:J1", "tau:J2", "tau:J3")
 
 
 def test_best_takes_play_states_of_every_joint_that_moves_unless_there_are_torques() -> None:
@@ -186,15 +153,6 @@ def test_largest_correction_is_what_training_shows_without_failed_measurements()
     assert_allclose(coarse.largest, 0.1 * np.quantile(np.abs(run.q_nominal), 0.99, axis=0), rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial"])
-def test_every_training_row_is_believed_also_where_a_joint_has_no_error_at_all(kind: str) -> None:
-    for error in (lambda q: 0.0 * q, lambda q: 0.1 * q * [1.0, 0.0, 1.0]):
-        run = recording(np.random.default_rng(0), error=error)
-        model = fitted(run, kind=kind)
-        data = calibration_data([run], model.features)
-        assert model.correct(data.X, data.q_nominal)[1].all()
-
-
 def test_model_knows_the_limits_of_a_robot_that_has_its_joints_and_of_no_other() -> None:
     raven = load_robot("raven2")
     names, units = raven.joint_names[:3], raven.joint_units[:3]
@@ -210,3 +168,12 @@ def test_model_knows_the_limits_of_a_robot_that_has_its_joints_and_of_no_other()
     assert_allclose(limits[1], [beyond, *raven.upper[1:3]])
     other = replace(shifted, joint_names=("J1", "J2", "J3"))
     assert fit_logs([other], options, replace(run, robot=None)).model.limits is None
+
+
+@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial"])
+def test_every_training_row_is_believed_also_where_a_joint_has_no_error_at_all(kind: str) -> None:
+    for error in (lambda q: 0.0 * q, lambda q: 0.1 * q * [1.0, 0.0, 1.0]):
+        run = recording(np.random.default_rng(0), error=error)
+        model = fitted(run, kind=kind)
+        data = calibration_data([run], model.features)
+        assert model.correct(data.X, data.q_nominal)[1].all()

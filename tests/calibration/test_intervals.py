@@ -12,7 +12,6 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import FARTHEST, Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog
 from oracles.calibration_models import random_model
@@ -48,15 +47,6 @@ def test_half_widths_are_constant_where_rows_lay_and_grow_from_there_to_a_bound(
     assert_allclose(half_widths(lone, X), expected, rtol=1e-12)
 
 
-def test_a_combination_that_never_occurred_is_far_within_the_box_too() -> None:
-    rng = np.random.default_rng(5)
-    rows = np.column_stack([rng.uniform(-1.0, 1.0, 400)] * 2) + 0.02 * rng.normal(size=(400, 2))
-    far = np.empty((2, 1))
-    for step in fit_valid_range(rows, 0.5).steps(np.array([[0.5, 0.5], [0.5, 0.4]]), np.ones(2, dtype=bool), far):
-        step.function(*step.inputs, *step.outputs)
-    assert far[0] < 0.5 < far[1] <= 1.0
-
-
 @given(st.integers(0, 4), st.floats(1.0, 1e6), st.floats(1.0, 1e6))
 def test_half_widths_never_shrink_on_the_way_out(feature: int, near: float, far: float) -> None:
     made = model()
@@ -66,14 +56,6 @@ def test_half_widths_never_shrink_on_the_way_out(feature: int, near: float, far:
     nearer, farther = half_widths(made, X)
     assert (nearer >= WIDTHS.inside).all()
     assert (farther >= nearer).all()
-
-
-def test_an_unknown_input_has_the_offsets_half_width_and_an_unknown_position_none() -> None:
-    X = np.tile(np.median(SIGNALS[:150], axis=0), (2, 1))
-    q = X[:, :3].copy()
-    X[0, 4] = np.nan
-    q[1, 2] = np.nan
-    assert_array_equal(model().correct(X, q)[2], [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]])
 
 
 def test_a_model_without_intervals_gives_nan() -> None:
@@ -172,3 +154,11 @@ def test_a_polynomial_says_how_far_it_may_be_off_where_inputs_meet_that_training
     high = [joint.rmse_high for joint in path.spread]
     assert_allclose(high, np.sqrt(np.mean(left**2, axis=0)), rtol=0.4)  # blocks of the path tell a tenth of it
     assert all(joint.rmse_high < 0.5 * wide for joint, wide in zip(random.spread, high, strict=True))
+
+
+def test_an_unknown_input_has_the_offsets_half_width_and_an_unknown_position_none() -> None:
+    X = np.tile(np.median(SIGNALS[:150], axis=0), (2, 1))
+    q = X[:, :3].copy()
+    X[0, 4] = np.nan
+    q[1, 2] = np.nan
+    assert_array_equal(model().correct(X, q)[2], [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]])

@@ -59,10 +59,6 @@ def test_a_true_error_that_was_cut_away_is_found() -> None:
     assert any("J1" in said for said in findings(result))
 
 
-def test_without_rows_left_out_there_is_nothing_to_compare() -> None:
-    assert fit_logs([cable_arm()], LINEAR).left_out == ()
-
-
 def test_rows_that_were_not_measured_are_not_among_those_left_out() -> None:
     log = cable_arm()
     ok = np.arange(len(log)) % 2 == 0

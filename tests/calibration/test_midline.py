@@ -13,6 +13,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.plant import MotionLog
+from hysteretic_arm import play
 
 FEATURES = FeatureSet(("q:J1", "tau:J1"), ("rad", "Nm"), midlines=(("tau:J1", "q:J1", 0.05, 0.7),))
 
@@ -21,12 +22,8 @@ def tool(load: float, seed: int = 0, rows: int = 1500, hz: float = 100.0, fricti
     """A driven joint: its cable stretches by the load, lags by play, and friction adds to what the motor needs."""
     rng, t = np.random.default_rng(seed), np.arange(rows) / hz
     q = 0.5 * np.sin(2 * np.pi * 0.3 * t) + 0.02 * np.sin(2 * np.pi * 0.071 * t)
-    at, lag = q[0], []
-    for x in q:
-        at = min(max(at, x - 0.02), x + 0.02)
-        lag.append(at - x)
     tau = load + friction * np.sign(np.gradient(q)) + 0.01 * rng.normal(size=rows)
-    error = -0.3 * load + np.array(lag) + 1e-3 * rng.normal(size=rows)
+    error = -0.3 * load + play(q, 0.02) - q + 1e-3 * rng.normal(size=rows)
     return MotionLog(
         "tool", ("J1",), ("rad",), q[:, None], np.ones(rows, dtype=bool), (q + error)[:, None], t, tau=tau[:, None]
     )
@@ -75,10 +72,3 @@ def test_a_load_that_changes_is_told_from_friction_by_the_model() -> None:
         seen[kind] = evaluate(model, later).joints[0].rmse
     assert seen["hysteretic"] < 0.2  # [deg]; noise is 0.06
     assert seen["linear"] > 3.0 * seen["hysteretic"]
-
-
-def test_a_joint_that_hardly_turns_has_no_midline() -> None:
-    log = tool(0.3)
-    still = replace(log, q_nominal=np.linspace(0.0, 0.5, 1500)[:, None])
-    assert choose_inputs([log], FitOptions(kind="hysteretic")).features.midlines
-    assert not choose_inputs([still], FitOptions(kind="hysteretic")).features.midlines

@@ -12,7 +12,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_refresh import NOTHING, SCALE, SLOPES, ZERO, adjusted, refresh_model
+from catenary.calibration.model_refresh import SCALE, SLOPES, ZERO, adjusted, refresh_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
@@ -100,15 +100,6 @@ def test_a_day_without_drift_costs_no_accuracy(models: dict[str, CalibrationMode
     refreshed = refresh_model(old, rows_of(old, a_day(seed, 900))).model
     rest = a_day(seed + 1, 3000)
     assert (rmse(refreshed, rest) < 1.05 * rmse(old, rest)).all()
-
-
-def test_what_is_left_is_the_same_to_the_bit(models: dict[str, CalibrationModel]) -> None:
-    old = models["linear"]
-    data = rows_of(old, a_day(0, 3000))
-    exact = replace(data, error=old.correction(data.X, data.q_nominal))
-    refreshed = refresh_model(old, exact)
-    assert [change.change for change in refreshed.changes] == [NOTHING, NOTHING]
-    assert (refreshed.model.correction(data.X, data.q_nominal) == exact.error).all()
 
 
 @pytest.mark.parametrize("kind", ["offset", "linear", "polynomial", "network"])

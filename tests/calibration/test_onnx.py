@@ -100,23 +100,6 @@ def test_a_graph_stepped_through_a_motion_is_the_corrector(
     assert_allclose((q + correction)[known], expected[known], **CLOSE)
 
 
-def test_rows_of_a_batch_keep_their_own_memory() -> None:
-    rng = np.random.default_rng(3)
-    motions = np.cumsum(0.2 * rng.normal(size=(2, 40, 3)), axis=1)
-    model = random_model("tanh", motions[0], rng, joints=3, plays=2, coupled=3)
-    session = session_of(model)
-    together = {"play": np.full((2, 6), np.nan)}
-    together["friction"] = np.full((2, 3 + 3 * 3), np.nan)
-    corrections = []
-    for k in range(40):
-        out = run(session, signals=motions[:, k], **together)
-        together = {name: out[f"{name}_next"] for name in together}
-        corrections.append(out["correction"])
-    for i in range(2):
-        alone, _ = step_through(session, motions[i], motions[i])
-        assert_allclose(np.array(corrections)[:, i], alone, **CLOSE)
-
-
 def test_a_graph_carries_friction_states_bit_for_bit() -> None:
     rng = np.random.default_rng(8)
     model = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3, coupled=3)
@@ -144,14 +127,6 @@ def test_metadata_say_what_goes_in_and_hold_the_card() -> None:
     assert [(entry.domain, entry.version) for entry in made.opset_import] == [("", OPSET)]
 
 
-def test_file_has_the_same_bytes_each_time(tmp_path: Path) -> None:
-    rng = np.random.default_rng(6)
-    model = random_model("tanh", rng.normal(size=(50, 3)), rng, joints=3)
-    save_onnx(model, CARD, tmp_path / "a.onnx")
-    save_onnx(model, CARD, tmp_path / "b.onnx")
-    assert (tmp_path / "a.onnx").read_bytes() == (tmp_path / "b.onnx").read_bytes()
-
-
 def test_what_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(7)
     model = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3)
@@ -173,3 +148,20 @@ def test_half_widths_are_those_of_the_model_also_far_outside_and_where_an_input_
     given = {"q_nominal": rows[:, :3]} if target == "position" else {}
     found = run(session_of(made), signals=rows, **given)["interval"]
     assert_allclose(found, made.correct(rows, rows[:, :3])[2], **CLOSE)
+
+
+def test_rows_of_a_batch_keep_their_own_memory() -> None:
+    rng = np.random.default_rng(3)
+    motions = np.cumsum(0.2 * rng.normal(size=(2, 40, 3)), axis=1)
+    model = random_model("tanh", motions[0], rng, joints=3, plays=2, coupled=3)
+    session = session_of(model)
+    together = {"play": np.full((2, 6), np.nan)}
+    together["friction"] = np.full((2, 3 + 3 * 3), np.nan)
+    corrections = []
+    for k in range(40):
+        out = run(session, signals=motions[:, k], **together)
+        together = {name: out[f"{name}_next"] for name in together}
+        corrections.append(out["correction"])
+    for i in range(2):
+        alone, _ = step_through(session, motions[i], motions[i])
+        assert_allclose(np.array(corrections)[:, i], alone, **CLOSE)

@@ -70,15 +70,6 @@ def test_single_spikes_are_counted_and_count_as_rows_that_were_not_there(rows: s
     assert_array_equal(X[kept], PLAIN.matrix(log_of(held))[kept])
 
 
-@pytest.mark.parametrize("to", [[3.0, 3.0], [3.0, -2.0], [0.0, 0.0]])
-def test_two_spikes_in_a_row_leave_no_trace(to: list[float]) -> None:
-    q = SLOW.copy()
-    q[300:302] = to
-    X, _, leaps = LIMITED.rows(log_of(q))
-    assert leaps == {"q:J1": 2}
-    assert_array_equal(X[302:], LIMITED.matrix(log_of(SLOW))[302:])
-
-
 def test_a_leap_that_stays_was_the_truth_all_along() -> None:
     moved = SLOW + 1.0 * (T > 5.0)
     X, leaping, leaps = LIMITED.rows(log_of(moved))
@@ -99,31 +90,6 @@ def test_play_states_follow_random_targets_as_without_limits(rng: np.random.Gene
     assert first <= 6
     assert_array_equal(X[first:], PLAIN.matrix(log)[first:])
     assert leaping[first:].all()
-
-
-def test_every_motion_begins_unknown(rng: np.random.Generator) -> None:
-    far, time = sparse(rng, 100), np.concatenate([T[:100], T])
-    log = log_of(np.concatenate([far, spiked([300])]), time)
-    assert log.starts == (0, 100)
-    X, leaping, _ = LIMITED.rows(log)
-    assert_array_equal(X[100:], LIMITED.matrix(log_of(spiked([300]))))
-    assert np.flatnonzero(leaping[100:]).tolist() == [300]
-
-
-def test_other_joints_targets_make_it_another_motion_too(rng: np.random.Generator) -> None:
-    features = FeatureSet(
-        ("q:J1", "q:J2"), ("rad", "rad"), play=(("q:J1", 0.05), ("q:J2", 0.05)),
-        steps=(("q:J1", STEP), ("q:J2", STEP)), period=0.02,
-    )  # fmt: skip
-    q = np.column_stack([spiked([300]), np.concatenate([np.zeros(200), sparse(rng, 600)])])
-    X, leaping, _ = features.rows(MotionLog("run", ("J1", "J2"), ("rad",) * 2, q, np.ones(800, dtype=bool), time=T))
-    assert not leaping[:200].any()
-    assert leaping[210:].all()
-    assert_array_equal(X[210:], replace(features, steps=(), period=None).matrix(log_of_two(q))[210:])
-
-
-def log_of_two(q: Floats) -> MotionLog:
-    return MotionLog("run", ("J1", "J2"), ("rad", "rad"), q, np.ones(len(q), dtype=bool), time=T)
 
 
 def test_in_another_motion_the_half_width_is_that_of_the_fixed_offset(rng: np.random.Generator) -> None:

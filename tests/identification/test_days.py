@@ -9,7 +9,11 @@ from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import identify
 from catenary.identification.identification_file import identification_card, load_identification, save_identification
 from catenary.identification.identify_options import IdentifyOptions
+from catenary.identification.other_causes import day_findings
+from catenary.identification.samples import prepare
+from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf
+from moving_arm import slow
 from oracles.geared_arm import COULOMB, ur10_gravity, ur10_log, write_ur10
 
 LEVEL = [0.0, 0.0, -9.81]
@@ -43,3 +47,27 @@ def test_each_day_has_its_friction_and_all_have_the_masses(arm, tmp_path):
 def test_days_of_the_same_friction_share_it(arm):
     found = identify([ur10_log(0), ur10_log(1)], arm, IdentifyOptions(friction=("recording",)))
     assert not any(friction.recording for friction in found.model.actuation.friction)
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "friction", "name"),
+    [
+        ({}, (), None),
+        ({"zero": [(1, 20.0)]}, (), "offset"),
+        ({"zero": [(1, 20.0)]}, ("recording",), None),  # a constant of its own
+        ({"gain": [(1, 0.5)]}, ("recording",), "torques"),
+        ({"gravity": 9.81 * np.array([np.sin(0.17), 0.0, -np.cos(0.17)])}, (), "gravity"),
+    ],
+)
+def test_a_day_with_another_zero_gain_or_mounting_is_right_or_named(spoilt, friction, name):
+    arm, options = load_robot("ur10e"), IdentifyOptions(friction=friction, prior=False)
+    logs = [slow(arm, 0), replace(slow(arm, 1, **spoilt), name="spoilt")]
+    found = identify(logs, arm, options)
+    named = day_findings(found, [prepare(log, arm, options) for log in logs])
+    assert [(where, each.name, each.refuses) for where, each in named] == (
+        [("spoilt", name, name != "offset")] if name else []
+    )
+    if name is None:
+        q = np.random.default_rng(9).uniform(-2.0, 2.0, (200, 6))
+        off = gravity_torque(found.robot(), q, LEVEL) - gravity_torque(arm, q, LEVEL)
+        assert (np.sqrt(np.mean(off**2, axis=0)) < 0.05).all()

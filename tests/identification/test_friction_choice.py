@@ -76,11 +76,6 @@ def test_plain_friction_gets_hardly_any_parts():
     assert (found.tests[0].rms < 1.02 * given.tests[0].rms).all()
 
 
-def test_parts_that_are_not_allowed_are_not_added():
-    found = identify([run(TRUTHS["presliding"], 0)], ARM, IdentifyOptions(friction=("stribeck",)))
-    assert {part.kind for part in found.friction} <= {"stribeck"}
-
-
 def test_friction_of_a_robots_file_stands_as_it_is():
     logs = [run(TRUTHS["presliding"], 0)]
     found = identified("presliding")

@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,20 +94,8 @@ def test_the_robot_in_a_file_whose_numbers_were_changed_is_refused_too(saved):
         load_robot(str(saved))
 
 
-def test_the_robot_in_an_older_file_is_refused_with_what_to_do(saved):
-    damaged(saved, lambda a, s: s.update(format="catenary.identification.1"))
-    with pytest.raises(FileFormatError, match=OLDER):
-        load_robot(str(saved))
-
-
 def test_a_recording_is_no_parameter_file(tmp_path):
     path = tmp_path / "log.npz"
     np.savez(path, q=np.zeros((3, 3)))
     with pytest.raises(FileFormatError, match="written by catenary identify"):
         load_identification(path)
-
-
-def test_axes_without_torque_are_null_in_the_card(found):
-    silent = replace(found.training[0], relative_rms=np.array([0.1, np.nan, 0.2]))
-    card = identification_card(replace(found, training=(silent,)), [])
-    assert card["training"][0]["relative_rms"] == [0.1, None, 0.2]

@@ -66,14 +66,6 @@ def test_a_motion_that_hits_something_is_told_what_and_when():
     assert re.search(r"come within 20 mm: -?\d+\.\d mm at \d\.\d{3} s", checked.fault)
 
 
-def test_torques_are_compared_where_masses_and_limits_are_known():
-    assert LIMITS.has_torques
-    raven = load_robot("raven2")  # no limits
-    assert not MotionLimits(raven, room_of(raven, velocity=[1, 1, 0.1]), np.array(LEVEL)).has_torques
-    assert LIMITS.is_narrow
-    assert not MotionLimits(raven, room_of(raven, velocity=[1, 1, 0.1]), np.array(LEVEL)).is_narrow
-
-
 def test_poses_whose_weight_cannot_be_held_are_not_free():
     weak = replace(LIMITS, room=replace(ROOM, effort=np.full(7, 15.0)))
     q = np.array([[0, 1.5, 0, -0.5, 0, 1.5, 0], [0, 0, 0, -0.1, 0, 0.1, 0]], dtype=float)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -7,13 +9,14 @@ from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.identification.payload import estimate_payload, payload_candidates, point_mass
+from catenary.identification.other_causes import cause_findings
+from catenary.identification.payload import estimate_payload, payload_candidates, place_of, point_mass, zero_findings
 from catenary.identification.samples import prepare
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
 from catenary.robots.link_inertia import LinkInertia
 from catenary.spatial import Pose
-from moving_arm import LEVEL, recorded, sinusoids
+from moving_arm import LEVEL, recorded, sinusoids, slow
 
 ARM = load_robot("raven2")
 PLAIN = IdentifyOptions(friction=())
@@ -127,3 +130,97 @@ def test_places_that_are_none_are_refused(found, at, said):
     with pytest.raises(InputError) as caught:
         estimate_payload(found, loaded(0.1), at=at)
     assert said in str(caught.value)
+
+
+UR10E = load_robot("ur10e")
+LOAD, FLANGE = 2.0, np.array([0.0, 0.0, 0.1])
+AT = ("tool0", FLANGE)
+
+
+def slowly(**spoilt):
+    mass = spoilt.pop("mass", LOAD)
+    model = UR10E.with_payload("tool0", mass, FLANGE) if mass else UR10E
+    return [prepare(slow(model, 1, **spoilt), UR10E, PLAIN)]
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return identify([slow(UR10E, 0)], UR10E, replace(PLAIN, prior=False))
+
+
+@pytest.mark.parametrize("shift", [(1, -20.0), (1, 20.0), (2, 8.0), (3, -4.0), (4, 3.0)])
+def test_a_zero_that_shifted_since_is_no_load_and_is_named(arm, shift):
+    for mass, at in ((LOAD, AT), (0.0, AT), (LOAD, None)):
+        samples = slowly(mass=mass, zero=[shift])
+        payload = estimate_payload(arm, samples, at=at)
+        assert payload.mass is None or abs(payload.mass - mass) < max(0.02, 4.0 * payload.mass_std)
+        assert payload.detected is (mass > 0.0)
+        axis, constant = shift
+        assert payload.zeros[0, axis] == pytest.approx(constant, abs=max(0.05, 4.0 * payload.zeros_std[0, axis]))
+        ((_, named),) = zero_findings(arm, samples, payload)
+        assert (named.name, named.joints) == ("offset", (UR10E.joint_names[axis],))
+
+
+def test_the_zero_of_an_unloaded_recording_need_not_be_that_of_the_loaded_one(arm):
+    free = [prepare(slow(UR10E, 2, zero=[(1, 15.0)]), UR10E, PLAIN)]
+    payload = estimate_payload(arm, slowly(zero=[(2, -6.0)]), at=AT, unloaded=free)
+    assert payload.mass == pytest.approx(LOAD, abs=0.02)
+
+
+@pytest.mark.parametrize("seconds", [2.4, 4.0])
+@pytest.mark.parametrize("zero", [(), ((1, -20.0),)])
+def test_a_motion_that_does_not_separate_zero_and_load_widens_the_interval(arm, seconds, zero):
+    samples = slowly(seconds=seconds, zero=zero)
+    payload = estimate_payload(arm, samples, at=AT)
+    assert abs(payload.mass - LOAD) < 3.0 * payload.mass_std
+    if not payload.detected:
+        assert payload.like_zeros
+        named = zero_findings(arm, samples, payload)
+        assert "cannot be told from zeros of torque that shifted: move" in str(named[-1][1])
+
+
+def test_one_pose_at_rest_tells_no_load_from_zeros_and_many_do(rng):
+    arm, still = UR10E, IdentifyOptions(terms="static", friction=(), consistent=False)
+
+    def rest(model, q, name, zero=0.0):
+        tau = inverse_dynamics(model, q, 0.0 * q, 0.0 * q, LEVEL) + 0.05 * rng.normal(size=q.shape)
+        tau[:, 1] += zero
+        fields = {"q_nominal": q, "qd": 0.0 * q, "tau": tau, "ok": np.ones(len(q), bool), "time": np.arange(len(q))}
+        return recorded(model, 0, seconds=0.1, name=name, **fields)
+
+    q = rng.uniform(-2.0, 2.0, (200, 6))
+    found, heavy = identify([rest(arm, q, "free")], arm, still), arm.with_payload("tool0", LOAD, FLANGE)
+    for poses, apart in ((np.tile(q[:1], (40, 1)), False), (q[:40], True)):
+        samples = [prepare(rest(heavy, poses, "loaded", zero=-10.0), arm, still)]
+        payload = estimate_payload(found, samples, at=AT)
+        assert payload.detected is apart
+        assert payload.like_zeros is not apart
+        assert abs(payload.mass - LOAD) < 3.0 * payload.mass_std
+        assert (payload.mass_std < 0.05) is apart
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "name", "joints"),
+    [
+        ({"gain": [(1, 0.5)]}, "torques", (1,)),
+        ({"gain": [(3, 0.5)]}, "torques", (3,)),
+        ({"gravity": 9.81 * np.array([np.sin(0.17), 0.0, -np.cos(0.17)])}, "gravity", ()),
+        ({"gravity": 9.81 * np.array([0.0, np.sin(0.17), -np.cos(0.17)])}, "gravity", ()),
+        ({"zero": [(1, 20.0)]}, None, ()),
+        ({}, None, ()),
+    ],
+)
+def test_a_gain_and_a_tilted_base_are_doubts_with_the_load_beside_them(arm, spoilt, name, joints):
+    place = place_of(arm, AT)[1]
+    for mass, at in ((LOAD, AT), (0.0, AT), (LOAD, None)):
+        samples = slowly(mass=mass, **spoilt)
+        payload = estimate_payload(arm, samples, at=at)
+        named = cause_findings(arm, samples, payload, None if at is None else place)
+        assert [(each.name, each.joints) for _, each in named] == (
+            [] if name is None else [(name, tuple(UR10E.joint_names[i] for i in joints))]
+        )
+        if named and at is not None:
+            told = float(str(named[0][1]).split("the load weighs ")[1].split(" kg")[0])
+            assert told == pytest.approx(mass, abs=0.1)
+    if name != "gravity":  # nothing pushes either
+        assert [each.name for _, each in cause_findings(arm, slowly(mass=0.0, **spoilt))] == ([name] if name else [])

@@ -24,10 +24,6 @@ def judged(found, log):
     return found.test([prepare(log, ARM, PLAIN)]).tests[-1]
 
 
-def test_an_arm_that_has_not_changed_needs_no_reason(found):
-    assert (judged(found, recorded(ARM, 1)).verdict, judged(found, recorded(ARM, 1)).reasons) == ("holds", ())
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [

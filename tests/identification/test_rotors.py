@@ -15,9 +15,7 @@ from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.robots.actuation import default_actuation
-from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf
-from moving_arm import recorded
 from oracles.geared_arm import ROTORS, ur10_gravity, ur10_log, write_ur10
 
 LEVEL = [0.0, 0.0, -9.81]
@@ -118,12 +116,6 @@ def test_rotors_that_are_known_are_taken_as_they_are(arm, found):
         identify([log(0)], arm, IdentifyOptions(rotors=(1.0,)))
     with pytest.raises(InputError, match="rotors: expected numbers of zero or more"):
         IdentifyOptions(rotors=(-1.0,))
-
-
-def test_an_arm_without_rotors_gets_none_that_weigh_anything():
-    model = load_robot("raven2")
-    plain = identify([recorded(model, 0, noise=0.3)], model, IdentifyOptions(friction=()))
-    assert all(rotor.inertia < 0.02 for rotor in plain.rotors)
 
 
 def test_a_table_says_what_is_identified(arm):

@@ -39,11 +39,6 @@ def test_filtered_signals_are_those_of_the_motion_and_accelerations_derivatives_
     assert_allclose(samples.qdd[1:-1], (samples.qd[2:] - samples.qd[:-2]) * 100.0, atol=1e-9)
 
 
-def test_velocities_come_from_positions_where_none_are_recorded(samples):
-    without = prepare(log(qd=None), ARM, FULL)
-    assert_allclose(without.qd, samples.qd, atol=2e-3)  # central differences at 200 Hz of 7 rad/s
-
-
 def test_uneven_time_steps_are_evened_out():
     run = log()
     kept = np.sort(np.random.default_rng(1).permutation(len(run))[: 9 * len(run) // 10])
@@ -152,18 +147,6 @@ def test_jitter_bursts_and_hiccups_are_no_gaps(spoil):
     assert len(samples) < 2.1 * len(time)
 
 
-def test_rows_that_were_made_are_told():
-    samples = prepare(thinned(log(), np.random.default_rng(1).random(len(RUN)) < 0.7), ARM, FULL)
-    assert "rows were brought to 599" in samples.notes[0]
-
-
-def test_poses_at_rest_are_taken_as_they_are():
-    run = log(time=None, qd=None)
-    samples = prepare(run, ARM, IdentifyOptions(terms="static"))
-    assert_allclose(samples.tau, run.tau)
-    assert not samples.qd.any()
-
-
 def test_noise_about_a_joint_at_rest_is_no_wrong_velocity(rng):
     q, qd = RUN.q_nominal.copy(), RUN.qd.copy()
     q[:, 1] = 1.2 + 1e-4 * rng.normal(size=len(q))
@@ -209,11 +192,6 @@ def test_a_recording_that_cannot_be_of_the_robot_is_refused(changes, said):
     with pytest.raises(InputError) as caught:
         prepare(log(**changes), ARM, FULL)
     assert said in str(caught.value)
-
-
-def test_one_block_is_no_split(samples):
-    with pytest.raises(InputError, match="less than two blocks of 100"):
-        alternate_blocks(samples, 100.0)
 
 
 PANDA = load_robot("panda")

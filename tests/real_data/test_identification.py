@@ -59,6 +59,13 @@ def test_psm_of_another_day_is_predicted_as_well_as_with_other_tools(psm: Identi
     assert psm.tests[0].verdict == "drifted"  # the arm changed between days
 
 
+def test_two_days_of_a_psm_are_fitted_where_coupled_joints_show_no_friction_of_each_day(dvrk: Path) -> None:
+    logs = [log_of(dvrk, name, "dvrk_psm_motors") for name in ("psm_one.npz", "psm_one_no_weight.npz")]
+    options = IdentifyOptions(consistent=False, friction=("recording",))
+    found = identify(logs, load_robot("dvrk_psm_motors"), options)
+    assert found.rank == found.base.count
+
+
 def test_mtm_is_fitted_with_the_published_number_of_parameters(dvrk: Path) -> None:
     log, model = log_of(dvrk, "mtm_one.npz", "dvrk_mtm_motors"), load_robot("dvrk_mtm_motors")
     free = identify([log], model, PUBLISHED)

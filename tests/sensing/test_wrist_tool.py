@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import ExcitationError, InputError
-from catenary.sensing.wrist_tool import fit_wrist_tool
+from catenary.sensing.wrist_tool import fit_wrist_tool, wrist_tool_findings
 
 MASS, CENTER = 0.82, np.array([0.01, -0.02, 0.09])
 BIASES = np.array([3.0, -5.0, 12.0]), np.array([0.2, 0.05, -0.3])
@@ -76,3 +76,26 @@ def test_poses_that_do_not_show_a_tool_are_refused():
     force, torque = readings(down)
     with pytest.raises(InputError, match=r"mass -0\.82 kg: the sensor counts forces the other way"):
         fit_wrist_tool(-force, -torque, down)
+
+
+@pytest.mark.parametrize("count", [6, 12, 40])
+@pytest.mark.parametrize(
+    ("tilt", "axes", "name"),
+    [
+        (0.0, np.eye(3), None),
+        (10.0, np.eye(3), "gravity"),
+        (0.0, np.diag([1.0, 0.5, 1.0]), "units"),
+        (0.0, Rotation.from_euler("z", 30.0, degrees=True).as_matrix(), "units"),
+    ],
+)
+def test_a_tilted_base_or_other_axes_of_the_sensor_are_doubts(count, tilt, axes, name):
+    turns, level = Rotation.random(count, rng=np.random.default_rng(5)), np.array([0.0, 0.0, -9.81])
+    true = Rotation.from_euler("x", tilt, degrees=True).apply(level)
+    force, torque = readings(turns.inv().apply(true), 0.02)
+    force = (force - BIASES[0]) @ axes.T + BIASES[0]
+    tool = fit_wrist_tool(force, torque, turns.inv().apply(level))
+    named = wrist_tool_findings(tool, force, turns.as_matrix(), level)
+    assert [each.name for each in named] == ([] if name is None else [name])
+    if name == "gravity":
+        x, y, z = (float(v) for v in named[0].remedy.removeprefix("--gravity ").split(","))
+        assert_allclose([x, y, z], true, atol=0.1)

@@ -57,12 +57,6 @@ def test_coupled_coulomb_adds_no_energy_in_any_number_of_sweeps_from_zero(seed, 
     assert after @ M @ after <= velocity @ M @ velocity * (1.0 + 1e-12)
 
 
-def test_coupled_coulomb_of_one_joint_is_coulomb():
-    for velocity in (-3.0, -0.1, 0.0, 0.4, 5.0):
-        after, _ = settled(np.array([[2.0]]), np.array([0.3]), np.array([velocity]), sweeps=1)
-        assert_allclose(after[0], coulomb(velocity, 0.6), atol=1e-15)
-
-
 def test_constant_push_below_friction_ends_in_exact_rest():
     # steps of a push that friction can hold, each search starting from the last step's impulses
     A, _, _ = random_case(np.random.default_rng(3))

@@ -101,30 +101,6 @@ def test_splitting_steps_converges():
     assert third < 0.5 * second
 
 
-def test_without_friction_joints_follow_and_with_much_they_stay():
-    rng = np.random.default_rng(0)
-    x = path(rng)
-    free = coupled_friction(np.eye(2), np.eye(2), [[0.0, 0.0]], [FAR, FAR])
-    assert np.all(free.lag(x) == 0.0)
-    stuck = coupled_friction([[1.4, -0.6], [-0.6, 0.95]], np.eye(2), [[1e6, 1e6]], [FAR, FAR])
-    assert_allclose(x + stuck.lag(x)[:, 0], np.broadcast_to(x[0], x.shape), atol=1e-9)
-
-
-def test_a_rigid_spring_leaves_no_lag():
-    x = path(np.random.default_rng(0))
-    friction = coupled_friction(1e-9 * np.eye(2), np.eye(2), [[1.0, 2.0]], [FAR, FAR])
-    assert np.abs(friction.lag(x)).max() <= 2e-9
-
-
-def test_moving_one_joint_drags_another_through_a_shared_spring():
-    friction = coupled_friction([[1.4, -0.6], [-0.6, 0.95]], np.eye(2), [[4.0, 12.0]], [1.0, 1.0])
-    x = np.column_stack([np.zeros(200), np.concatenate([np.linspace(0, 40, 100), np.linspace(40, -40, 100)])])
-    dragged = (x + friction.lag(x)[:, 0])[:, 0]
-    assert np.ptp(dragged) > 3.0
-    uncoupled = friction._replace(lever=np.diag(np.diag(friction.lever)), mutual=np.diag(np.diag(friction.mutual)))
-    assert np.ptp(uncoupled.lag(x)[:, 0, 0]) < 1e-12
-
-
 def test_a_state_carried_row_by_row_gives_the_bits_of_the_whole_path():
     rng = np.random.default_rng(0)
     friction, x = drawn(rng, 2, 3, longest=0.3, systems=4), path(rng)

@@ -9,7 +9,7 @@ from catenary.errors import DataError, InputError
 from catenary.recording.mend import Mend
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, verdict
-from catenary.verdict.finding import NAMES, judge
+from catenary.verdict.finding import judge
 from hysteretic_arm import recording
 from spoilt import BOTH, MEASURED, SPOILS, Spoil, in_deg_and_mm, only, scaled, shifted
 
@@ -27,10 +27,6 @@ def test_a_spoilt_recording_is_refused_or_named_and_goes_on_when_it_is_accepted(
         with pytest.raises(DataError, match="--accept") as refusal:
             judge(found)
         assert any("accepted" in note for note in judge(found, refusal.value.names))
-
-
-def test_every_name_of_a_spoil_is_one_that_accept_takes() -> None:
-    assert {name for spoil in SPOILS for name in spoil.named} <= set(NAMES)
 
 
 def test_an_unknown_name_to_accept_is_refused_with_the_choices() -> None:

@@ -13,17 +13,10 @@ from catenary.recording.mend import Mend
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.verdict.check import findings_of
 from catenary.verdict.delay import delay_of
+from hysteretic_arm import play
 from tests.truth.spoilings import late
 
 RATE = 30.0  # [Hz]
-
-
-def play(x, radius):
-    state = np.empty_like(x)
-    state[0] = x[0]
-    for k in range(1, len(x)):
-        state[k] = min(max(state[k - 1], x[k] - radius), x[k] + radius)
-    return state
 
 
 def cable_arm(seed=0, seconds=120.0, slack=(1.5, 0.8, 2.0), *, sines=False):
@@ -104,17 +97,6 @@ def test_too_little_motion_is_said(change):
     assert delay_of(log).sure == "unknown"
 
 
-def test_a_delay_always_has_a_finding_with_its_interval():
-    (found,) = (f for f in findings_of(cable_arm()) if f.name == "delay")
-    assert not found.refuses
-    assert "would hide in hysteresis here" in str(found)
-    (found,) = (f for f in findings_of(late(cable_arm(), 0.1)) if f.name == "delay")
-    assert found.refuses
-    option, seconds = found.remedy.split()
-    assert option == "--delay"
-    assert abs(float(seconds) - 0.1) < 0.005
-
-
 def test_a_model_keeps_the_delays_of_its_recordings_and_how_they_were_mended():
     late_by = Mend(delay=0.1)(late(cable_arm(), 0.1))
     card = fit_logs([late_by], FitOptions(kind="linear")).card
@@ -124,15 +106,6 @@ def test_a_model_keeps_the_delays_of_its_recordings_and_how_they_were_mended():
     assert delay["sure"] == "none"
     assert delay["low"] < 0.0 < delay["high"]
     assert any("would hide in hysteresis" in note for note in card["notes"])
-
-
-def test_stamps_that_all_repeat_leave_rows():
-    log = cable_arm()
-    rows = np.r_[np.zeros(40, dtype=int), np.arange(len(log) - 40)]
-    ok = np.arange(len(log)) >= 40
-    still = replace(log, q_encoder=log.q_encoder[rows], ok=ok, time=np.zeros(len(log)))
-    (found,) = (f for f in findings_of(still) if f.name == "delay")
-    assert found.remedy == "--shift 40"
 
 
 @pytest.mark.parametrize("change", ["shuffled", "swapped", "copied"])

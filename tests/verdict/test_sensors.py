@@ -18,6 +18,7 @@ from catenary.recording.logs import Reading, read_recording
 from catenary.recording.mend import Mend
 from catenary.verdict.check import findings_of
 from catenary.verdict.sensors import filled_findings
+from hysteretic_arm import play
 from hysteretic_arm import recording as hysteretic
 from tests.lab_bags import JOINT_STATE, joint_state, write_bag
 from tests.truth.spoilings import filled
@@ -40,9 +41,7 @@ def motor(rows: int, seed: int = 0) -> Floats:
 
 def behind_slack(q: Floats, half_width: float = 0.1) -> Floats:
     """Where joints are behind slack, in whole counts of their encoders, (N, n) [rad]."""
-    joints = q.copy()
-    for i in range(1, len(q)):
-        joints[i] = np.clip(joints[i - 1], q[i] - half_width, q[i] + half_width)
+    joints = np.column_stack([play(column, half_width) for column in q.T])
     counted: Floats = np.round(joints / COUNT) * COUNT
     return counted
 

@@ -1,6 +1,7 @@
 """External torques in a recording, against what MuJoCo's arm feels of a known force."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -99,4 +100,10 @@ def test_the_table_names_the_joint_that_felt_it_and_an_unloaded_run_gives_the_in
     outcome = catenary(*line, "--unloaded", tmp_path / "3.npz", "--accept", "sign", "--accept", "torques")
     assert "External torques in 2" in outcome.out
     assert "largest force on tool0" in outcome.out
+    assert "all along" not in outcome.err
+    log = recording(in_mujoco, 2, FORCE)
+    write_npz(replace(log, tau=log.tau + 20.0 * np.eye(6)[2]), tmp_path / "2.npz")
+    steady = catenary(*line, "--accept", "sign", "--accept", "torques").err
+    assert "elbow_joint: -2" in steady
+    assert "all along: a zero of its torque that shifted looks like a steady push" in steady
     assert "expected one recording, got 2" in refusal(*line, tmp_path / "3.npz")

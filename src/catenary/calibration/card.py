@@ -80,7 +80,10 @@ def model_card(
         ],
         "target": model.target,
         "output": "correction added to q_nominal, in rad and m",
-        "scaling": _scaling(kinds),
+        "scaling": "none"
+        if kinds == {"offset"}
+        else "inputs standardised by mean and standard deviation of the training rows"
+        + "; targets of networks standardised too" * ("neural" in kinds),
         "choice": [asdict(choice) for choice in choices] or None,
         "settings": _settings(options, kinds),
         "valid_range": "of each joint: box around its inputs in training and box along their principal axes, "
@@ -137,13 +140,6 @@ def valid_inputs(model: CalibrationModel) -> dict[str, dict[str, float]]:
 def _errors(joint: JointErrors) -> dict[str, Any]:
     """Return errors as JSON can hold them: null where a percentage of nothing was asked for."""
     return {key: None if value != value else value for key, value in asdict(joint).items()}
-
-
-def _scaling(kinds: set[str]) -> str:
-    if kinds == {"offset"}:
-        return "none"
-    inputs = "inputs standardised by mean and standard deviation of the training rows"
-    return f"{inputs}; targets of networks standardised too" if "neural" in kinds else inputs
 
 
 def _settings(options: FitOptions, kinds: set[str]) -> dict[str, Any]:

@@ -77,17 +77,8 @@ class Corrector:
             InputError: An array has another shape, type or layout, or two share their memory.
         """
         self._require_shapes(q_nominal, signals, out, inside, interval)
-        return bound(
-            self.model.tick_steps(
-                self._memory,
-                q_nominal[None],
-                signals[None],
-                out[None],
-                inside[None],
-                None if interval is None else interval[None],
-                rate_hz=self.rate_hz,
-            )
-        )
+        arrays = (q_nominal[None], signals[None], out[None], inside[None], None if interval is None else interval[None])
+        return bound(self.model.tick_steps(self._memory, *arrays, rate_hz=self.rate_hz))
 
     def _require_shapes(
         self, q: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None

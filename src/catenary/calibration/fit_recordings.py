@@ -14,7 +14,7 @@ from catenary.calibration.dataset import CalibrationData, calibration_data, data
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun, require_folds
-from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
+from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, JointChoice, choose, composed, joined
@@ -65,13 +65,16 @@ def fit_logs(
     logs = in_one_order(logs)
     require_folds(options, run)
     rows_of = cache(partial(_rows, logs, run=run))
-    rows_of(_inputs(logs, options, run).features)  # what cannot be fitted to is refused before anything takes long
+    inputs_of = partial(choose_inputs, logs, held_out=run.held_out or 0.0)
+    rows_of(inputs_of(options).features)  # what cannot be fitted to is refused before anything takes long
     limits = error_limits(run.max_error, logs[0])
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
-    options = _with_friction(logs, options, run)
+    if options.friction is None and options.takes_friction(inputs_of(options).features.signals):
+        coupled = find_friction(logs, options, held_out=run.held_out or 0.0, max_error=limits)
+        options = replace(options, friction=coupled)
     names = SIMPLEST_FIRST if options.kind == "auto" else (options.kind,)
     kinds: dict[str, FitOptions] = {kind: options.of_kind(kind, options.preset) for kind in names}
-    inputs = {kind: _inputs(logs, of_kind, run) for kind, of_kind in kinds.items()}
+    inputs = {kind: inputs_of(of_kind) for kind, of_kind in kinds.items()}
     of_kinds = {kind: rows_of(taken.features)[0] for kind, taken in inputs.items()}
     shared = reduce(np.intersect1d, (data.places for data in of_kinds.values()))  # all kinds are asked about these
     rows = {kind: data.rows(np.isin(data.places, shared)) for kind, data in of_kinds.items()}
@@ -98,20 +101,6 @@ def fit_logs(
     model = composed(models, choices) if choices else models[options.kind]
     validation = joined(validations, choices) if choices else validations.get(options.kind)
     return _concluded(logs, options, run, model, validation, choices, found, shared, rows_of(model.features))
-
-
-def _with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
-    """Return options with the friction of coupled joints, where the model may take it and joints are coupled."""
-    signals = _inputs(logs, options, run).features.signals
-    if not options.takes_friction(signals) or options.friction is not None:
-        return options
-    limits = error_limits(run.max_error, logs[0])
-    found = find_friction(logs, options, held_out=run.held_out or 0.0, max_error=limits)
-    return replace(options, friction=found)
-
-
-def _inputs(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> Inputs:
-    return choose_inputs(logs, options, held_out=run.held_out or 0.0)
 
 
 def _rows(logs: Sequence[MotionLog], features: FeatureSet, run: FitRun) -> Rows:
@@ -147,8 +136,11 @@ def _concluded(
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
         notes = (*notes, *friction_notes(logs, options.friction))
-    if intervals is None:
-        notes = (*notes, _why_no_intervals(validation, run))
+    if validation is None:
+        notes = (*notes, "no intervals: they are estimated from the cross-validation, which folds 0 leaves out")
+    elif intervals is None:
+        why = f"{len(validation.after_model)} rows are too few to hold {run.coverage:.0%} of errors"
+        notes = (*notes, f"no intervals: {why}; that takes {fewest_rows(run.coverage)}, or a lower coverage")
     left_out = errors_with_left_out(
         model, logs, everything, None if validation is None or late is not None else validation.after_model
     )
@@ -222,16 +214,6 @@ def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]
         levels = ", ".join(f"{name} {level:.2f}" for name, level in zip(names, np.exp(logarithms), strict=True))
         notes.append(f"{log.name}: friction, over the recordings' mean: {levels}")
     return notes
-
-
-def _why_no_intervals(validation: CrossValidation | None, run: FitRun) -> str:
-    """Return in words why a model has no intervals, and what would give it some."""
-    if validation is None:
-        return "no intervals: they are estimated from the cross-validation, which folds 0 leaves out"
-    return (
-        f"no intervals: {len(validation.after_model)} rows are too few to hold {run.coverage:.0%} of errors; "
-        f"that takes {fewest_rows(run.coverage)}, or a lower coverage"
-    )
 
 
 def _require_rows(data: CalibrationData, folds: int) -> None:

@@ -87,7 +87,10 @@ def find_level(
     best = [best_level(left[:, block != k][..., coupled], tried) for k in range(blocks)]
     rmse = np.array(
         [
-            [_rms_about(left[c, block == k], left[c, block != k].mean(axis=0)) for c in (0, best[k])]
+            [
+                np.sqrt(np.mean((left[c, block == k] - left[c, block != k].mean(axis=0)) ** 2, axis=0))
+                for c in (0, best[k])
+            ]
             for k in range(blocks)
         ]
     )
@@ -105,7 +108,3 @@ def find_level(
     factors = dict(zip(names, np.exp(tried[chosen]).tolist(), strict=False))
     features = new.features
     return DayLevel(replace(model, features=features), replace(data, features=features), before, factors, tuple(taking))
-
-
-def _rms_about(errors: Floats, zero: Floats) -> Floats:
-    return np.asarray(np.sqrt(np.mean(np.square(errors - zero), axis=0)))

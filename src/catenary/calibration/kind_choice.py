@@ -59,7 +59,8 @@ def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...
         chosen = next(
             name
             for name, error in errors.items()
-            if error <= CLOSE * errors[best] and _within_error(squares[name][:, j] - squares[best][:, j])
+            if error <= CLOSE * errors[best]
+            and (excess := squares[name][:, j] - squares[best][:, j]).mean() <= excess.std(ddof=1) / len(excess) ** 0.5
         )
         choices.append(JointChoice(joint.joint, joint.unit, chosen, errors))
     return tuple(choices)
@@ -73,11 +74,6 @@ def block_squares(errors: Floats, recording: NDArray[np.int64]) -> Floats:
     """
     block = time_blocks(recording, level=BLOCKS_OF_LEVEL)
     return np.array([np.square(errors[block == k]).mean(axis=0) for k in np.unique(block)])
-
-
-def _within_error(excess: Floats) -> bool:
-    """Return whether excesses of K >= 2 blocks have a mean of at most its standard error."""
-    return bool(excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)))
 
 
 def joined(validations: Mapping[str, CrossValidation], choices: Sequence[JointChoice]) -> CrossValidation:

@@ -190,7 +190,8 @@ def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
         for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.rmse_after, 1e-9))
         if change.change != NOTHING
     ]
-    when = "since the model was fitted" if since is None else f"since {_in_words(since)}"
+    day = None if since is None else datetime.fromisoformat(since)
+    when = "since the model was fitted" if day is None else f"since {day.day} {day:%B %Y}"
     return f"{', '.join(told)} {when}" if told else f"nothing moved {when}"
 
 
@@ -201,8 +202,3 @@ def last_date(card: Card) -> str | None:
         return str(entries[-1]["recorded"])
     found = card.get("recorded")
     return None if found is None else str(found)
-
-
-def _in_words(iso: str) -> str:
-    day = datetime.fromisoformat(iso)
-    return f"{day.day} {day:%B %Y}"

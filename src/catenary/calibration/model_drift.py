@@ -49,13 +49,19 @@ class CardStretch(Stretch):
 
 @dataclass(frozen=True)
 class DriftFound:
-    """Stretches in the order of recordings, and per joint the first of those from which on the model never holds."""
+    """Stretches in the order of recordings."""
 
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
     stretches: tuple[Stretch, ...]
-    since: tuple[int | None, ...]  # index into `stretches`; None where the last one holds
     judged_by: str  # what "beyond" means, in words
+
+    @property
+    def since(self) -> tuple[int | None, ...]:
+        """Per joint, the first of the stretches from which on the model never holds; None where the last one holds."""
+        beyond = np.array([stretch.beyond for stretch in self.stretches], dtype=bool)
+        first = [1 + max(np.flatnonzero(~column).tolist(), default=-1) for column in beyond.T]
+        return tuple(row if row < len(beyond) else None for row in first)
 
 
 def find_drift(
@@ -115,8 +121,7 @@ def find_drift(
         if model.intervals is None
         else f"intervals that are to hold {model.intervals.level:.0%} of errors hold less than {least:.0%}"
     )
-    since = tuple(_since([stretch.beyond[j] for stretch in stretches]) for j in range(len(model.joint_names)))
-    return DriftFound(model.joint_names, model.joint_units, tuple(stretches), since, judged)
+    return DriftFound(model.joint_names, model.joint_units, tuple(stretches), judged)
 
 
 def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor: float = BEYOND) -> DriftFound:
@@ -142,9 +147,8 @@ def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor:
         stretches.append(
             CardStretch(name, 0, last_date(card), card["rows"], tuple(errors.tolist()), None, beyond, *of_arm)
         )
-    since = tuple(_since([stretch.beyond[j] for stretch in stretches]) for j in range(len(names)))
     judged = f"RMSE beyond {factor:g} times that of the first card, {cards[0][0]}"
-    return DriftFound(names, units, tuple(stretches), since, judged)
+    return DriftFound(names, units, tuple(stretches), judged)
 
 
 def since_in_words(found: DriftFound) -> list[str]:
@@ -165,11 +169,3 @@ def _cuts(log: MotionLog) -> Floats:
         if name.startswith(OFFSETS):
             cuts |= {int(row) + 1 for row in np.flatnonzero(np.diff(values))}
     return np.array(sorted(cuts), dtype=float)
-
-
-def _since(beyond: Sequence[bool]) -> int | None:
-    """Return from which on all are beyond; None where the last is not."""
-    first = len(beyond)
-    while first and beyond[first - 1]:
-        first -= 1
-    return first if first < len(beyond) else None

@@ -202,6 +202,8 @@ def payload(
     if best.detected:
         sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
         parts.append(f"payload {best.location}{sure}")
+    elif best.like_zeros:
+        parts.append("a payload, or zeros of torque that shifted: not told")
     else:
         parts.append(f"no payload (confidence {best.confidence:.3f} that there is one)")
     if best.detected and len(best.likely) > 1:
@@ -270,7 +272,7 @@ def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Tr
 
     if len(data) != 1:
         raise InputError(f"--wrist-sensor: expected one table of poses, got {len(data)} files")
-    tool = wrist_tool_of_file(data[0], load_robot(robot), frame, gravity)
+    tool, notes = wrist_tool_of_file(data[0], load_robot(robot), frame, gravity)
     facts = [("mass", f"{tool.mass:.4f} kg, standard deviation {tool.mass_deviation:.4f} kg")]
     told = (
         ("centre", tool.center, tool.center_deviation, "m in the sensor's axes"),
@@ -281,4 +283,4 @@ def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Tr
         shown, off = (", ".join(f"{v:.4f}" for v in row) for row in (values, deviations))
         facts.append((name, f"{shown} {unit}, standard deviations {off}"))
     left = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")
-    print_result(as_json, tool._asdict(), [*facts, left])
+    print_result(as_json, tool._asdict() | {"notes": notes}, [*facts, left], notes=notes)

@@ -59,11 +59,7 @@ class CableLoop(NamedTuple):
 
 
 def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
-    """Return what a recording with torques shows of each joint's cable, and friction that drives, as findings.
-
-    Raises:
-        InputError: No torques, or no time.
-    """
+    """Return what a recording with torques shows of each joint's cable, and friction that drives, as findings."""
     if log.tau is None or log.time is None:
         raise InputError(f'recording "{log.name}": friction needs torques (tau) and time stamps')
     motor = log.q_nominal if log.q_reported is None else log.q_reported

@@ -277,8 +277,11 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
         more, own_terms = replace(actuation, **change), {(t.kind, t.name) for t in actuation_terms(actuation)}
         terms = [t for t in actuation_terms(more) if (t.kind, t.name) not in own_terms]
         if terms_show(plain.base, gravity, samples, plain.weights, terms, actuation.coulomb_velocity):
+            try:
+                plain = _fit(samples, replace(model, actuation=more), free, gravity)
+            except ExcitationError:  # friction of each recording, of joints that move as one, is not told apart
+                continue
             actuation, model = more, replace(model, actuation=more)
-            plain = _fit(samples, model, free, gravity)
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples, gravity)
         actuation, parts = choose_friction(plain.base, gravity, heard, plain.weights, actuation, options.friction)

@@ -2,6 +2,11 @@
 
 Several links may explain the torques as well: then they share the probability, by the likelihood of what each leaves
 (gravity/load_location.py weighs poses at rest of a known arm), and none is named alone.
+
+A torque sensor's zero shifts between days, and a constant torque looks like a load to an arm that hardly moves. So each
+recording has a zero of its own on each joint, z ~ N(0, s^2) with s the RMS of that joint's torque, which is integrated
+out: with rows in units of their noise, of which N count as independent, y - a mean(y) with (1 - a)^2 = 1 / (1 + N s^2)
+has white noise again. Where poses do not separate zero and load, s widens the load's interval.
 """
 
 from collections.abc import Sequence
@@ -10,25 +15,31 @@ from math import erf, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.load_location import likely, location_text, probabilities, telling_joint
+from catenary.gravity.load_location import STEPS, likely, location_text, probabilities, telling_joint
 from catenary.identification.identification import Identification
 from catenary.identification.identify_options import filter_of
 from catenary.identification.least_squares import one_over, scaled_solution
+from catenary.identification.residuals import rms
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
+from catenary.units import TORQUE_UNIT
+from catenary.verdict.finding import Finding
 
 SIGNIFICANT = 3.0  # standard deviations of the estimate
 SHARE = 0.2  # torque of the payload over what stays unexplained: less is seen in unloaded recordings of other days
 SHARE_ANYWHERE = 0.4  # the same where mass, place and link are free to follow a drift of the arm
 CORRELATED = 1.0  # [s] over which residuals hang together: friction and cables remember
 TOLD = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
+PREFER_SMALL = 3e-3  # of the residual per kg: where a place near an axis hides any mass, the smallest is taken
 HIDDEN = 100.0  # [kg, kg m] standard deviation of what recordings do not show at all
+RARE = 3.0  # logarithm of how much less likely beforehand it is, of each zero, that it shifted
+SHIFTED = 0.5  # of the RMS that identification leaves of an axis: a zero that differs by less is none that shifted
 VISIBLE = 0.02  # smallest singular value, columns scaled to one, of a direction that recordings show
 
 
@@ -47,6 +58,9 @@ class PayloadEstimate:
     probability: float = 1.0  # that it is on this link, if there is one; 1 where its place was given
     likely: tuple[str, ...] = ()  # the fewest links that hold 95 % of that, likeliest first
     telling_joint: str | None = None  # whose motion would tell between the first two, where these recordings do not
+    zeros: Floats | None = None  # (r, n) of torque, by recording, less those identified [Nm or N]
+    zeros_std: Floats | None = None
+    like_zeros: bool = False  # something is there, and zeros that shifted would look the same
 
     @property
     def location(self) -> str:
@@ -60,6 +74,7 @@ class _Fitted(NamedTuple):
     estimate: PayloadEstimate
     misfit: float  # sum of squares that stays, weighted
     body: Floats  # (4,) mass and moment [kg, kg m], also where recordings hardly tell them
+    shifted: int = 0  # zeros that differ from those identified
 
 
 def estimate_payload(
@@ -71,7 +86,8 @@ def estimate_payload(
 ) -> PayloadEstimate:
     """Find a payload in recordings of a robot whose dynamics were identified without it.
 
-    What torques are left, weighted by the training residual of each axis, is fitted by the torques of a point mass.
+    What torques are left, weighted by the training residual of each axis, is fitted by the torques of a point mass and
+    a zero of each joint's torque.
     At a known place its mass alone is fitted. Otherwise mass and place are fitted on every link, and the likeliest
     link is taken; `likely` and `location` say which others the recordings cannot tell from it.
 
@@ -94,7 +110,7 @@ def estimate_payload(
     if not loaded:
         raise InputError("payload: expected at least one recording")
     if at is not None:
-        link, place = _place(result, at)
+        link, place = place_of(result, at)
         return _fit(result, loaded, unloaded, link, place).estimate
     return payload_candidates(result, loaded, unloaded=unloaded)[0]
 
@@ -109,8 +125,8 @@ def payload_candidates(
     # residuals are weighted by those of the training; where even the best link leaves more, that is the noise
     repeated = _lags(result, rows, _rate(result, loaded)) * _repeats(result, rows)
     counted = 1.0 / repeated / max(1.0, best / (rows * n))
-    # every link has the same four unknowns, so that what each leaves decides
-    shares = probabilities([-0.5 * counted * (fit.misfit - best) for fit in fits])
+    # every link has the same four unknowns, so that what each leaves decides, and how many zeros must have shifted
+    shares = probabilities([-0.5 * counted * (fit.misfit - best) - RARE * fit.shifted for fit in fits])
     order = sorted(range(len(fits)), key=lambda k: (-shares[k], -fits[k].estimate.explained))
     found = likely([fits[k].estimate.link for k in order], [shares[k] for k in order])
     joint = None
@@ -124,6 +140,56 @@ def payload_candidates(
             np.mean([r.rms for r in result.training], axis=0) + 1e-9,
         )
     return tuple(replace(fits[k].estimate, probability=shares[k], likely=found, telling_joint=joint) for k in order)
+
+
+def zero_findings(
+    result: Identification, loaded: Sequence[Samples], payload: PayloadEstimate
+) -> list[tuple[str, Finding]]:
+    """Name zeros of torque that differ from those identified, and a load that zeros which shifted would look like."""
+    if payload.zeros is None or payload.zeros_std is None:
+        return []
+    model, found = result.model, list[tuple[str, Finding]]()
+    usual = 1.0 / one_over(np.mean([r.rms for r in result.training], axis=0))
+    for part, zeros, deviations in zip(loaded, payload.zeros, payload.zeros_std, strict=True):
+        shifted = np.flatnonzero(_shifted(zeros / usual, deviations / usual))
+        told = ", ".join(
+            f"{model.joint_names[i]} {zeros[i]:+.3g} ({deviations[i]:.2g}) {TORQUE_UNIT[model.joint_units[i]]}"
+            for i in shifted
+        )
+        if told:
+            says = f"zeros of torque differ from those identified, standard deviation: {told}; taken out of the load"
+            joints = tuple(model.joint_names[i] for i in shifted)
+            found.append((part.name, Finding("offset", joints, says, "a sensor's zero that shifted", refuses=False)))
+    if payload.like_zeros:
+        joint = _separating_joint(result, loaded[0].q[-1], payload)
+        move = f"move {joint}" if joint else "no joint would, moved by itself"
+        says = f"a load on {payload.link} cannot be told from zeros of torque that shifted: {move}"
+        found.append((loaded[0].name, Finding("offset", (), says, "poses that are too much alike", refuses=False)))
+    return found
+
+
+def _shifted(zeros: Floats, deviations: Floats) -> NDArray[np.bool_]:
+    """Return which zeros, in units of what identification leaves of an axis, are surely not those identified."""
+    return np.asarray(np.abs(zeros) > np.maximum(SIGNIFICANT * deviations, SHIFTED))
+
+
+def _separating_joint(result: Identification, q: Floats, payload: PayloadEstimate) -> str | None:
+    """Return the joint whose motion from q (n,) changes a load's torque most beside the usual residual; or None."""
+    model, gravity = result.model, np.array(result.options.gravity)
+    body = np.array([payload.mass or 1.0, *np.nan_to_num(np.zeros(3) if payload.moment is None else payload.moment)])
+    own = slice(PER_LINK * model.link_names.index(payload.link), None)
+    noise = np.mean([r.rms for r in result.training], axis=0) + 1e-9
+    steps = np.array([0.0, *STEPS])
+    changes = []
+    for joint, unit in enumerate(model.joint_units):
+        poses = np.tile(q, (len(steps), 1))
+        poses[:, joint] += steps * (1.0 if unit == "rad" else 0.2)
+        poses = np.clip(poses, model.lower, model.upper)
+        still = np.zeros_like(poses)
+        torque = torque_regressor(model, poses, still, still, gravity)[:, :, own][:, :, :4] @ body
+        changes.append(float(np.abs((torque - torque[0]) / noise).max()))
+    best = int(np.argmax(changes))
+    return model.joint_names[best] if changes[best] > SIGNIFICANT else None
 
 
 def _rate(result: Identification, samples: Sequence[Samples]) -> float:
@@ -145,7 +211,8 @@ def point_mass(position: Floats) -> Floats:
     return np.concatenate([[1.0], position, tensor[np.triu_indices(3)]])
 
 
-def _place(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floats]:
+def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floats]:
+    """Return the link that a frame is on, and a place in it (3,) in the link's frame [m]."""
     frame = result.model.frame(at[0])
     position = as_array("payload position", at[1], (3,))
     if frame.link < 0:
@@ -153,22 +220,36 @@ def _place(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floa
     return frame.link, frame.pose.rotation @ position + frame.pose.position
 
 
+class _Rows(NamedTuple):
+    """Torques of recordings in units of the training residual, their zeros integrated out, and what that takes."""
+
+    Y: Floats  # (N, n, 10) per parameter of a body on a link
+    y: Floats  # (N, n) that identification leaves
+    means: list[tuple[Floats, Floats]]  # of each recording, before: (n, 10), (n,)
+    places: list[slice]  # of each recording's rows
+    zeros: Floats  # (r, n) deviation of zeros, beforehand
+    independent: Floats  # (r,) rows that count as independent
+    weights: Floats  # (n,) [1/Nm or 1/N]
+
+
 def _fit(
     result: Identification, loaded: Sequence[Samples], unloaded: Sequence[Samples], link: int, place: Floats | None
 ) -> _Fitted:
     name = result.model.link_names[link]
-    Y, y = _rows(result, loaded, link)
+    rows = _rows(result, loaded, link)
+    Y, y = rows.Y, rows.y
+    baseline = np.zeros(PER_LINK)
     if unloaded:
-        before, y_before = _rows(result, unloaded, link)
+        before = _rows(result, unloaded, link)
         directions = np.eye(PER_LINK) if place is None else point_mass(place)[:, None]
-        baseline = scaled_solution(_flat(before @ directions), y_before.reshape(-1), VISIBLE)
-        y = y - Y @ directions @ baseline
+        baseline = directions @ scaled_solution(_flat(before.Y @ directions), before.y.reshape(-1), VISIBLE)
+        y = y - Y @ baseline
     if not np.abs(Y).max() > 0.0:
         nothing = PayloadEstimate(name, None, None, None, None, False, 0.0, 0.0)
         return _Fitted(nothing, float(np.sum(y**2)), np.zeros(4))
     if place is not None:
         column = point_mass(place)
-        mass = float(scaled_solution(_flat(Y @ column[:, None]), y.reshape(-1), VISIBLE)[0])
+        mass = float(scaled_solution(_flat(Y @ column[:, None]), y.reshape(-1), 0.0)[0])
         phi, tangent = mass * column, column[:, None]
         moment = mass * place
     else:
@@ -181,7 +262,7 @@ def _fit(
     explained = 1.0 - rest**2 / float(np.sum(y**2))
     z = 0.0
     if size > 0.0:
-        z = 1.0 / float(np.sqrt(_spread(result, torque[None] / size**2, left, rate)[0, 0]))
+        z = 1.0 / float(np.sqrt(_spread(result, rows, torque[None] / size**2, left, rate)[0, 0]))
     # one number for both conditions, so that the confidence is above 0.997 exactly where a payload is detected
     least = SHARE if place is not None else SHARE_ANYWHERE
     sure = min(z, SIGNIFICANT * size / max(rest, 1e-300) / least) if mass > 0.0 else 0.0
@@ -189,7 +270,17 @@ def _fit(
     scale = np.linalg.norm(X, axis=(0, 1))
     scale[scale == 0.0] = 1.0
     inverse = np.asarray(np.linalg.pinv(_flat(X / scale), rcond=1e-6), dtype=np.float64)
-    deviation = np.sqrt(np.diag(_spread(result, inverse.reshape(-1, *y.shape), left, rate))) / scale
+    covariance = _spread(result, rows, inverse.reshape(-1, *y.shape), left, rate) / np.outer(scale, scale)
+    deviation = np.sqrt(np.diag(covariance))
+    deviation[np.diag(inverse @ _flat(X / scale)) < 0.99] = np.inf  # of a direction that the inverse leaves out
+    zeros = np.array([(own - of @ baseline) - of @ phi for of, own in rows.means])
+    shrunk = rows.independent[:, None] * rows.zeros**2
+    zeros *= shrunk / (1.0 + shrunk)
+    noise = [rms(left[part]) ** 2 / count for part, count in zip(rows.places, rows.independent, strict=True)]
+    of_load = [np.einsum("ik,kl,il->i", of @ tangent, covariance, of @ tangent) for of, _ in rows.means]
+    zeros_std = np.sqrt(np.array(noise) + np.array(of_load))
+    # what a load or zeros that shifted would ask alike: its mean torque, beside the noise of means
+    alike = [float(np.sum((of @ phi) ** 2 / n_)) for (of, _), n_ in zip(rows.means, noise, strict=True)]
     body = np.array([mass, *moment])
     told = place is not None or deviation[0] < TOLD * mass
     hidden = deviation > HIDDEN
@@ -206,8 +297,11 @@ def _fit(
         erf(sure / sqrt(2.0)),
         explained,
         likely=(name,),
+        zeros=zeros / rows.weights,
+        zeros_std=zeros_std / rows.weights,
+        like_zeros=bool(sure < SIGNIFICANT < np.sqrt(sum(alike)) and z < SIGNIFICANT and mass > 0.0),
     )
-    return _Fitted(estimate, rest**2, body)
+    return _Fitted(estimate, rest**2, body, int(_shifted(zeros, zeros_std).sum()))
 
 
 def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]:
@@ -217,11 +311,12 @@ def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]
     is solved from several masses.
     """
     R = np.asarray(np.linalg.qr(np.hstack([_flat(Y), y.reshape(-1, 1)]), mode="r"))
+    small = PREFER_SMALL * float(np.linalg.norm(R[:, PER_LINK]))
     from scipy.optimize import least_squares
 
     def misfit(unknown: Floats) -> Floats:
-        error: Floats = R[:, :PER_LINK] @ (unknown[0] * point_mass(unknown[1:])) - R[:, PER_LINK]
-        return error
+        error = R[:, :PER_LINK] @ (unknown[0] * point_mass(unknown[1:])) - R[:, PER_LINK]
+        return np.append(error, small * unknown[0])
 
     solutions = []
     bounds = ([1e-4] + [-reach] * 3, [1e3] + [reach] * 3)
@@ -255,22 +350,30 @@ def _flat(X: Floats) -> Floats:
     return X.reshape(-1, X.shape[2])
 
 
-def _rows(result: Identification, samples: Sequence[Samples], link: int) -> tuple[Floats, Floats]:
-    """Return weighted torques (N, n, 10) per parameter of a body on a link, and weighted residuals (N, n)."""
+def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Rows:
+    """Return weighted torques of a body on a link, and weighted residuals, zeros integrated out."""
     gravity = np.array(result.options.gravity)
     weights = one_over(np.mean([r.rms for r in result.training], axis=0))
-    X, y = [], []
     own = slice(PER_LINK * link, PER_LINK * (link + 1))
+    rate = _rate(result, samples)
+    X, y, means, places, zeros, counts = [], [], [], [], [], []
     for part in samples:
-        predicted = result.predict_samples(part)
         down, base = part.gravity_rows(gravity), part.base_motion()
-        whole = torque_regressor(result.model, part.q, part.qd, part.qdd, down, base)[:, :, own]
-        X.append(whole * weights[:, None])
-        y.append((part.tau - predicted) * weights)
-    return np.concatenate(X), np.concatenate(y)
+        whole = torque_regressor(result.model, part.q, part.qd, part.qdd, down, base)[:, :, own] * weights[:, None]
+        left = (part.tau - result.predict_samples(part)) * weights
+        count = len(part) / _lags(result, len(part), rate) / _repeats(result, len(part))
+        size = rms(part.tau + part.known) * weights
+        taken = 1.0 - 1.0 / np.sqrt(1.0 + count * size**2)
+        means.append((whole.mean(axis=0), left.mean(axis=0)))
+        X.append(whole - taken[:, None] * means[-1][0])
+        y.append(left - taken * means[-1][1])
+        places.append(slice(sum(map(len, y[:-1])), sum(map(len, y))))
+        zeros.append(size)
+        counts.append(count)
+    return _Rows(np.concatenate(X), np.concatenate(y), means, places, np.array(zeros), np.array(counts), weights)
 
 
-def _spread(result: Identification, inverse: Floats, left: Floats, rate: float) -> Floats:
+def _spread(result: Identification, rows: _Rows, inverse: Floats, left: Floats, rate: float) -> Floats:
     """Return the covariance (k, k) of sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
 
     Args:
@@ -278,13 +381,16 @@ def _spread(result: Identification, inverse: Floats, left: Floats, rate: float) 
         left: (N, n) residuals.
     """
     terms = np.einsum("kta,ta->tk", inverse, left)
-    rows = len(terms)
-    lags = _lags(result, rows, rate)
+    count = len(terms)
+    lags = _lags(result, count, rate)
     total = terms.T @ terms
     for lag in range(1, lags):
         shifted = terms[lag:].T @ terms[:-lag]
         total = total + (1.0 - lag / lags) * (shifted + shifted.T)
-    spread: Floats = total * _repeats(result, rows) + 1e-30 * np.eye(len(total))
+    spread: Floats = total * _repeats(result, count) + 1e-30 * np.eye(len(total))
+    for part, size, independent in zip(rows.places, rows.zeros, rows.independent, strict=True):
+        moved = inverse[:, part].sum(axis=1) * size / np.sqrt(1.0 + independent * size**2)  # by a zero of its size
+        spread += moved @ moved.T
     return spread
 
 

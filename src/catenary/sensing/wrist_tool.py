@@ -11,8 +11,12 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.errors import ExcitationError, InputError
+from catenary.verdict.finding import Finding
 
 FEWEST = 4  # poses
+FEWEST_DOUBTED = 6  # poses, from which on what is left tells another cause
+MUCH_BETTER = 0.25  # of what is left, squared, by degree of freedom
+TURNED, GAIN = 0.05, 0.05  # [rad] of gravity, and of the sensor's axes: less is not worth a doubt
 TILTED = 0.2  # least share of gravity that its directions must differ by along every axis, RMS
 
 
@@ -87,3 +91,48 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
     return WristTool(
         mass, center, found[4:7], found[7:], float(deviation[0]), of_center, deviation[4:7], deviation[7:], *rms
     )
+
+
+def wrist_tool_findings(tool: WristTool, force: ArrayLike, rotation: ArrayLike, gravity: ArrayLike) -> list[Finding]:
+    """Doubt a tool whose forces fit another gravity, or other gains or axes of the sensor, much better.
+
+    Args:
+        tool: As it was fitted.
+        force: (N, 3) [N] as there.
+        rotation: (N, 3, 3) R_base_sensor of each pose.
+        gravity: (3,) [m/s2] in base axes.
+    """
+    stated = as_array("gravity", gravity, (3,))
+    forces, turned = as_array("force", force, (None, 3)), as_array("rotation", rotation, (None, 3, 3))
+    count = len(forces)
+    if count < FEWEST_DOUBTED:
+        return []
+    down = np.einsum("nji,j->ni", turned, stated)
+    before = 3.0 * count / (3.0 * count - 4.0) * tool.force_rms**2  # per degree of freedom
+    bias = np.tile(np.eye(3), (count, 1))
+    of_base = np.hstack([turned.transpose(0, 2, 1).reshape(-1, 3), bias])
+    pull, left_by_tilt = _solved(of_base, forces)
+    of_sensor = np.hstack([np.einsum("nj,ik->nikj", down, np.eye(3)).reshape(-1, 9), bias])
+    gains, left_by_axes = _solved(of_sensor, forces)
+    angle = float(np.arctan2(np.linalg.norm(np.cross(pull[:3], stated)), pull[:3] @ stated))
+    matrix = gains[:9].reshape(3, 3) / tool.mass
+    off = float(np.abs(matrix - np.eye(3)).max())
+    if left_by_tilt < MUCH_BETTER * before and angle > TURNED and left_by_tilt <= left_by_axes:
+        size = np.linalg.norm(stated) / np.linalg.norm(pull[:3])
+        along = ",".join(f"{v:.4g}" for v in pull[:3] * size)
+        mass = np.linalg.norm(pull[:3]) / np.linalg.norm(stated)
+        says = f"forces fit gravity turned by {np.rad2deg(angle):.1f} deg and a mass of {mass:.4g} kg much better"
+        return [Finding("gravity", (), says, "a base that is tilted", f"--gravity {along}", refuses=False)]
+    if left_by_axes < MUCH_BETTER * before and off > GAIN:
+        rows = "; ".join(", ".join(f"{v:.2f}" for v in row) for row in matrix)
+        says = f"forces fit much better as the matrix ({rows}) times those of this mass: what is printed is off"
+        culprit = "axes of the sensor that are turned from its frame, or a gain of one of them"
+        return [Finding("units", (), says, culprit, refuses=False)]
+    return []
+
+
+def _solved(columns: Floats, forces: Floats) -> tuple[Floats, float]:
+    """Return what least squares gives, and the squares that it leaves by degree of freedom [N2]."""
+    solution = np.asarray(np.linalg.lstsq(columns, forces.ravel())[0], dtype=np.float64)
+    left = forces.ravel() - columns @ solution
+    return solution, float(left @ left) / (len(left) - len(solution))

@@ -34,6 +34,7 @@ NAMES = {
     "dropped": "rows left out that carry more than their share of the error",
     "short": "too little to learn from",
     "torques": "torques of another unit, such as motor currents",
+    "offset": "a torque whose zero is not the one identified",
     "gravity": "gravity that pulled along another direction than stated",
     "tested": "recordings both fitted to and tested on",
 }

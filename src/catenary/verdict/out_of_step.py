@@ -48,7 +48,8 @@ def _delay_findings(log: MotionLog, place: NDArray[np.int64]) -> list[Finding]:
         return [_clock(f"the delay changes by {near.change:+.3g} {near.unit} along the recording", near)]
     if near.sure == "certain":
         return [_delay(near)]
-    stride = _stride(log)
+    step = 0.0 if log.time is None or len(log) < 2 else float(np.median(np.diff(log.time)))
+    stride = max(1, round(LONGEST / MOST_ROWS / step)) if step > 0.0 else 1  # MOST_ROWS steps reach LONGEST
     count = WINDOWS if len(log) >= WINDOWS * SHORTEST else 1
     edges = np.linspace(0, len(log), count + 1).astype(int)
     lags = [_lag(log, place, slice(a, b), stride) for a, b in pairwise(edges)]
@@ -85,12 +86,6 @@ def _clock(says: str, found: Delay | None) -> Finding:
     return Finding("clock", (), expected, "two clocks that run apart, or rows that one of the two lost", delay=found)
 
 
-def _stride(log: MotionLog) -> int:
-    """Return by how many rows to step so that MOST_ROWS steps reach LONGEST."""
-    step = 0.0 if log.time is None or len(log) < 2 else float(np.median(np.diff(log.time)))
-    return max(1, round(LONGEST / MOST_ROWS / step)) if step > 0.0 else 1
-
-
 def _one_way(lags: NDArray[np.int64]) -> bool:
     from scipy.stats import spearmanr
 
@@ -111,7 +106,9 @@ def _lag(log: MotionLog, place: NDArray[np.int64], part: slice, stride: int) -> 
     gains = costs[reach] - costs  # (lags, joints), logarithms
     mean = gains.mean(axis=1)
     best = int(np.argmax(mean))
-    if mean[best] < np.log(CLEARLY) or (gains[best] < -np.log(WORSE)).any() or abs(lags[best]) <= reach_of(log)[1]:
+    at_the_end = best in (0, len(lags) - 1) and len(q) < len(log)  # of the search in a part: it goes on beyond
+    clear = mean[best] >= np.log(CLEARLY) and (gains[best] >= -np.log(WORSE)).all()
+    if at_the_end or not clear or abs(lags[best]) <= reach_of(log)[1]:
         return 0
     return int(lags[best])
 

@@ -18,6 +18,7 @@ from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 
+STEADY = 0.7  # of the RMS, and of the interval, from which on a mean is a torque that was there all along
 PAUSE = 3.0  # usual steps of time: after a longer one the observer begins anew
 WRENCH = (*(f"force:{axis} [N]" for axis in "xyz"), *(f"moment:{axis} [Nm]" for axis in "xyz"))
 
@@ -121,6 +122,13 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     wrench, width = (np.array(values) for values in zip(*wrenches, strict=True))
     if not np.isfinite(wrench).any():
         notes.append(f"{result.model.n} joints tell no force on {result.model.tip} apart from its other parts")
+    for k, (name, mean) in enumerate(zip(result.model.joint_names, torque.mean(axis=0), strict=True)):
+        if abs(mean) > STEADY * max(half_width[k], rms(torque)[k]):
+            unit = TORQUE_UNIT[result.model.joint_units[k]]
+            notes.append(
+                f"{name}: {mean:+.3g} {unit} all along: a zero of its torque that shifted looks like a steady push; "
+                "begin the recording untouched"
+            )
     observed, why = _observed(result, pushed)
     notes += [] if why is None else [f"no momentum observer: {why}"]
     return ExternalTorques(

@@ -16,8 +16,15 @@ from catenary.identification.drive_gains import DriveGains
 from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
+from catenary.identification.other_causes import cause_findings, day_findings
 from catenary.identification.part_of_arm import of_joints, part_of_arm, require_held
-from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
+from catenary.identification.payload import (
+    PayloadEstimate,
+    estimate_payload,
+    payload_candidates,
+    place_of,
+    zero_findings,
+)
 from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog
@@ -142,7 +149,7 @@ def identify_files(
             f"{weighed[0].name}: by what was identified, the load weighs {payload.mass or 0.0:.3f} kg, "
             f"stated {gains.load:g}",
         ]
-    notes += judge(stamps, accept)
+    notes += judge([*stamps, *day_findings(result, training)], accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
@@ -278,6 +285,8 @@ def payload_of_files(
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
     else:
         best, *candidates = payload_candidates(result, loaded, unloaded=empty)
+    place = None if at is None else place_of(result, at)[1]
+    notes += judge([*zero_findings(result, loaded, best), *cause_findings(result, loaded, best, place)])
     if best.mass is None:
         notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))
@@ -295,7 +304,7 @@ def external_torques_of_file(
     """Find what something outside asks of an arm's joints in a recording; arguments as `payload_of_files`."""
     result, samples, notes = _read_for(model, (log, *unloaded), cutoff_hz, reading, accept)
     found = external_torques(result, samples[0], samples[1:])
-    return replace(found, notes=(*notes, *found.notes))
+    return replace(found, notes=(*notes, *found.notes, *judge(cause_findings(result, samples[:1]))))
 
 
 def _read_for(

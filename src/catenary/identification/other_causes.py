@@ -1,0 +1,190 @@
+"""What else than a load or a push may explain torques that an identified arm does not: a drive's gain, a tilted base.
+
+Each cause is fitted beside the load and a zero of every joint's torque; one that leaves little of what these leave is
+named, as the load or push beside it is wrong.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
+from catenary.identification.identification import Identification, carrying
+from catenary.identification.least_squares import one_over, scaled_solution
+from catenary.identification.payload import PayloadEstimate, point_mass
+from catenary.identification.samples import Samples
+from catenary.verdict.finding import Finding
+
+BETWEEN_DAYS = 0.4  # of the product of all axes' mean squares: at most this is left where one day has a cause
+CLEARLY = 0.1  # of it, from which on nothing is identified
+ROWS, MOST_ROWS = 600, 6000  # that are looked at, of each of several days, and of one that is weighed
+WORSE = 1.3  # times the training residual, from which on another cause is asked for
+LEFT = 0.6  # of what load and zeros leave squared, at most, that a cause leaves
+NOTHING_LEFT = 1e-3  # of the torque
+LEAST_GAIN, LEAST_TILT = 0.1, np.deg2rad(3.0)  # from the one identified: less spoils less than friction of other days
+
+
+def cause_findings(
+    result: Identification,
+    parts: Sequence[Samples],
+    payload: PayloadEstimate | None = None,
+    place: Floats | None = None,
+) -> list[tuple[str, Finding]]:
+    """Name a gain of one axis, or a tilt of the base, that explains recordings better than a load or push alone.
+
+    Args:
+        payload: As it was found; none where something may push.
+        place: (3,) [m] of it in its link's frame, where it is known: then its mass beside the cause is told.
+    """
+    found = ((part.name, _cause(result, part, payload, place)) for part in parts)
+    return [(name, finding) for name, finding in found if finding is not None]
+
+
+def _cause(
+    result: Identification, part: Samples, payload: PayloadEstimate | None, place: Floats | None
+) -> Finding | None:
+    model, n, stated = result.model, result.model.n, np.array(result.options.gravity)
+    weights = one_over(np.mean([r.rms for r in result.training], axis=0))
+    part = _some(part, MOST_ROWS)
+    own = slice(PER_LINK * (0 if payload is None else model.link_names.index(payload.link)), None)
+    mass, moment = (None, None) if payload is None else (payload.mass, payload.moment)
+    body = np.zeros(PER_LINK) if mass is None or moment is None else mass * point_mass(np.nan_to_num(moment) / mass)
+
+    def torques(gravity: Floats) -> tuple[Floats, Floats]:
+        """Return those of the arm (N, n), and of a body on the link by its parameters (N, n, 10), under a gravity."""
+        load = torque_regressor(model, part.q, part.qd, part.qdd, part.gravity_rows(gravity), part.base_motion())
+        return _under(result, part, gravity), load[:, :, own][:, :, :PER_LINK]
+
+    def rest(columns: Floats) -> Floats:
+        """Return columns (N, n, k) weighted, less their means: every joint's torque has a zero of its own."""
+        flat: Floats = ((columns - columns.mean(axis=0)) * weights[:, None]).reshape(n * len(columns), columns.shape[2])
+        return flat
+
+    arm, load = torques(stated)
+    expected = arm + load @ body
+    y = rest((part.tau - expected)[:, :, None])[:, 0]
+    tangent = np.eye(PER_LINK)[:, :4] if place is None else point_mass(place)[:, None]
+    of_load = rest(load @ (tangent if payload is not None else tangent[:, :0]))
+    before = y if payload is None else y - of_load @ scaled_solution(of_load, y, 1e-6)
+    size = float(before @ before)
+    if size <= WORSE**2 * len(y):
+        return None
+    measured = (part.tau + part.known)[:, :, None]  # of one axis, over its gain: linear in the inverse of this
+    causes = {name: rest(-measured * np.eye(n)[i][:, None]) for i, name in enumerate(model.joint_names)}
+    if part.gravity is None:
+        tilted = []
+        for way in _across(stated):  # torques are linear in gravity
+            more, more_load = torques(stated + way)
+            tilted.append(more + more_load @ body - expected)
+        causes[""] = rest(np.stack(tilted, axis=2))
+    found = {}
+    for name, columns in causes.items():
+        X = np.hstack([of_load, columns])
+        steps = scaled_solution(X, y, 1e-6)
+        if name and not LEAST_GAIN < 1.0 + steps[-1] < 1.0 / LEAST_GAIN:
+            continue
+        found[name] = float(np.sum((y - X @ steps) ** 2)) / size, steps
+    if not found:
+        return None
+    name = min(found, key=lambda each: found[each][0])
+    left, steps = found[name]
+    changed = steps[of_load.shape[1] :]
+    if left > LEFT or float(np.linalg.norm(changed)) < (LEAST_GAIN if name else LEAST_TILT):
+        return None
+    beside = "" if place is None else f"; beside it the load weighs {(mass or 0.0) + steps[0]:.3g} kg"
+    leaves = f"which leaves {100.0 * left:.0f} % of the squared residual{beside}: what is printed is off"
+    if name:
+        factor = 1.0 + float(changed[0])
+        says = f"its torques look {1.0 / factor:.3g} times those identified, {leaves}"
+        remedy = f"--scale tau:{name}={factor:.4g}"
+        return Finding("torques", (name,), says, "a drive's gain, or another unit", remedy, refuses=False)
+    says = f"gravity looks turned by {np.rad2deg(np.arctan(np.linalg.norm(changed))):.0f} deg, {leaves}"
+    return Finding("gravity", (), says, "a base that was tilted since", "record it as gravity:x, :y, :z", refuses=False)
+
+
+def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[str, Finding]]:
+    """Find one of several fitted recordings with a zero, a gain or a tilt of its own, which spoils all masses."""
+    if len(days) < 2:
+        return []
+    n, stated = result.model.n, np.array(result.options.gravity)
+    few = [_some(day, ROWS) for day in days]
+    heard = carrying(result.base, result.beta, few, stated)
+    X = [np.concatenate([Y for _, Y in result.base.chunks(day, stated)]) for day in heard]
+    ends = np.cumsum([0, *map(len, few)])
+    weights = one_over(np.min([r.rms for r in result.training], axis=0))  # of the day that fits best
+
+    def flat(columns: Floats) -> Floats:
+        weighted: Floats = (columns * weights[:, None]).reshape(n * len(columns), columns.shape[2])
+        return weighted
+
+    onto = flat(np.concatenate(X))
+    U, sizes, _ = np.linalg.svd(onto / np.maximum(np.linalg.norm(onto, axis=0), 1e-300), full_matrices=False)
+    U = U[:, sizes > 1e-5 * sizes[0]]
+    tau = flat(np.concatenate([day.tau for day in few])[:, :, None])[:, 0]
+    y = tau - U @ (U.T @ tau)
+    least = NOTHING_LEFT**2 * np.square(tau.reshape(-1, n)).sum(axis=0) + 1e-300
+
+    def misfit(left: Floats) -> float:
+        """Return the sum of the logarithms of all axes' squares."""
+        return float(np.log(np.maximum(np.square(left.reshape(-1, n)).sum(axis=0), least)).sum())
+
+    found = list[tuple[float, str, str, int, Floats]]()
+    if y @ y < NOTHING_LEFT**2 * float(tau @ tau):
+        return []
+    for day, part, first, last in zip(few, heard, ends, ends[1:], strict=False):
+        causes = {("offset", i): np.ones((len(day), n, 1)) * np.eye(n)[i][:, None] for i in range(n)}
+        measured = (day.tau + day.known)[:, :, None]
+        causes |= {("torques", i): -measured * np.eye(n)[i][:, None] for i in range(n)}
+        if day.gravity is None:
+            ways = [_under(result, part, stated + way) - _under(result, part, stated) for way in _across(stated)]
+            causes["gravity", -1] = np.stack(ways, axis=2)
+        for (name, axis), columns in causes.items():
+            whole = np.zeros((ends[-1], n, columns.shape[2]))
+            whole[first:last] = columns
+            beside = flat(whole)
+            beside = beside - U @ (U.T @ beside)
+            steps = scaled_solution(beside, y, 1e-6)
+            if name == "torques" and not LEAST_GAIN < 1.0 + steps[0] < 1.0 / LEAST_GAIN:
+                continue
+            found.append((float(np.exp(misfit(y - beside @ steps) - misfit(y))), day.name, name, axis, steps))
+    left, where, name, axis, steps = min(found, key=lambda each: each[0])
+    smallest = {"offset": 0.0, "torques": LEAST_GAIN, "gravity": LEAST_TILT}[name]
+    if left > BETWEEN_DAYS or float(np.linalg.norm(steps)) < smallest:
+        return []
+    says, remedy = {
+        "offset": (
+            f"the zero of its torque is {steps[0]:+.3g} from that of the other recordings",
+            "leave out --friction",
+        ),
+        "torques": (
+            f"its torques look {1.0 / (1.0 + steps[0]):.3g} times those of the other recordings",
+            f"--scale tau:{result.model.joint_names[axis]}={1.0 + steps[0]:.4g} of this recording alone",
+        ),
+        "gravity": (
+            f"gravity looks turned by {np.rad2deg(np.arctan(np.linalg.norm(steps))):.0f} deg from the other recordings",
+            "record it as gravity:x, :y, :z",
+        ),
+    }[name]
+    says = f"{says}, which leaves {100.0 * left:.0f} % of the product of all axes' mean squares: masses are wrong"
+    joints = () if axis < 0 else (result.model.joint_names[axis],)
+    culprit = "a day with another zero, gain or mounting"
+    return [(where, Finding(name, joints, says, culprit, remedy, refuses=left < CLEARLY and name != "offset"))]
+
+
+def _across(gravity: Floats) -> Floats:
+    """Return two directions (2, 3) across gravity, of its size."""
+    across: Floats = np.linalg.svd(gravity[None])[2][1:] * np.linalg.norm(gravity)
+    return across
+
+
+def _under(result: Identification, part: Samples, gravity: Floats) -> Floats:
+    """Return the torques (N, n) that are predicted under another gravity."""
+    turned = replace(result, options=replace(result.options, gravity=tuple(gravity)))
+    return turned.predict_samples(part)
+
+
+def _some(samples: Samples, most: int) -> Samples:
+    every = max(1, len(samples) // most)
+    return samples.rows(np.arange(len(samples)) % every == 0, samples.name)
