@@ -220,7 +220,7 @@ def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Fl
     return frame.link, frame.pose.rotation @ position + frame.pose.position
 
 
-class _Rows(NamedTuple):
+class _Equations(NamedTuple):
     """Torques of recordings in units of the training residual, their zeros integrated out, and what that takes."""
 
     Y: Floats  # (N, n, 10) per parameter of a body on a link
@@ -350,7 +350,7 @@ def _flat(X: Floats) -> Floats:
     return X.reshape(-1, X.shape[2])
 
 
-def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Rows:
+def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Equations:
     """Return weighted torques of a body on a link, and weighted residuals, zeros integrated out."""
     gravity = np.array(result.options.gravity)
     weights = one_over(np.mean([r.rms for r in result.training], axis=0))
@@ -370,10 +370,10 @@ def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Row
         places.append(slice(sum(map(len, y[:-1])), sum(map(len, y))))
         zeros.append(size)
         counts.append(count)
-    return _Rows(np.concatenate(X), np.concatenate(y), means, places, np.array(zeros), np.array(counts), weights)
+    return _Equations(np.concatenate(X), np.concatenate(y), means, places, np.array(zeros), np.array(counts), weights)
 
 
-def _spread(result: Identification, rows: _Rows, inverse: Floats, left: Floats, rate: float) -> Floats:
+def _spread(result: Identification, rows: _Equations, inverse: Floats, left: Floats, rate: float) -> Floats:
     """Return the covariance (k, k) of sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
 
     Args:
