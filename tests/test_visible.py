@@ -62,6 +62,6 @@ def test_an_error_is_not_as_long_as_the_name_in_it():
 
 def test_the_screen_shows_names_without_control_characters():
     q = np.zeros(1)
-    shot = Snapshot(1.0, (EVIL,), ("rad",), q, recording=f"a{EVIL}\n", silent=EVIL)
+    shot = Snapshot(1.0, (EVIL,), ("rad",), q, silent=EVIL)
     lines = monitor_lines(f"arm{EVIL}\n", shot, 200, 24)
     assert [line for line in lines if visible(line) != line or "\n" in line] == []

@@ -24,8 +24,8 @@ def went() -> Any:
 
 def test_goto_arrives_and_says_how_well(went: Any) -> None:
     shoulder, elbow, insertion, *_ = went["joints"]
-    # what the robot reports differs from its setpoint by its control error, 0.2 deg and 1 mm at rest
-    assert_allclose(np.rad2deg([shoulder["q"], elbow["q"]]), [33.0, 88.0], atol=0.3)
+    # what the robot reports differs from its setpoint by its control error, friction over stiffness: 0.4 deg and 1 mm
+    assert_allclose(np.rad2deg([shoulder["q"], elbow["q"]]), [33.0, 88.0], atol=0.5)
     assert_allclose(insertion["q"], 0.395, atol=1e-3)
     assert went["state"]["state"] == "PAUSED"
     assert not went["interrupted"]

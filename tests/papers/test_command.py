@@ -151,7 +151,7 @@ def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
         (["calibration-table-1", "--out", "a_file"], "name another folder by --out"),
         (["calibration-table-1", "--out", "a_file/below"], "name another folder by --out"),
         (["publish", "calibration-table-1", "--out", "nothing"], "run them first"),
-        (["judge", "calibration-table-1", "--out", "nothing"], "no raw results"),
+        (["judge", "calibration-table-2", "--out", "nothing"], "no raw results"),
         (["calibration-table-1", "--within", "0"], "one or more"),
         (["calibration-table-1", "--workers", "2"], "pip install"),  # Dask
     ],

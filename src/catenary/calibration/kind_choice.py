@@ -42,7 +42,7 @@ class JointChoice:
     def __str__(self) -> str:
         """Return the choice in one sentence."""
         others = ", ".join(f"{name} {error:.3g}" for name, error in self.errors.items() if name != self.chosen)
-        error = f"{self.errors[self.chosen]:.3g} {self.unit} on data that it did not see"
+        error = f"{self.errors[self.chosen]:.3g} {self.unit} on parts of its training left out"
         return f"{self.joint}: {self.chosen}, {error}; {others}"
 
 
