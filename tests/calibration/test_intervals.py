@@ -144,10 +144,10 @@ def two_layers(*, apart: bool) -> MotionLog:
     return MotionLog("layers", ("J1", "J2"), ("rad", "rad"), q, np.ones(len(t), bool), time=t, q_encoder=q + error)
 
 
-def test_a_polynomial_says_how_far_it_may_be_off_where_inputs_meet_that_training_has_apart() -> None:
+def test_a_polynomial_says_how_far_it_may_be_off_where_joints_meet_that_training_has_apart() -> None:
     options, truth = FitOptions(kind="polynomial", inputs=("q",)), two_layers(apart=True)
     path, random = (fit_logs([log], options) for log in (two_layers(apart=False), truth))
-    said = [[note for note in found.notes if note.startswith("where inputs meet")] for found in (path, random)]
+    said = [[note for note in found.notes if note.startswith("where joints meet")] for found in (path, random)]
     assert [len(each) for each in said] == [1, 0]
     inside = path.model.inside(truth.q_nominal).all(axis=1)
     left = np.rad2deg((truth.q_encoder - path.model.calibrate(truth))[inside])

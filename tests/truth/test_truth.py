@@ -33,18 +33,18 @@ def test_a_claim_holds_near_the_truth_and_where_it_says_something(low, high, tru
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "verdict"),
+    ("name", "verdicts"),
     [
-        ("0.15 s late", REFUSED),
-        ("0.15 s early", REFUSED),
-        ("0.05 s late", NAMED),
-        ("one row in 100 wild", NAMED),
-        ("fast rows lost", HOLDS),
-        ("slack cut out", NAMED),
+        ("0.15 s late", (REFUSED,)),
+        ("0.15 s early", (REFUSED,)),
+        ("0.05 s late", (NAMED,)),
+        ("one row in 100 wild", (NAMED,)),
+        ("fast rows lost", (HOLDS,)),
+        ("slack cut out", (NAMED, HOLDS)),
     ],
 )
-def test_a_spoilt_recording_is_refused_or_its_doubt_named_or_its_claim_holds(tmp_path: Path, name, verdict):
-    assert fitted(raven("random"), OF[name], tmp_path).verdict == verdict
+def test_a_spoilt_recording_is_refused_or_its_doubt_named_or_its_claim_holds(tmp_path: Path, name, verdicts):
+    assert fitted(raven("random"), OF[name], tmp_path).verdict in verdicts
 
 
 @pytest.mark.slow

@@ -167,11 +167,13 @@ def _off_path(
 ) -> tuple[tuple[Spread, ...], list[str]]:
     """Return errors that a polynomial may have off the path it learnt from, and a note where they are larger there.
 
-    A linear model of the same rows is nearly as good on the path. How far the two lie apart where inputs of different
-    rows meet, within the valid range, is what neither knows; that much more may be wrong there.
+    A linear model of the same rows is nearly as good on the path. How far the two lie apart where joints meet as they
+    stood in different rows, within the valid range, is what neither knows; that much more may be wrong there.
     """
     linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
-    met = np.column_stack([rng.permutation(column) for column in data.X.T])
+    joints = [name.rpartition(":")[2] for name in model.features.names]  # whose position and torque go together
+    rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(joints)}
+    met = np.column_stack([column[rows[joint]] for column, joint in zip(data.X.T, joints, strict=True)])
     met = met[model.inside(met).all(axis=1)]
     if len(met) == 0:
         return spread, []
@@ -186,7 +188,7 @@ def _off_path(
         if more > (joint.rmse_high or 0.0):
             said.append(f"{joint.joint} {more:.3g} {joint.unit}")
     told = (
-        "where inputs meet that its training has apart, the polynomial and a linear model differ by more than it errs"
+        "where joints meet that its training has apart, the polynomial and a linear model differ by more than it errs"
     )
     return tuple(wider), [f"{told}: {', '.join(said)}; record random motion, or take --model linear"] if said else []
 
