@@ -8,7 +8,7 @@ left unexplained, RSS_j(d), is least where the clocks agree, and one clock is co
     T(d) = -LOOKS/2 sum_j log RSS_j(d)
 
 LOOKS is no number of rows, whose errors are the explanation's and not noise: it is how many independent looks a joint
-is worth, set by how far joints of untouched real recordings stray, and no more than it turns, since between turns
+is worth, set by how far joints of untouched real recordings stray, and no more than joints turn, since between turns
 a cable's slack looks like a delay. An interval is where T is within z^2/2 of its best.
 It widens by itself where joints disagree, where motion is slow, and where hysteresis explains as much.
 """
@@ -98,8 +98,10 @@ def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: f
     grid, costs = _scan(looks, coarse, between)
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
-    low, high = _interval(grid, total, CERTAIN**2 / LOOKS)
-    near_low, near_high = _interval(grid, total, LIKELY**2 / LOOKS)
+    turns = np.mean([reversals_of(q[inside, places[i]]) for i in joints])
+    worth = min(LOOKS, float(turns)) + 1e-9
+    low, high = _interval(grid, total, CERTAIN**2 / worth)
+    near_low, near_high = _interval(grid, total, LIKELY**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
         sure = "certain" if max(low, -high) > tolerance else "likely"
@@ -139,7 +141,6 @@ class _JointLook:
         self, q: Floats, seen: Floats, t: Floats, own: int, moved: list[int], inside: Flags, block: Rows, coarse: Floats
     ) -> None:
         self.t, self.y, self.block = t, seen, block
-        self.share = min(1.0, reversals_of(q[inside, own]) / LOOKS)
         error = seen - q[:, own]
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
@@ -183,7 +184,7 @@ class _JointLook:
         n = np.maximum(np.bincount(b, minlength=BLOCKS), 1)
         squares = [self.unexplained(self.rows, d) ** 2 for d in delays]
         each = [np.r_[s.mean(), np.bincount(b, s, minlength=BLOCKS) / n] for s in squares]
-        found: Floats = self.share * np.log(np.array(each) + RESOLUTION**2)
+        found: Floats = np.log(np.array(each) + RESOLUTION**2)
         return found
 
 
