@@ -71,8 +71,7 @@ def _cause(
     size = float(before @ before)
     if size <= WORSE**2 * len(y):
         return None
-    measured = (part.tau + part.known)[:, :, None]  # of one axis, over its gain: linear in the inverse of this
-    causes = {name: rest(-measured * np.eye(n)[i][:, None]) for i, name in enumerate(model.joint_names)}
+    causes = {name: rest(columns) for name, columns in zip(model.joint_names, _gains(part), strict=True)}
     if part.gravity is None:
         tilted = []
         for way in _across(stated):  # torques are linear in gravity
@@ -135,8 +134,7 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
         return []
     for day, part, first, last in zip(few, heard, ends, ends[1:], strict=False):
         causes = {("offset", i): np.ones((len(day), n, 1)) * np.eye(n)[i][:, None] for i in range(n)}
-        measured = (day.tau + day.known)[:, :, None]
-        causes |= {("torques", i): -measured * np.eye(n)[i][:, None] for i in range(n)}
+        causes |= {("torques", i): columns for i, columns in enumerate(_gains(day))}
         if day.gravity is None:
             ways = [_under(result, part, stated + way) - _under(result, part, stated) for way in _across(stated)]
             causes["gravity", -1] = np.stack(ways, axis=2)
@@ -171,6 +169,12 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
     joints = () if axis < 0 else (result.model.joint_names[axis],)
     culprit = "a day with another zero, gain or mounting"
     return [(where, Finding(name, joints, says, culprit, remedy, refuses=left < CLEARLY and name != "offset"))]
+
+
+def _gains(part: Samples) -> Floats:
+    """Return what a gain of one axis changes in torques, (n, N, n, 1): linear in the gain's inverse."""
+    changes: Floats = -np.eye(part.tau.shape[1])[:, None, :, None] * (part.tau + part.known)[:, :, None]
+    return changes
 
 
 def _across(gravity: Floats) -> Floats:
