@@ -58,6 +58,37 @@ def test_the_arm_is_free_half_a_second_after_the_last_command() -> None:
     assert_allclose(robot.setpoint - before, shoulder(2e-4), atol=EXACT)
 
 
+def test_commands_that_came_in_one_tick_are_told_apart() -> None:
+    robot = ServedRobot()
+    other = second(robot)
+    robot.joints("servo_jr", shoulder(1e-4))
+    robot.tick(2)
+    before = robot.setpoint
+    other.publish(JointState(position=shoulder(2e-4)))
+    robot.joints("servo_jr", shoulder(1e-5))  # the tick's last one comes from whom the arm is held by
+    robot.tick(3)
+    assert_allclose(robot.setpoint - before, shoulder(1e-5), atol=EXACT)
+
+
+@pytest.mark.parametrize("seen", [False, True], ids=["in the first tick", "later"])
+def test_time_in_which_the_server_stood_still_frees_no_arm(seen: bool) -> None:
+    robot = ServedRobot()
+    other = second(robot)
+    robot.tick(200)
+    robot.joints("servo_jr", shoulder(1e-4))
+    robot.tick(2)
+    before = robot.setpoint
+    robot.clock.sleep(2.0)
+    robot.tick(100 if seen else 0)
+    other.publish(JointState(position=shoulder(2e-4)))
+    robot.tick(3)
+    assert_array_equal(robot.setpoint, before)
+    robot.tick(600)
+    other.publish(JointState(position=shoulder(2e-4)))
+    robot.tick(3)
+    assert_allclose(robot.setpoint - before, shoulder(2e-4), atol=EXACT)
+
+
 def test_a_move_is_not_taken_over_but_anybody_may_stop_it() -> None:
     robot = ServedRobot("crtk")
     carrier = Loopback("other", robot.network)

@@ -98,8 +98,9 @@ class Commander:
         self._transport = transport
         self._topic: str | None = None  # that it commanded by
         self._process: tuple[str, ...] = ()  # its name and address; none where the transport does not tell
-        self._commanded = self._heard = 0  # [ns] its last command that was obeyed, and its last one that came in
-        self._looked = self._went_on = 0  # [ns] last look, and end of the last stall
+        self._commanded = 0  # [ns] its last command that was obeyed, later by what the server stood still since
+        self._heard = 0  # [ns] its last command that came in, obeyed or not
+        self._looked, self._went_on = transport.steady(), 0  # [ns] last look, and end of the last stall
         self._stood = 0  # [ns] length of stalls after the last command, and of one just before it
         self._gone: int | None = None  # [ns] when it was first seen to be gone
         self._was_moving = False  # the arm, by itself, then
@@ -124,7 +125,8 @@ class Commander:
         name = process.partition(" ")[0]  # a network has one program of a name
         if self._topic is None or not self._process or name in ("", self._process[0]) or self._is_same(process):
             return
-        if is_moving or 0 <= now - self._commanded < UNDER_WAY:
+        stood = max(0, now - self._looked - 2 * WATCH)  # a stall that `left` has not seen yet
+        if is_moving or 0 <= now - self._commanded < UNDER_WAY + stood:
             raise RobotHeldError(held_by(name, self._process[0], self._topic))
 
     def forget(self, now: int) -> None:
@@ -154,6 +156,7 @@ class Commander:
     def left(self, now: int, *, is_moving: bool) -> str | None:
         """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second."""
         stall, self._looked = now - self._looked - 2 * WATCH, now
+        self._commanded = min(self._commanded + max(0, stall), now)
         if stall > 0 and self._gone is None:
             self._stood = stall + (self._stood if self._heard <= self._went_on else 0)
             self._went_on = now

@@ -82,11 +82,11 @@ def look(observer: Program) -> tuple[str, np.ndarray, list[str]]:
 
 
 def moves(observer: Program) -> None:
-    """Wait until the shoulder moves."""
+    """Wait until the shoulder moves in steps; enabling, which sets the setpoint to where the arm is, is one step."""
 
     def is_moving() -> bool:
         _, setpoints, _ = look(observer)
-        return len(setpoints) > 1 and bool(np.ptp(setpoints[:, 1]) > 1e-3)
+        return np.count_nonzero(np.diff(setpoints[:, 1])) > 5
 
     until(is_moving, every=0.2)
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Arrival
-from catenary.crtk.message import Message, stamp_of
+from catenary.crtk.message import stamp_of
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.topic_names import COMMAND, CrtkTopic
 from catenary.crtk.transport import Transport
@@ -63,8 +63,7 @@ class CommandSource:
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)
         self.moves = topic.moves
-        self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
-        self.heard: dict[str, int] = {}  # likewise, and when its newest came [ns], of all that were taken last
+        self.heard: dict[str, int] = {}  # by `Arrival.process`, when its newest came [ns], of all that were taken last
 
     def __len__(self) -> int:
         """Return how many wait."""
@@ -74,15 +73,12 @@ class CommandSource:
         """Drop what waits, and return how many commands that were."""
         return self._subscription.forget()
 
-    def take(self, now: int, most: int = OF_A_TOPIC) -> list[Message]:
+    def take(self, now: int, most: int = OF_A_TOPIC) -> list[Arrival]:
         """Return those commands that are fresh of the `most` that have waited longest, oldest first; `now` in ns."""
         came = self._subscription.take_arrivals(most=most)
         self._set, self.heard = self._transport.clock.set_by(), {one.process: one.time for one in came}
-        fresh = [one for one in came if self._is_fresh(one, now)]
-        if fresh:
-            self.process = fresh[-1].process
         self._report_lost(now)
-        return [one.message for one in fresh]
+        return [one for one in came if self._is_fresh(one, now)]
 
     def _report_lost(self, now: int) -> None:
         heard = self._subscription

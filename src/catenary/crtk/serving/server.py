@@ -13,6 +13,7 @@ import numpy as np
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import WATCH, Commander
+from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
 from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
@@ -221,9 +222,9 @@ class Server:
             if count and k < self._others:  # who asks for a state reads the robot next
                 for lazy in self._heard:
                     lazy.watch()
-            for message in source.take(now, count) if count else ():
+            for arrival in source.take(now, count) if count else ():
                 self.commands += 1
-                self._obey(source, message, now)
+                self._obey(source, arrival, now)
             for arm in self._arms_of(source.topic) if count and source.moves else ():
                 self._commanders[arm.arm].hears(source.heard)
             if len(source) and source.moves and not any(arm.is_ready for arm in self._arms_of(source.topic)):
@@ -278,8 +279,8 @@ class Server:
             success=any(text.endswith(STARTS) for text in said), message="; ".join(said)
         )
 
-    def _obey(self, source: CommandSource, message: Message, now: int) -> None:
-        topic = source.topic
+    def _obey(self, source: CommandSource, arrival: Arrival, now: int) -> None:
+        topic, message, process = source.topic, arrival.message, arrival.process
         try:
             if topic.commands_state:
                 for text in CONSOLE.get(topic.verb) or (message.string,):
@@ -291,12 +292,12 @@ class Server:
                 if source.moves and topic.verb != "hold":  # which anybody may say
                     for name in moved:
                         is_busy = self.arms[name].state.is_busy
-                        self._commanders[name].require_free(source.process, now, is_moving=is_busy)
+                        self._commanders[name].require_free(process, now, is_moving=is_busy)
                 self._dialect.obey(topic, message)
                 if topic.verb in STOPS and topic.arm is not None:
                     self._forget_others(self.arms[topic.arm], now)
                 for name in moved if source.moves else ():
-                    self._commanders[name].commands(topic.name, source.process, now)
+                    self._commanders[name].commands(topic.name, process, now)
         except CatenaryError as error:  # whatever a client sends, the robot goes on
             self._refuse(topic, str(error), now)
         except (ArithmeticError, ValueError, LookupError) as error:  # numbers that nobody foresaw
