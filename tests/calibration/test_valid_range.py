@@ -3,7 +3,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.arithmetic import run
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.fit_options import FitOptions, Kind
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.valid_range import ValidRange, fit_valid_range
+from tests.truth.recordings import raven
 
 MARGIN = 0.1
 
@@ -13,6 +18,13 @@ def inside(valid: ValidRange, X: np.ndarray) -> np.ndarray:
     flags = np.ones(len(X), dtype=bool)
     run(valid.steps(X, flags))
     return flags
+
+
+def far_of(valid: ValidRange, X: np.ndarray) -> np.ndarray:
+    """How far each row is from the middle of the boxes."""
+    far = np.empty((len(X), 1))
+    run(valid.steps(X, np.ones(len(X), dtype=bool), far))
+    return far[:, 0]
 
 
 @pytest.mark.parametrize("shape", [(500, 1), (500, 6), (500, 42), (10, 42), (11, 3)])
@@ -30,6 +42,21 @@ def test_axes_are_the_principal_ones_with_their_margin() -> None:
     valid = fit_valid_range(X, MARGIN)
     # SMALLEST_RANGE is added, 1e-6 on each side
     assert_allclose(np.sort(valid.axis_upper - valid.axis_lower), spans * (1.0 + 2.0 * MARGIN), rtol=1e-5)
+
+
+def test_a_row_may_go_farther_along_axes_and_in_some_features_and_widths_reach_as_far_as_before() -> None:
+    rng = np.random.default_rng(6)
+    X = np.column_stack([(x := rng.uniform(-1.0, 1.0, 500)), x + rng.uniform(-0.01, 0.01, 500)])
+    narrow, wide = fit_valid_range(X, 0.5), fit_valid_range(X, 0.5, along_axes=2.0)
+    across = np.array([[0.0, 0.0], [0.007, -0.007], [0.016, -0.016], [0.1, -0.1]])  # training reaches 0.005 that way
+    assert inside(narrow, across).tolist() == [True, True, False, False]
+    assert inside(wide, across).tolist() == [True, True, True, False]
+    assert_allclose(far_of(wide, across), far_of(narrow, across), atol=1e-3)
+    asked = np.array([[1.9, 1.9], [2.4, 2.4], [3.1, 3.1]])  # a half, 0.7 and one range beyond
+    farther = fit_valid_range(X, 0.5, along_axes=2.0, farther=np.array([False, True]))
+    assert inside(wide, asked).tolist() == [True, False, False]
+    assert inside(farther, asked * [0.0, 1.0]).tolist() == [True, True, False]
+    assert inside(farther, asked).tolist() == [True, False, False]
 
 
 def test_range_does_not_depend_on_units() -> None:
@@ -79,3 +106,14 @@ def test_value_that_is_not_finite_is_outside(value: float) -> None:
     asked = X[:2].copy()
     asked[0, 1] = value
     assert_array_equal(inside(fit_valid_range(X, MARGIN), asked), [False, True])
+
+
+@pytest.mark.parametrize("kind", ["linear", "hysteretic"])
+def test_one_zig_zag_is_worth_its_correction_in_random_motion(kind: Kind) -> None:
+    """Joints move together along a zig-zag: combinations that it lacks are no reason to fall back to the offset."""
+    known, options = raven("zigzag"), FitOptions(kind=kind, coupled=None if kind == "linear" else ())
+    inputs = choose_inputs(known.logs, options)
+    model = fit(calibration_data(known.logs, inputs.features), inputs, options)
+    for joint in evaluate(model, calibration_data(known.again, inputs.features)).joints:
+        assert joint.outside_valid_range < 0.05
+        assert joint.rmse < 0.6 * joint.offset_rmse

@@ -87,7 +87,9 @@ def errors_on_other_motion(kind: str) -> tuple[JointErrors, ...]:
 
 @pytest.mark.parametrize("kind", KINDS_BY_TIME)
 def test_dense_training_is_known_to_say_little_of_points_all_over_the_range(kind: str) -> None:
-    assert min(joint.outside_valid_range for joint in errors_on_other_motion(kind)) > 0.5
+    assert min(joint.outside_valid_range for joint in errors_on_other_motion(kind)) > (
+        0.5 if kind == "polynomial" else 0.2
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS_BY_TIME)

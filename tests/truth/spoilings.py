@@ -18,8 +18,8 @@ class Spoiling(NamedTuple):
     named_by: tuple[str, ...] = ()
 
 
-def late(log: MotionLog, seconds: float) -> MotionLog:
-    """Return a log whose measurement is of so many seconds ago, or of the future: in fractions of a row."""
+def late(log: MotionLog, seconds: float, joints: slice = slice(None)) -> MotionLog:
+    """Return a log whose measurement (of these joints) is of so many seconds ago, or ahead: in fractions of a row."""
     assert log.q_encoder is not None
     assert log.time is not None
     good = np.flatnonzero(log.ok)
@@ -27,7 +27,9 @@ def late(log: MotionLog, seconds: float) -> MotionLog:
     measured = np.column_stack([np.interp(at, log.time[good], column) for column in log.q_encoder[good].T])
     k = np.clip(np.searchsorted(log.time, at), 1, len(log) - 1)
     ok = log.ok[k] & log.ok[k - 1] & (at >= log.time[0]) & (at <= log.time[-1])
-    return replace(log, q_encoder=np.where(ok[:, None], measured, log.q_encoder), ok=ok)
+    spoilt = log.q_encoder.copy()
+    spoilt[ok, joints] = measured[ok, joints]
+    return replace(log, q_encoder=spoilt, ok=ok)
 
 
 def _shown(log: MotionLog, deg_or_mm: float) -> np.ndarray:
@@ -133,6 +135,11 @@ SPOILINGS = (
             ("would hide in hysteresis", "friction could look the same"),
         )  # type: ignore[misc]
         for d in DELAYS
+    ),
+    Spoiling(
+        "second joint 0.3 s late",
+        lambda log: late(log, 0.3, slice(1, 2)),
+        ("those of all joints together", "would hide in hysteresis", "friction could look the same"),
     ),
     Spoiling("zero leaps by 3 deg or mm", lambda log: moved(log, lambda u: 3.0 * (u > 0.5)), ("the error leaps",)),
     Spoiling("zero drifts by 3 deg or mm", lambda log: moved(log, lambda u: 3.0 * u), ("the error drifts",)),

@@ -59,6 +59,18 @@ def test_hysteresis_is_no_delay(seed, slack, sines):
     assert delay_of(cable_arm(seed, slack=slack, sines=sines)).sure != "certain"
 
 
+@pytest.mark.parametrize("seconds", [-0.2, 0.1, 0.3])
+@pytest.mark.parametrize("joints", [slice(1, 2), slice(0, 2)])
+def test_joints_that_lie_unlike_times_behind_are_named_and_refused(seconds, joints):
+    (told,) = (each for each in findings_of(late(cable_arm(), seconds, joints)) if each.name in ("delay", "clock"))
+    assert (told.name, told.refuses) == ("clock", True)
+    true = dict.fromkeys(("J1", "J2", "J3"), 0.0) | dict.fromkeys(("J1", "J2", "J3")[joints], seconds)
+    found = told.says.split(" lie ")[1].split(" s behind")[0].split(", ")
+    assert told.joints
+    for joint, text in zip(told.joints, found, strict=True):
+        assert abs(float(text) - true[joint]) < 0.02
+
+
 def test_wild_rows_lost_rows_and_pauses_do_not_hide_it():
     log = late(cable_arm(), 0.1)
     rng, measured, ok = np.random.default_rng(1), log.q_encoder.copy(), log.ok.copy()

@@ -10,7 +10,7 @@ from catenary import __version__
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.calibration.fit_rows import extrapolation
+from catenary.calibration.fit_rows import AXES_EXTRAPOLATION, extrapolation
 from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model import REACH, CalibrationModel, Card
@@ -87,7 +87,8 @@ def model_card(
         "choice": [asdict(choice) for choice in choices] or None,
         "settings": _settings(options, kinds),
         "valid_range": "of each joint: box around its inputs in training and box along their principal axes, "
-        "each widened by `widened_by` times their range; outside it, and where a correction is beyond "
+        "widened by `widened_by` times their range, twice that for midlines and, but for polynomials, "
+        f"{AXES_EXTRAPOLATION:g} times along axes; outside it, and where a correction is beyond "
         f"{REACH:g} times `largest_correction`, the fixed offset is used. `valid` of an input: "
         "in the first box of all joints that take it",
         "intervals": None

@@ -115,6 +115,12 @@ class FeatureSet:
         lags = 0 if self.friction is None else len(self.friction.columns)
         return np.arange(len(names)) >= len(names) - len(self.play) - lags
 
+    @property
+    def averaged(self) -> Flags:
+        """Midlines, (F,): means of a torque, which lie close together in training beside the torque itself."""
+        first = len(self.signals)
+        return np.isin(np.arange(len(self.names)), np.arange(first, first + len(self.midlines)))
+
     def _columns(self) -> list[tuple[str, str, str]]:
         unit = dict(zip(self.signals, self.units, strict=True))
         return [

@@ -24,9 +24,11 @@ from catenary.side_by_side import Progress, part_of, silent
 
 SMALLEST_DATA = 10  # rows
 # How far beyond the training data a model may go, as a share of their range. Zig-zag data leave nearly half of the
-# shoulder's range out; half a range beyond, models without memory still correct most of the error there. A polynomial
-# with memory has hundreds of terms, and its error grows fast.
-EXTRAPOLATION = 0.5
+# shoulder's range out; half a range beyond, models without memory still correct most of the error there. Most principal
+# axes are narrow, as joints move together in training: of simulated arms and a real dVRK, models that do not grow as
+# powers err up to a range beyond as they do within. A polynomial doubles its error there; one with memory has hundreds
+# of terms, and its error grows fast.
+EXTRAPOLATION, AXES_EXTRAPOLATION = 0.5, 1.0
 POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
 LEAST_KNOWN = 0.5  # share of rows on which a midline is known
 SHOWN = 0.99  # share of training errors that count for the largest correction: the others may be failed measurements
@@ -165,15 +167,11 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
             learnt = learnt - recording_zeros(X, learnt, data.recording)[data.recording]
         predictor = _fit_predictor(X, learnt, options, late, report)
         watched = columns[~inputs.features.bounded[columns]]
-        groups.append(
-            JointGroup(
-                tuple(joints),
-                columns,
-                predictor,
-                fit_valid_range(data.X[:, watched], extrapolation(options.kind, inputs.features, columns)),
-                watched,
-            )
-        )
+        margin = extrapolation(options.kind, inputs.features, columns)
+        along_axes = margin if options.kind == "polynomial" else AXES_EXTRAPOLATION
+        averaged = inputs.features.averaged[watched]
+        valid = fit_valid_range(data.X[:, watched], margin, along_axes=along_axes, farther=averaged)
+        groups.append(JointGroup(tuple(joints), columns, predictor, valid, watched))
         report(1.0)
     model = CalibrationModel(
         kind=options.kind,

@@ -21,7 +21,7 @@ from catenary.errors import CatenaryError, FileFormatError
 from catenary.files import damage
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
-FORMAT = "catenary.calibration.4"
+FORMAT = "catenary.calibration.5"
 NAMES = tuple(each.name for each in fields(CalibrationModel))
 
 

@@ -12,6 +12,7 @@ from catenary.calibration.intervals import FARTHEST, distance
 from catenary.cards import StoredFloats
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
+Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,13 @@ class ValidRange:
     axes: StoredFloats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
     axis_lower: StoredFloats  # (F,)
     axis_upper: StoredFloats  # (F,)
-    seen: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0  # how far training rows reach, of the way to the edges
+    seen: Share = 1.0  # how far training rows reach, of the way to the edges of the first box
+    axes_seen: Share = 1.0  # and of the second
 
     def __post_init__(self) -> None:
         width = len(self.lower)
         for name, values in list(vars(self).items()):
-            if name != "seen":
+            if not name.endswith("seen"):
                 shape = (width, width) if name == "axes" else (width,)
                 object.__setattr__(self, name, as_array(name, values, shape))
 
@@ -47,10 +49,12 @@ class ValidRange:
         ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
         distances: list[Step] = []
         if far is not None:
+            middle, half = 0.5 * (self.axis_lower + self.axis_upper), 0.5 * (self.axis_upper - self.axis_lower)
+            half *= self.axes_seen / self.seen  # training rows then reach as far of the way as in the first box
             distances = [
                 Step(repeat, (np.zeros(1),), (far,)),
                 # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
-                Step(distance, (projection, self.axis_lower, self.axis_upper, np.ones(1)), (far,)),
+                Step(distance, (projection, middle - half, middle + half, np.ones(1)), (far,)),
                 Step(distance, (X, self.lower, self.upper, np.array([FARTHEST])), (far,)),
             ]
         return [
@@ -62,18 +66,29 @@ class ValidRange:
         ]
 
 
-def fit_valid_range(X: Floats, margin: float) -> ValidRange:
-    """Describe where training features (N, F) lie, and how far beyond a model may go: `margin` times their range."""
+def fit_valid_range(
+    X: Floats, margin: float, *, along_axes: float | None = None, farther: Flags | None = None
+) -> ValidRange:
+    """Describe where training features (N, F) lie, and how far beyond a model may go: `margin` times their range.
+
+    Args:
+        along_axes: The margin of the box along the principal axes; `margin` when None.
+        farther: (F,) features that may go twice as far, and with any others: they count for no axis.
+    """
+    along_axes = margin if along_axes is None else along_axes
     mean, scale = standardisation(X)
-    # all F axes, also those along which the rows do not differ; R has them, and is small
-    R = np.linalg.qr((X - mean) / scale, mode="r")
+    times = np.ones(X.shape[1]) if farther is None else 1.0 + farther
+    own = np.flatnonzero(times == 1.0)
+    # all axes, also those along which the rows do not differ; R has them, and is small
+    R = np.linalg.qr((X - mean)[:, own] / scale[own], mode="r")
     _, _, Vt = np.linalg.svd(R, full_matrices=True)
-    axes = Vt.T / scale[:, None]
+    axes = np.zeros((len(mean), len(mean)))
+    axes[np.ix_(own, own)] = Vt.T / scale[own, None]
     lower, upper = X.min(axis=0), X.max(axis=0)
-    box_margin = margin * (upper - lower) + SMALLEST_RANGE * scale
+    box_margin = margin * times * (upper - lower) + SMALLEST_RANGE * scale
     projection = (X - mean) @ axes
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
-    axis_margin = margin * (axis_upper - axis_lower) + SMALLEST_RANGE
+    axis_margin = along_axes * (axis_upper - axis_lower) + SMALLEST_RANGE
     return ValidRange(
         lower=lower - box_margin,
         upper=upper + box_margin,
@@ -82,6 +97,7 @@ def fit_valid_range(X: Floats, margin: float) -> ValidRange:
         axis_lower=axis_lower - axis_margin,
         axis_upper=axis_upper + axis_margin,
         seen=1.0 / (1.0 + 2.0 * margin),
+        axes_seen=1.0 / (1.0 + 2.0 * along_axes),
     )
 
 

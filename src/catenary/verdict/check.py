@@ -77,6 +77,8 @@ def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
     # a sensor that stands still lies behind more and more
     late = [] if any(each.refuses for each in still) else delay_findings(pairs, place)
     swapped, single = correspondence_findings(pairs, place)
+    if swapped or single:  # sums of joints, and columns of others, lie unlike times behind
+        late = [each for each in late if not each.joints]
     if any(each.refuses for each in late):  # rows out of step follow nothing, and their slopes mean nothing
         return [*swapped, *turns, *late]
     # correlations and slopes of measurements on two levels mean nothing either

@@ -10,7 +10,8 @@ left unexplained, RSS_j(d), is least where the clocks agree, and one clock is co
 LOOKS is no number of rows, whose errors are the explanation's and not noise: it is how many independent looks a joint
 is worth, set by how far joints of untouched real recordings stray, and no more than joints turn, since between turns
 a cable's slack looks like a delay. An interval is where T is within z^2/2 of its best.
-It widens by itself where joints disagree, where motion is slow, and where hysteresis explains as much.
+It widens by itself where joints disagree, where motion is slow, and where hysteresis explains as much. Where each joint
+may choose between two delays, and T gains z^2/2 by that, their sensors have clocks of their own.
 """
 
 from collections.abc import Sequence
@@ -51,6 +52,8 @@ class Delay:
     change: float  # along the recording, zero unless it is certain
     unit: Literal["s", "rows"]
     cost: float = 0.0  # sum of log RSS at the best
+    apart: tuple[tuple[str, float], ...] = ()  # joints and their own delays, where not all have one
+    apart_by: float = 0.0  # deviations by which they stand out
 
     def __str__(self) -> str:
         """Say what was found and what could hide."""
@@ -106,7 +109,14 @@ def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: f
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
         sure = "certain" if max(low, -high) > tolerance else "likely"
     along = grid[np.argmin(costs[:, :, 1:].sum(axis=0), axis=0)]
-    return Delay(float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]))
+    own, gains = _apart(grid, costs[:, :, 0])
+    apart_by, fine = float(np.sqrt(worth * gains.sum())), between / 10.0 * np.arange(-10, 11)
+    of_joints = zip(joints, looks, own, worth * gains, strict=True) if apart_by > LIKELY else ()
+    apart = [(log.joint_names[i], float(d + fine[look.costs(d + fine)[:, 0].argmin()]))
+             for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
+    return Delay(
+        float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]), tuple(apart), apart_by
+    )
 
 
 def reach_of(log: MotionLog) -> tuple[float, float]:
@@ -239,6 +249,19 @@ def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:
     low = x[a] if a == 0 else np.interp(-level, [-cost[a - 1], -cost[a]], [x[a - 1], x[a]])
     high = x[b] if b == len(x) - 1 else np.interp(level, [cost[b], cost[b + 1]], [x[b], x[b + 1]])
     return float(low), float(high)
+
+
+def _apart(grid: Floats, costs: Floats) -> tuple[Floats, Floats]:
+    """Return each joint's delay where it may choose between two, and what it gains by that over one of all, (joints,).
+
+    Args:
+        costs: (joints, delays).
+    """
+    pairs = np.minimum(costs[:, :, None], costs[:, None, :]).sum(axis=0)
+    two = np.array(np.unravel_index(np.argmin(pairs), pairs.shape))
+    one = int(np.argmin(costs.sum(axis=0)))
+    chosen = two[np.argmin(costs[:, two], axis=1)]
+    return grid[chosen], costs[:, one] - costs[np.arange(len(costs)), chosen]
 
 
 def _change(along: Floats, width: float) -> float:

@@ -22,7 +22,7 @@ NAMES = {
     "twice": "minutes that are in the data twice",
     "delay": "measurements that lie a time behind their commands, or before them",
     "lag": "a controller's lag between setpoints and what the robot reports",
-    "clock": "two clocks that run apart, or rows that one of the two lost",
+    "clock": "two clocks that run apart, joints that lie unlike times behind, or rows that one clock lost",
     "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
     "stuck": "a measurement that stands still while its joint is moved",
     "filled": "measurements that were interpolated, or filled in with commands",

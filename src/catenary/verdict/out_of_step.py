@@ -25,6 +25,7 @@ FEWEST_WINDOWS = 3  # in which a lag must be clear for two clocks to be told fro
 MOST_PAIRS = 3000  # rows that a lag is judged by
 LEAST_SHARE = 1e-6  # unexplained, that counts as none
 APART = 3  # rows by which lags must differ along the recording
+DOUBTED = 2.5  # deviations by which joints with delays of their own are noted; real arms' stray by up to 2.3
 WORSE = 1.3  # times more unexplained variance, that rows in step may leave a joint: early rows cancel its hysteresis
 
 
@@ -44,6 +45,19 @@ def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
 def _delay_findings(log: MotionLog, place: NDArray[np.int64]) -> list[Finding]:
     near = delay_of(log, place)
     known = None if near.sure == "unknown" else near
+    own = ", ".join(f"{seconds:+.2f}" for _, seconds in near.apart)
+    all_joints = f"those of all joints together {near.seconds:+.2f}"
+    says = f"measurements lie {own} {near.unit} behind commands, {all_joints}, expected the same"
+    culprit = "sensors with clocks of their own; or, where q_nominal is a setpoint, joints that lag unlike"
+    joints = tuple(joint for joint, _ in near.apart)
+    unlike = Finding("clock", joints, says, culprit, refuses=near.apart_by > CERTAIN, delay=known)
+    if unlike.refuses:
+        return [unlike]
+    return [unlike] * (near.apart_by > DOUBTED) + _common_findings(log, place, near, known)
+
+
+def _common_findings(log: MotionLog, place: NDArray[np.int64], near: Delay, known: Delay | None) -> list[Finding]:
+    """Find one delay of all joints; there is always one finding or more."""
     if near.change:
         return [_clock(f"the delay changes by {near.change:+.3g} {near.unit} along the recording", near)]
     if near.sure == "certain":
