@@ -12,8 +12,8 @@ from catenary.crtk.message_bytes import codec
 from catenary.crtk.message_values import joint_state_message
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError
+from catenary.recording.bag_reader import JournalReader
 from catenary.recording.journal import About, JournalTopic, JournalWriter
-from catenary.recording.journal_reader import JournalReader
 from catenary.trajectories.reference import GoneOn
 from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off
 from oracles.ticking_clock import SetClock

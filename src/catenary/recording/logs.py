@@ -77,7 +77,7 @@ def read_log(
 
         log = read_commands(path, units=units, joint_names=joint_names)
     elif ending == ".csv":
-        from catenary.recording.import_formats.raven_recordings import read_raven
+        from catenary.recording.import_formats.known_layouts import read_raven
 
         log = replace(read_raven([path]).log, settled={"units": ()})
     else:
@@ -154,10 +154,7 @@ def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | Non
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:
-    """Write a log as Parquet: one column per number, its unit in the column's metadata.
-
-    Columns are `time`, `ok`, `q_nominal:<joint>`, `q_encoder:<joint>`, `q_reported:<joint>`, `qd:<joint>`,
-    `tau:<joint>` and the further signals by name.
+    """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata.
 
     Raises:
         InputError: A further signal has the name of another column.
@@ -258,25 +255,17 @@ def read_parquet(path: Path) -> MotionLog:
         raise FileFormatError(f"{path}: column ok, the rows whose q_encoder can be trusted, is missing")
     return MotionLog(
         name=path.stem,
-        joint_names=names,
-        joint_units=stated.joint_units,
         ok=columns.pop("ok"),
         time=columns.pop("time", None),
-        began=stated.began,
         **joints,
         signals=columns,
         signal_units={
             name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
             for name in columns
         },
-        robot=stated.robot,
-        simulated=stated.simulated,
         sha256=sha256_of(path),
-        units_assumed=stated.units_assumed,
-        repeated=stated.repeated,
-        notes=stated.notes,
         settled={"units": (), "time_unit": (), **stated.settled},
-        arrivals=stated.arrivals,
+        **{key: getattr(stated, key) for key in _Stated.model_fields if key not in ("format", "settled")},
     )
 
 
