@@ -10,6 +10,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.raven2.topics import RAVENSTATE
 from catenary.recording import messages
 from catenary.recording.layout import blank_messages, encode, layout_of, read_messages
+from lab_bags import JOINT_STATE, header, joint_state
 from oracles.raven_recording import telemetry
 
 # raven_2 and crtk_msgs: as the robot publishes them; the rest: rosmsg md5 on ROS Noetic
@@ -56,21 +57,12 @@ def test_raven_state_has_964_bytes_after_its_header() -> None:
 
 
 def _joint_state(rng: np.random.Generator, joints: int, frame: str) -> bytes:
-    """One JointState, written by rosbags."""
-    types = messages.typestore(1).types
-    header = types["std_msgs/msg/Header"](
-        seq=int(rng.integers(2**32)),
-        stamp=types["builtin_interfaces/msg/Time"](sec=int(rng.integers(2**31)), nanosec=int(rng.integers(10**9))),
-        frame_id=frame,
-    )
-    message = types["sensor_msgs/msg/JointState"](
-        header=header,
-        name=[f"joint{'x' * i}" for i in range(joints)],
-        position=rng.normal(size=joints),
-        velocity=np.zeros(0),
-        effort=rng.normal(size=joints),
-    )
-    return bytes(messages.typestore(1).serialize_ros1(message, "sensor_msgs/msg/JointState"))
+    """One JointState without velocities, written by rosbags."""
+    store, names = messages.typestore(1), [f"joint{'x' * i}" for i in range(joints)]
+    head = header(store, int(rng.integers(2**31)) * 10**9 + 7, ros1=True)
+    head.frame_id = frame
+    message = joint_state(names, rng.normal(size=joints), (), rng.normal(size=joints))(store, head)
+    return bytes(store.serialize_ros1(message, JOINT_STATE))
 
 
 @pytest.mark.parametrize("encoding", ["ros1", "cdr"])
