@@ -121,18 +121,18 @@ class FilesInARow:
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, file by file."""
         require_topics(self.path, topics, [topic.name for topic in self.topics])
-        for part, there in self._each():
+        for part in self._each():
+            there = [topic.name for topic in part.topics]
             yield from part.messages([name for name in there if topics is None or name in topics])
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
         """Yield topic, arrival stamps [ns] (N,) and messages, file by file."""
-        for part, there in self._each():
-            yield from part.blocks([name for name in there if name in topics])
+        for part in self._each():
+            yield from part.blocks([topic.name for topic in part.topics if topic.name in topics])
 
-    def _each(self) -> Iterator[tuple[BagStream | SqliteBag, list[str]]]:
-        """Yield the files and their topics; a file is read to its end before the next is asked for."""
-        for part in self.parts:
-            yield part, [topic.name for topic in part.topics]
+    def _each(self) -> Iterator[BagStream | SqliteBag]:
+        """Yield the files; one is read to its end before the next is asked for."""
+        yield from self.parts
 
 
 class JournalReader(FilesInARow):
@@ -202,7 +202,7 @@ class JournalReader(FilesInARow):
         """What was found missing or damaged so far, in words, and the recorder's own notes."""
         return [*self.damage, *self.remarks]
 
-    def _each(self) -> Iterator[tuple[BagStream, list[str]]]:
+    def _each(self) -> Iterator[BagStream]:
         """Yield the files; behind the last one it is known what is missing."""
         self.damage, self.remarks, self.lost, self.holes = list(self._unread), [], 0, []
         self.ends_early = True
@@ -210,7 +210,7 @@ class JournalReader(FilesInARow):
         last: int | None = None  # [ns] arrival of the message before
         for part in self.parts:
             part.follow(following, last)
-            yield part, [topic.name for topic in part.topics]
+            yield part
             self.ends_early, last = not part.is_last, part.last
             self.lost += part.lost
             self.holes += part.holes
@@ -267,11 +267,11 @@ class BagFolder(FilesInARow):
         """What was said of the folder, and what is missing."""
         return [f"warning: {problem}" for problem in dict.fromkeys([*self.warnings, *self.damage])]
 
-    def _each(self) -> Iterator[tuple[BagStream | SqliteBag, list[str]]]:
+    def _each(self) -> Iterator[BagStream | SqliteBag]:
         """Yield the files; where one is missing or damaged, nobody knows what lies between it and the next."""
         self.holes = []
-        for part, topics in super()._each():
-            yield part, topics
+        for part in self.parts:
+            yield part
             self.holes += [*part.holes, *([(part.last, None)] if self.damage else [])]
 
 

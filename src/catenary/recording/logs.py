@@ -72,14 +72,12 @@ def read_log(
     ending = table_ending(path)
     if ending == ".parquet":
         log = read_parquet(path)
-    elif ending == ".npz":
-        from catenary.recording.import_formats.known_layouts import read_commands
+    elif ending in (".npz", ".csv"):
+        from catenary.recording.import_formats.known_layouts import read_commands, read_raven
 
-        log = read_commands(path, units=units, joint_names=joint_names)
-    elif ending == ".csv":
-        from catenary.recording.import_formats.known_layouts import read_raven
-
-        log = replace(read_raven([path]).log, settled={"units": ()})
+        is_raven = ending == ".csv"
+        log = read_raven([path]).log if is_raven else read_commands(path, units=units, joint_names=joint_names)
+        log = replace(log, settled={"units": ()}) if is_raven else log
     else:
         raise FileFormatError(
             f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
