@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.bag_reader import JournalReader
 from meeting import Meeting
 from patience import PATIENCE, until
 from ros import PATIENT_COMMAND, Program

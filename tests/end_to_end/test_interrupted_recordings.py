@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from catenary.crtk.message_bytes import codec
 from catenary.raven2.topics import state_column
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.bag_reader import JournalReader
 from meeting import Meeting
 from oracles.waves import Waves
 from patience import until

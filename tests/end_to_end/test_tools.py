@@ -20,7 +20,7 @@ from catenary.crtk import network
 from catenary.crtk.message_values import joint_values, pose_of
 from catenary.crtk.topic_names import find_topic
 from catenary.recording.bag_reader import open_recording
-from catenary.recording.topic_samples import topic_named
+from catenary.recording.layout import topic_named
 from command_line import Outcome, catenary
 from meeting import Meeting
 from patience import until

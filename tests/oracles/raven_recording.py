@@ -10,11 +10,11 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.raven2.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, raven_topics
+from catenary.recording.bag_reader import JournalReader
 from catenary.recording.journal import About, JournalTopic, JournalWriter
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, encode
 from catenary.recording.messages import ros2_name, typestore
 from catenary.recording.recorder import Recorder
-from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE, encode
 from catenary.topics import Topic
 
 START_NS = 1_600_000_000_000_000_000
@@ -85,13 +85,16 @@ def write_journal(
     return folder
 
 
-def write_bag(journal: Path, path: Path) -> Path:
-    """Write a recording as one bag of all its topics, by rosbags: a `.bag`, or a ROS 2 bag (a folder), with MCAP or,
-    where its name ends in `.sqlite`, SQLite."""
+def write_bag(journal: Path, path: Path, packing: str = "") -> Path:
+    """Write a recording as one bag of all its topics, by rosbags: a `.bag`, whose chunks may be packed by BZ2 or LZ4, or
+    a ROS 2 bag (a folder), with MCAP or, where its name ends in `.sqlite`, SQLite."""
     source, about = JournalReader(journal), ABOUT.as_json().encode()
     ros = 1 if path.suffix == ".bag" else 2
     storage = StoragePlugin.SQLITE3 if path.suffix == ".sqlite" else StoragePlugin.MCAP
-    with Writer1(path) if ros == 1 else Writer2(path, version=8, storage_plugin=storage) as bag:
+    writer = Writer1(path) if ros == 1 else Writer2(path, version=8, storage_plugin=storage)
+    if packing:
+        writer.set_compression(Writer1.CompressionFormat[packing])
+    with writer as bag:
         connections = {
             topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(ros))
             for topic, kind in ((ABOUT_TOPIC, ABOUT_TYPE), *source.topics)

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.message import message_class
 from catenary.raven2.topics import CHANNELS, RAVEN_TOPICS, RAVENSTATE, in_channels, raven_topics, state_column
-from catenary.recording.topic_samples import topic_named
+from catenary.recording.layout import topic_named
 
 STATE = "raven_2/raven_state"
 

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from catenary.errors import CatenaryError, FileFormatError
 from catenary.recording.bag_reader import open_recording
-from catenary.recording.bag_search import MOST_TOPICS, MOST_UNPACKED
+from catenary.recording.bag_records import MOST_TOPICS, MOST_UNPACKED
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.messages import typestore
 

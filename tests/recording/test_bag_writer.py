@@ -11,12 +11,10 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.bag_reader import open_recording, open_recordings
-from catenary.recording.bag_stream import BagStream
+from catenary.recording.bag_reader import JournalReader, open_recording, open_recordings
 from catenary.recording.bag_writer import write_group_bags
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.layout import ABOUT_TOPIC
 from catenary.recording.messages import full_definition, md5_sum, typestore
-from catenary.recording.topic_samples import ABOUT_TOPIC
 from oracles.raven_recording import ABOUT, record, write_bag
 
 Message = tuple[str, int, bytes]
@@ -143,39 +141,6 @@ def test_a_bag_without_its_index_is_read_whole_and_said(bags, sent, tmp_path, cl
     assert "lacks its index" in source.problems[-1]
 
 
-def test_a_salvaged_bag_is_written_anew(bags: dict[str, Path], sent: list[Message], tmp_path: Path) -> None:
-    whole = bags["ros1"].read_bytes()
-    (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
-    written = write_group_bags(BagStream(tmp_path / "cut.bag"), tmp_path / "saved")
-    saved = [m[:3] for m in _by_rosbags(*written)]
-    assert sorted(saved) == sorted(sent[: len(saved)])
-    assert len(saved) > 0.4 * len(sent)
-
-
-@pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
-def test_compressed_bags_are_salvaged(sent: list[Message], tmp_path: Path, compression: str) -> None:
-    packed = Writer1(tmp_path / "packed.bag")
-    packed.set_compression(Writer1.CompressionFormat[compression])
-    messages = [message for message in sent if message[0] == "/ravenstate"]
-    with packed:
-        connection = packed.add_connection("/ravenstate", "raven_2/msg/raven_state", typestore=typestore(1))
-        for _, stamp, data in messages * 8:
-            packed.write(connection, stamp, data)
-    whole = (tmp_path / "packed.bag").read_bytes()
-    (tmp_path / "cut.bag").write_bytes(whole[: int(0.8 * len(whole))])
-    saved = list(BagStream(tmp_path / "cut.bag").messages())
-    assert 0 < len(saved) < 8 * len(messages)
-    assert saved == (messages * 8)[: len(saved)]
-
-
-@pytest.mark.parametrize("content", [b"", b"#ROSBAG V1.2\n", b"\x00" * 100])
-def test_what_is_no_bag_is_refused(tmp_path: Path, content: bytes) -> None:
-    for name in ("x.bag", "x.mcap"):
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(FileFormatError, match="cannot be read"):
-            open_recording(tmp_path / name)
-
-
 def test_another_version_of_a_type_is_not_written_as_ours_and_the_difference_is_told(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg("Header hdr\nint32 runlevel\nfloat64[16] jpos\n", "raven_2/msg/raven_state"))
@@ -192,20 +157,6 @@ def test_another_version_of_a_type_is_not_written_as_ours_and_the_difference_is_
         writer.add_connection("/operating_state", "crtk_msgs/msg/OperatingState", typestore=store)
     with pytest.raises(FileFormatError, match=r"lacks \[bool is_homed, bool is_busy\]"):
         write_group_bags(open_recording(tmp_path / "a"), tmp_path / "out")
-
-
-def test_a_joint_state_as_ros2_defines_it_is_ours(tmp_path: Path) -> None:
-    store = get_typestore(Stores.LATEST)
-    with Writer2(tmp_path / "a", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
-        writer.add_connection("/ext_jpos", "sensor_msgs/msg/JointState", typestore=store)
-        types = store.types
-        header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](3, 5), "")
-        message = types["sensor_msgs/msg/JointState"](header, [], np.arange(3.0), np.zeros(0), np.zeros(0))
-        data = store.serialize_cdr(message, "sensor_msgs/msg/JointState")
-        writer.write(writer.connections[0], 7, data)
-    reader = open_recording(tmp_path / "a")
-    assert reader.topics[0].type == "sensor_msgs/JointState"
-    assert list(reader.messages()) == [("/ext_jpos", 7, bytes(data))]
 
 
 def test_a_topic_of_an_unknown_type_is_listed_but_not_copied(tmp_path: Path) -> None:
@@ -225,10 +176,3 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("hello")
     with pytest.raises(FileFormatError, match=r"expected a journal, a \.bag"):
         open_recording(tmp_path / "notes.txt")
-
-
-def test_a_recording_of_an_earlier_version_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    (tmp_path / "train").mkdir()
-    (tmp_path / "train" / "0000.journal").write_bytes(b"old")
-    with pytest.raises(FileFormatError, match=r"it holds 0000\.journal, expected \.mcap, \.db3; .*: record it again"):
-        open_recording(tmp_path / "train")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.recording.series import SECOND, ClockStep, without_steps
+from catenary.recording.series import SECOND, without_steps
 
 START = 1_700_000_000 * SECOND
 ROWS, PERIOD, DELAY = 600, SECOND // 100, 2_000_000  # [ns]
@@ -98,8 +98,3 @@ def test_what_is_no_clock_that_was_set_changes_nothing(rng, case: str) -> None:
     found, steps = without_steps(stamp, arrival)
     assert_array_equal(found, stamp)
     assert steps == ()
-
-
-def test_a_step_says_when_and_by_how_much() -> None:
-    said = ClockStep(START + 5 * SECOND, -HOUR).note(START)
-    assert said == "its clock was set by -3600.000 s, 5.0 s after the first message"

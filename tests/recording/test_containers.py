@@ -9,7 +9,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_array_equal
-from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.io import savemat
 
 from catenary.plant import MotionLog
@@ -17,9 +16,8 @@ from catenary.recording.journal import JournalTopic, JournalWriter
 from catenary.recording.messages import ros2_name, typestore
 from catenary.verdict.check import findings_of
 from catenary.workflows.import_recording import import_recording
-from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
+from lab_bags import JOINT_STATE, JOINTS, START, Message, header, joint_state, true_q, write_bag
 
-START = 1_700_000_000_000_000_000  # [ns] of lab_bags
 STATE, CAMERA = "/arm/joint_states", "/camera/joints"
 # the robot at 30 Hz with jitter, the camera at 100 Hz, blind for two seconds, at last stuck on one joint
 _RNG = np.random.default_rng(5)
@@ -54,20 +52,9 @@ def of_bag(kind: str) -> Callable[[Path], list[Path]]:
 
 def of_split_bag(folder: Path) -> list[Path]:
     """A ROS 2 bag whose second file begins in the middle, as `ros2 bag record --max-bag-duration` writes it."""
-    store = typestore(2)
-    parts = [folder / "first", folder / "second"]
-    for half, path in enumerate(parts):
-        with Writer(path, version=8, storage_plugin=StoragePlugin.SQLITE3) as bag:
-            to = {t: bag.add_connection(t, JOINT_STATE, typestore=store) for t in (STATE, CAMERA)}
-            for time, topic, make in sorted(messages(), key=lambda message: message[0]):
-                if (time > 14.0) == bool(half):
-                    head = store.types["std_msgs/msg/Header"](
-                        stamp=store.types["builtin_interfaces/msg/Time"](*divmod(START + round(time * 1e9), 10**9)),
-                        frame_id="",
-                    )
-                    data = store.serialize_cdr(make(store, head), JOINT_STATE)
-                    bag.write(to[topic], START + round(time * 1e9), data)
-    return parts
+    halves = {name: [m for m in messages() if (m[0] > 14.0) == (name == "second")] for name in ("first", "second")}
+    topics = {STATE: JOINT_STATE, CAMERA: JOINT_STATE}
+    return [write_bag(folder / name, "sqlite", topics, some) for name, some in halves.items()]
 
 
 def of_journal(folder: Path) -> list[Path]:
@@ -75,8 +62,7 @@ def of_journal(folder: Path) -> list[Path]:
     topics = [JournalTopic(topic, "sensor_msgs/JointState") for topic in (STATE, CAMERA)]
     with JournalWriter(folder / "lab", topics) as journal:
         for time, topic, make in sorted(messages(), key=lambda message: message[0]):
-            stamp = store.types["builtin_interfaces/msg/Time"](*divmod(START + round(time * 1e9), 10**9))
-            head = store.types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="")
+            head = header(store, START + round(time * 1e9), ros1=True)
             data = store.serialize_ros1(make(store, head), ros2_name("sensor_msgs/JointState"))
             journal.append(topic, START + round(time * 1e9), bytes(data))
     return [folder / "lab"]

@@ -7,16 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.message_values import joint_state_message
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError
+from catenary.recording.bag_reader import JournalReader
 from catenary.recording.journal import About, JournalTopic, JournalWriter
-from catenary.recording.journal_reader import JournalReader
 from catenary.trajectories.reference import GoneOn
-from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off
-from oracles.ticking_clock import SetClock
+from catenary.workflows.robot.topic_recorder import left_off
 from oracles.waves import Waves
 
 TOPICS = [JournalTopic("/a", "std_msgs/Bool"), JournalTopic("/b", "std_msgs/Float64")]
@@ -144,29 +142,3 @@ def test_a_motion_goes_on_from_rest_and_is_itself_from_the_instant_on() -> None:
     np.testing.assert_allclose(went.sample(later)[0], motion.sample(later - went.lead + 7.3)[0], atol=1e-12)
     assert went.duration == pytest.approx(motion.duration - 7.3 + went.lead)
     np.testing.assert_array_equal(GoneOn(motion, 0.0).sample(times[:50])[0], motion.sample(times[:50])[0])
-
-
-def test_a_recorder_of_topics_notes_where_it_went_on(tmp_path: Path) -> None:
-    clock = SetClock()
-    network = LoopbackNetwork(clock=clock)
-    robot, lab = Loopback("robot", network), Loopback("lab", network)
-    topic = psm_topic("/PSM1", "measured_js", 100.0)
-    about = About(robot="dvrk_psm", configuration={"motion": "not ours"})
-    publisher = robot.publisher(topic.name, topic.type)
-
-    def record(count: int, after) -> None:
-        with TopicRecorder(lab, tmp_path / "test", [topic], about=about, after=after) as recorder:
-            publisher.publish(joint_state_message(("x",), robot.now(), [-1.0]))
-            recorder.pass_over()
-            for k in range(count):
-                clock.sleep(0.01)
-                publisher.publish(joint_state_message(("x",), robot.now(), [float(k)]))
-                recorder.collect()
-
-    record(100, None)
-    clock.sleep(3.0)
-    found = left_off(tmp_path / "test", about, [topic], lab.steady(), in_passes=False)
-    record(50, found)
-    reader = JournalReader(tmp_path / "test")
-    assert sum(1 for _ in reader.messages()) == 150
-    assert any("went on 3.0 s later from 1.0 s of it" in remark for remark in reader.problems)

@@ -12,7 +12,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
+from catenary.recording import parquet_files
+from catenary.recording.import_formats.table_files import read_parquet_table
 from catenary.recording.logs import FORMAT, read_log, read_torque_log, write_parquet
+from catenary.recording.parquet_files import open_parquet
 from catenary.robots.catalog import load_robot
 from recordings import recording
 
@@ -216,6 +219,46 @@ def test_flipped_bits_are_noticed_unless_the_numbers_are_the_same(path: Path, ro
             continue
         assert_array_equal(back.q_nominal, log.q_nominal)
         assert_array_equal(back.q_encoder, log.q_encoder)
+
+
+ABOUT = {"format": FORMAT, "joint_names": ["a"], "joint_units": ["rad"]}
+
+
+def _written(path: Path, columns: dict[str, object], about: object = ABOUT, **options: object) -> Path:
+    table = pa.table(columns).replace_schema_metadata({"catenary": json.dumps(about)})
+    pq.write_table(table, path, **options)
+    return path
+
+
+@pytest.mark.parametrize("compression", ["none", "snappy", "zstd", "lz4", "gzip"])
+@pytest.mark.parametrize("is_old", [True, False])
+def test_columns_of_every_packing_are_read(tmp_path: Path, compression: str, is_old: bool) -> None:
+    values = np.repeat(np.random.default_rng(1).normal(size=300), 20)
+    packing = {"compression": compression, "data_page_version": "1.0" if is_old else "2.0", "use_dictionary": is_old}
+    path = _written(tmp_path / "log.parquet", {"x": values}, **packing, data_page_size=2000, row_group_size=2500)
+    assert_array_equal(read_parquet_table(path).columns["x"], values)
+
+
+def test_rows_that_unpack_to_gigabytes_are_refused_before_they_do(tmp_path: Path) -> None:
+    columns = {f"q_nominal:{i}": pa.DictionaryArray.from_arrays(np.zeros(2_000_000, np.int8), [0.5]) for i in range(9)}
+    path = _written(tmp_path / "log.parquet", columns)
+    assert path.stat().st_size < 100_000  # by runs: a few bytes for millions
+    with pytest.raises(FileFormatError, match="2000000 rows of 9 columns in"):
+        read_log(path)
+
+
+def test_pages_that_unpack_too_far_are_refused_before_they_do(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(parquet_files, "MOST", 100_000)
+    path = _written(tmp_path / "log.parquet", {"x": ["a" * 100_000, "b" * 100_000]}, compression="zstd")
+    assert path.stat().st_size < 5000
+    with pytest.raises(FileFormatError, match="its pages would unpack to more than 100000 bytes"):
+        open_parquet(path)
+
+
+def test_whole_numbers_with_gaps_are_refused(tmp_path: Path) -> None:
+    columns = {"q_nominal:a": np.zeros(3), "ok": np.ones(3, dtype=bool), "stamp": pa.array([1, None, 3])}
+    with pytest.raises(FileFormatError, match="column stamp lacks 1"):
+        read_log(_written(tmp_path / "x.parquet", columns))
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
 from catenary.raven2.topics import EXT_JPOS, raven_topics
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.bag_reader import JournalReader
 from catenary.recording.recorder import Recorder
 from oracles.raven_recording import ABOUT, record, telemetry
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from catenary.recording.bag_reader import JournalReader
 from catenary.recording.bag_writer import write_group_bags
-from catenary.recording.import_formats.raven_recordings import read_raven
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.import_formats.known_layouts import read_raven
 from oracles.raven_recording import record_minutes
 
 MINUTES = 17

@@ -8,8 +8,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Reader as Reader2
 
 from catenary.errors import FileFormatError, InputError, RecordingError
-from catenary.recording.bag_reader import open_recording
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.bag_reader import JournalReader, open_recording
 from catenary.workflows import recover as module
 from catenary.workflows.recover import recover
 from command_line import catenary, refusal

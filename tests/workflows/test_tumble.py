@@ -315,7 +315,7 @@ def test_what_an_imu_says_that_it_does_not_measure_is_left_out(tmp_path: Path, k
 def test_recordings_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     imu = written(tmp_path / "imu.csv", recorded(up_of_tilts(TILTS[:1])))
     odd = written(tmp_path / "odd.csv", recorded(up_of_tilts(TILTS[:1])), "time,q1,q2,q3,q4,q5,q6")
-    with pytest.raises(InputError, match="no columns of an accelerometer such as ax, ay, az; it has time, q1"):
+    with pytest.raises(InputError, match=r"no columns of an accelerometer such as ax, ay, az: .*; it has time, q1"):
         read_imu(odd)
     assert read_imu(odd, columns=("q1", "q2", "q3")).rate is None
     with pytest.raises(InputError, match="expected three"):

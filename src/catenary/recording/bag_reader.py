@@ -1,23 +1,226 @@
-"""A recording to read, whatever kind of file it is in: each kind from its first message to its last, by no index."""
+"""A recording to read, whatever kind of file it is in: each kind from its first message to its last, by no index.
+
+A journal or a bag may be whole, torn by a crash, or damaged; what is whole is read, what is not is counted.
+"""
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path, PurePath
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.bag_stream import BagStream
-from catenary.recording.journal_reader import FilesInARow, JournalReader, is_journal
-from catenary.recording.losses import Rescue
+from catenary.recording.bag_records import Block
+from catenary.recording.bag_stream import BagConnection, BagStream, Hole
+from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, LeftOff, is_journal_name
+from catenary.recording.layout import Encoding, require_topics
 from catenary.recording.sqlite_bag import SqliteBag
+from catenary.topics import SECOND
 
 METADATA = "metadata.yaml"
 FILES = (".mcap", ".db3")  # that a ROS 2 bag consists of
 _MOST_YAML = 2**18  # [B] of metadata.yaml; that of 500 topics has 200 kB
 _LISTED = re.compile(r"""(?m)^\s*-\s+(?:&\w+\s+)?["']?([^\s"']+\.(?:mcap|db3)(?:\.zstd)?)["']?\s*$""")
 _COUNTED = re.compile(r"(?m)^  message_count:\s*(\d+)\s*$")
+
+
+class TopicLoss(NamedTuple):
+    """Messages of a topic that are there, and about how many are not."""
+
+    topic: str
+    kept: int
+    lost: int  # as the rate of the others tells
+    seconds: float  # without a message, beyond the usual interval
+
+
+@dataclass(frozen=True)
+class Rescue:
+    """What is there of a recording that was not whole, and what is not."""
+
+    topics: tuple[TopicLoss, ...]
+    seconds: float  # from the first message to the last
+    ends_early: bool  # it was cut off: its end is missing
+
+    @classmethod
+    def of(cls, arrivals: Mapping[str, NDArray[np.int64]], holes: Sequence[Hole], *, ends_early: bool) -> Self:
+        """Compare topics with one another.
+
+        A topic goes on at its usual rate, the median of its intervals; so many messages are missing as would fit
+        between the last before a hole and the first behind it. What came behind the end of a recording nobody knows: it
+        is not counted, but for topics that end before others do. Arrivals are (M,) [ns] of each topic, in order.
+        """
+        there = [a for a in arrivals.values() if len(a)]
+        span = max(int(a[-1]) for a in there) - min(int(a[0]) for a in there) if there else 0
+        found = []
+        for topic, arrival in arrivals.items():
+            usual = int(np.median(np.diff(arrival))) if len(arrival) > 1 else 0
+            lost, without = 0, 0
+            places = {int(np.searchsorted(arrival, at, side="right")) for at, _ in holes if at is not None} - {0}
+            for place in places if usual > 0 else ():
+                following = int(arrival[place]) if place < len(arrival) else max(int(a[-1]) for a in there)
+                gap = following - int(arrival[place - 1])
+                lost += max(0, round(gap / usual) - (place < len(arrival)))
+                without += max(0, gap - usual)
+            found.append(TopicLoss(topic, len(arrival), lost, without / SECOND))
+        return cls(tuple(found), span / SECOND, ends_early)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data."""
+        topics = [one._asdict() | {"seconds": round(one.seconds, 3)} for one in self.topics]
+        return {"seconds": round(self.seconds, 3), "ends_early": self.ends_early, "topics": topics}
+
+    def text(self) -> str:
+        """Return this in words."""
+        kept = ", ".join(f"{one.kept} messages of {one.topic}" for one in self.topics) or "nothing"
+        lost = [f"about {one.lost} of {one.topic} ({one.seconds:.2f} s)" for one in self.topics if one.lost]
+        if self.ends_early:
+            lost.append("what came in the last 0.5 s before it was cut off, and all behind that")
+        return f"kept {self.seconds:.1f} s: {kept}; lost: {', '.join(lost) or 'no message'}"
+
+
+def is_journal(path: Path) -> bool:
+    """Return whether a folder holds a journal's files, or a file is one."""
+    if path.is_dir():
+        return not (path / "metadata.yaml").is_file() and any(map(is_journal_name, path.glob("*.mcap")))
+    if path.suffix != ".mcap" or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        begin = file.read(200)
+    return LIBRARY.encode() in begin and begin.startswith(MAGIC)
+
+
+class FilesInARow:
+    """A recording in several files, each read to its end before the next."""
+
+    def __init__(self, path: Path, parts: Sequence[BagStream | SqliteBag]) -> None:
+        """Take in what the files say of their topics."""
+        self.path, self.parts = path, parts
+        self.connections: dict[str, BagConnection] = {}
+        types: dict[str, JournalTopic] = {}
+        for part in parts:
+            self.connections |= part.connections
+            for topic in part.topics:
+                if types.setdefault(topic.name, topic) != topic:
+                    raise FileFormatError(f"{part.path}: topic {cut(topic.name)}: is of another type than before")
+        self.topics = tuple(types.values())
+        self.encoding: Encoding = parts[0].encoding if parts else "ros1"
+        self.about: About | None = next((part.about for part in parts if part.about is not None), None)
+        self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
+
+    @property
+    def first(self) -> int | None:
+        """Arrival of the first message [ns]."""
+        return next((part.first for part in self.parts if part.first is not None), None)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, file by file."""
+        require_topics(self.path, topics, [topic.name for topic in self.topics])
+        for part in self._each():
+            there = [topic.name for topic in part.topics]
+            yield from part.messages([name for name in there if topics is None or name in topics])
+
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages, file by file."""
+        for part in self._each():
+            yield from part.blocks([topic.name for topic in part.topics if topic.name in topics])
+
+    def _each(self) -> Iterator[BagStream | SqliteBag]:
+        """Yield the files; one is read to its end before the next is asked for."""
+        yield from self.parts
+
+
+class JournalReader(FilesInARow):
+    """Reads a recording: its folder, or one of its files.
+
+    What was missing or damaged is known when `messages` has been read to its end.
+    """
+
+    parts: Sequence[BagStream]
+
+    def __init__(self, path: Path) -> None:
+        """Find the topics."""
+        files = sorted(filter(is_journal_name, path.glob("*.mcap"))) if path.is_dir() else [path]
+        if not files or not files[0].is_file():
+            raise FileFormatError(f"{path}: no journal there; expected a folder of .mcap files, or one")
+        parts, self._unread = list[BagStream](), list[str]()
+        for file in files:
+            if file.stat().st_size == 0:  # killed between making the file and writing to it
+                self._unread.append(f"{file}: is empty")
+                continue
+            try:
+                parts.append(BagStream(file))
+            except FileFormatError as error:
+                if not str(error).endswith("nothing in it can be saved"):
+                    raise
+                self._unread.append(str(error))
+        super().__init__(path, parts)
+        if not self.topics:
+            raise FileFormatError(f"{path}: no whole topic in its {len(files)} file(s): nothing can be read")
+        self.remarks = list[str]()  # of the recorder, of no loss
+        self.lost = 0  # messages that are known to be missing
+
+    def left_off(self, *, in_passes: bool) -> LeftOff | None:
+        """Return from where it goes on: from its last whole pass, or its last message; None where nothing is kept.
+
+        A pass is whole when the next one has begun.
+        """
+        files = sorted(filter(is_journal_name, self.path.glob("*.mcap")))
+        last_pass = max((part.begins for part in self.parts if part.begins is not None), default=0.0)
+        kept = [part for part in self.parts if not in_passes or (part.begins is not None and part.begins < last_pass)]
+        numbers: dict[str, int] = {}
+        last: int | None = None
+        for part in kept:
+            part.follow(numbers, last)
+            for _ in part.messages():
+                pass
+            last = part.last
+        if last is None:
+            return None
+        dropped = tuple(file for file in files if in_passes and file not in [part.path for part in kept])
+        part_number = int(dropped[0].stem if dropped else files[-1].stem) + (not dropped)
+        whole = [part for part in self.parts if part.begins == last_pass]
+        first = next((part.first for part in whole if part.first is not None), last)
+        begins = last_pass if in_passes else last_pass + (last - first) * 1e-9
+        return LeftOff(begins, part_number, numbers, last, dropped)
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Number of messages by topic."""
+        found = {topic.name: 0 for topic in self.topics}
+        for name, arrivals, _ in self.blocks(found):
+            found[name] += len(arrivals)
+        return found
+
+    @property
+    def problems(self) -> list[str]:
+        """What was found missing or damaged so far, in words, and the recorder's own notes."""
+        return [*self.damage, *self.remarks]
+
+    def _each(self) -> Iterator[BagStream]:
+        """Yield the files; behind the last one it is known what is missing."""
+        self.damage, self.remarks, self.lost, self.holes = list(self._unread), [], 0, []
+        self.ends_early = True
+        following: dict[str, int] = {}  # number of the next message, by topic
+        last: int | None = None  # [ns] arrival of the message before
+        for part in self.parts:
+            part.follow(following, last)
+            yield part
+            self.ends_early, last = not part.is_last, part.last
+            self.lost += part.lost
+            self.holes += part.holes
+            self.damage += part.damage
+            self.remarks += part.remarks
+        if self.ends_early:
+            self.damage = [problem for problem in self.damage if "lacks its index" not in problem]
+            self.damage.append(
+                f"{self.path}: was not closed: the recording ended with a crash, or files at its end are missing"
+            )
 
 
 class BagFolder(FilesInARow):
@@ -34,15 +237,10 @@ class BagFolder(FilesInARow):
         damage = [f"{path / name}: is listed in {METADATA} and missing" for name in missing]
         packed = sorted(path.glob("*.zstd"))
         damage += [f"{file}: is packed, and was not read; `zstd -d {file.name}` unpacks it" for file in packed]
-        self.warnings = list[str]()
-        if (path / METADATA).is_file() and not listed:
-            read = ", ".join(chosen)
-            self.warnings.append(f"{path}/{METADATA}: lists no file; its files were read one by one: {read}")
-        self.warnings += [
-            f"{path / name}: lies in the folder, and {METADATA} does not list it: it was not read"
-            for name in there
-            if name not in chosen
-        ]
+        none = f"{path}/{METADATA}: lists no file; its files were read one by one: {', '.join(chosen)}"
+        self.warnings = [none] * ((path / METADATA).is_file() and not listed)
+        strange = f"lies in the folder, and {METADATA} does not list it: it was not read"
+        self.warnings += [f"{path / name}: {strange}" for name in there if name not in chosen]
         parts = list[BagStream | SqliteBag]()
         for name in chosen:
             try:
@@ -52,8 +250,7 @@ class BagFolder(FilesInARow):
         if not parts:
             inside = ", ".join(sorted(file.name for file in path.iterdir())[:5]) or "nothing"
             none = f"{path}: has no file of a bag; it holds {inside}, expected {', '.join(FILES)}"
-            older = "; an earlier version wrote .journal: record it again" if ".journal" in inside else ""
-            raise FileFormatError("; ".join(damage) or none + older)
+            raise FileFormatError("; ".join(damage) or none)
         super().__init__(path, sorted(parts, key=_start))
         self.damage = [*damage, *(problem for part in self.parts for problem in part.damage)]
         self.counts = Counter[str]()
@@ -70,11 +267,11 @@ class BagFolder(FilesInARow):
         """What was said of the folder, and what is missing."""
         return [f"warning: {problem}" for problem in dict.fromkeys([*self.warnings, *self.damage])]
 
-    def _each(self) -> Iterator[tuple[BagStream | SqliteBag, list[str]]]:
+    def _each(self) -> Iterator[BagStream | SqliteBag]:
         """Yield the files; where one is missing or damaged, nobody knows what lies between it and the next."""
         self.holes = []
-        for part, topics in super()._each():
-            yield part, topics
+        for part in self.parts:
+            yield part
             self.holes += [*part.holes, *([(part.last, None)] if self.damage else [])]
 
 

@@ -12,36 +12,31 @@ from numpy.typing import NDArray
 
 from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.bag_chunks import (
+from catenary.recording.bag_records import (
     CONNECTION,
+    DAMAGE,
     DATA,
     END,
     HEADER,
     KIND,
+    MOST_TOPICS,
     TIME,
     Block,
     Records,
-    chunk_records,
-    gather,
-    mcap_chunk_records,
-    rows_of,
-)
-from catenary.recording.bag_search import (
-    DAMAGE,
-    MOST_TOPICS,
     Unpacking,
     bag_record,
+    chunk_records,
     field_of,
+    gather,
     header_fields,
     next_chunk,
+    rows_of,
     sized,
     text_at,
 )
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
-from catenary.recording.layout import Encoding
-from catenary.recording.losses import Hole
+from catenary.recording.layout import ABOUT_TOPIC, Encoding, require_topics
 from catenary.recording.messages import current_name
-from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
@@ -55,6 +50,8 @@ _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds n
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
 
 Read = TypeVar("Read")
+# [ns] arrivals of the last message before what could not be read and of the first behind it; None at an end
+Hole = tuple[int | None, int | None]
 
 
 class BagConnection(NamedTuple):
@@ -251,7 +248,7 @@ class BagStream(BagFile):
     def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk with the records of its messages; of one that is damaged those before the damage."""
         for chunk in self._unpacked(file, size):
-            records = chunk_records(chunk)
+            records = chunk_records(chunk, is_ros1=True)
             damaged = np.flatnonzero(records[:, KIND] < 0)
             whole = records[: damaged[0]] if len(damaged) else records
             for row in whole[whole[:, KIND] == _CONNECTION].tolist():
@@ -309,9 +306,9 @@ class BagStream(BagFile):
 
     def _connection(self, number: int, topic: bytes, about: dict[bytes, bytes]) -> None:
         """Check and keep the type of a connection's topic."""
-        name, kind = topic.decode(), field_of(about, b"type").decode()
-        md5, text = field_of(about, b"md5sum").decode(), field_of(about, b"message_definition").decode(errors="replace")
-        self._keep(number, BagConnection(name, kind, md5, text))
+        kind, md5 = (field_of(about, key).decode() for key in (b"type", b"md5sum"))
+        text = field_of(about, b"message_definition").decode(errors="replace")
+        self._keep(number, BagConnection(topic.decode(), kind, md5, text))
 
     def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk of MCAP with the records of its messages."""
@@ -332,7 +329,7 @@ class BagStream(BagFile):
                 with self._damage_told(start):
                     is_hit = following is not None and self.is_journal
                     inside = self._mcap_contents(data, is_whole=is_whole, is_hit=is_hit)
-                    records = mcap_chunk_records(inside)
+                    records = chunk_records(inside, is_ros1=False)
                     for row in records[np.isin(records[:, KIND], (_SCHEMA, _CHANNEL))].tolist():
                         with self._damage_told(start):
                             self._mcap_record(row[KIND], inside[row[HEADER] : row[END]], schemas)
@@ -340,7 +337,7 @@ class BagStream(BagFile):
                     if is_whole and len(inside) != (records[-1, END] if len(records) else 0):
                         raise ValueError("its records do not fill it")
             elif kind == _MCAP_MESSAGE and is_whole and not is_over:
-                yield head + data, mcap_chunk_records(head + data)
+                yield head + data, chunk_records(head + data, is_ros1=False)
             elif is_whole and (not is_over or kind in (_SCHEMA, _CHANNEL)):
                 with self._damage_told(start):
                     self._mcap_record(kind, data, schemas)

@@ -1,9 +1,7 @@
 """ROS 1 bags and MCAP, written without ROS.
 
-Bags get the index by which they are read when they are closed: whoever has them written names their folder when all
-are. A bag has no place for the robot's name, the seed and whether it was simulated: they travel as one message on
-`/catenary/recording`, in a bag of its own: the programs of RAVEN's group take every message in a bag for one of that
-topic.
+A bag has no place for the robot's name, the seed and whether it was simulated: they travel as one message on
+`/catenary/recording`, in a bag of its own: programs of RAVEN's group take every message in a bag for one of its topic.
 """
 
 import logging
@@ -18,9 +16,8 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.bag_reader import Source
-from catenary.recording.layout import Encoding, blank_messages
+from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, Encoding, blank_messages, topic_named
 from catenary.recording.messages import MESSAGES, check_type, current_name, ros2_name, typestore
-from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE, topic_named
 
 log = logging.getLogger(__name__)
 BagKind = Literal["ros1", "mcap"]
@@ -28,14 +25,12 @@ ROS2_VERSION: Literal[8] = 8  # of metadata.yaml, as ROS 2 Jazzy reads it
 
 
 def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tuple[Path, ...]:
-    """Write a recording as RAVEN's group does, one bag per topic, for programs that read all of a bag.
-
-    A bag is a `.bag` file, or a ROS 2 bag with MCAP in it, which is a folder. What is damaged in the source is left
-    out; its `problems` say what, and are logged.
+    """Write a recording as RAVEN's group does, a bag per topic: a `.bag` file, or the folder of a ROS 2 bag in MCAP.
 
     They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc, with nothing in them but /ravenstate,
     measured_js and /ext_jpos [raven2_CRTK_Python_controller, r2_enc_CRTK_recorder.launch]; beside these
-    record_joint_enc, record_other for other topics, and record_about, which says of which robot they are.
+    record_joint_enc, record_other, and record_about, which says of which robot they are. What is damaged in the source
+    is left out, and logged.
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:
@@ -59,12 +54,9 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
         folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as open_bags:
             bag: Writer1 | Writer2
+            mcap = StoragePlugin.MCAP
             for name, path in paths.items():
-                bag = (
-                    Writer1(path)
-                    if kind == "ros1"
-                    else Writer2(path, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP)
-                )
+                bag = Writer1(path) if kind == "ros1" else Writer2(path, version=ROS2_VERSION, storage_plugin=mcap)
                 open_bags.enter_context(bag)
                 for topic_name, of_type in topics[name].items():
                     store = typestore(1 if kind == "ros1" else 2)

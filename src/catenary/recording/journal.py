@@ -141,15 +141,9 @@ class _Chunk:
             offsets += Struct("<HQ").pack(channel, at + len(chunk) + len(indices))
             pairs = b"".join(_TIMES.pack(*each) for each in places)
             indices += _record(_MESSAGE_INDEX, channel.to_bytes(2, "little"), _U32.pack(len(pairs)), pairs)
-        entry = _record(
-            _CHUNK_INDEX,
-            Struct("<QQQQ").pack(first, last, at, len(chunk)),
-            _U32.pack(len(offsets)),
-            offsets,
-            len(indices).to_bytes(8, "little"),
-            _text(""),
-            _TIMES.pack(size, size),
-        )
+        span, ends = Struct("<QQQQ").pack(first, last, at, len(chunk)), _text("") + _TIMES.pack(size, size)
+        index = _U32.pack(len(offsets)), offsets, len(indices).to_bytes(8, "little")
+        entry = _record(_CHUNK_INDEX, span, *index, ends)
         return chunk, indices, entry
 
 
@@ -181,14 +175,13 @@ class JournalWriter:
         self._index = {topic.name: i for i, topic in enumerate(topics)}
         self._about = metadata_record(ABOUT, about=(about if about is not None else About()).as_json())
         self._topics = b"".join(_topic_records(i, topic) for i, topic in enumerate(topics))
-        self._begins = 0.0 if after is None else after.begins
+        after = LeftOff(0.0, 0, {}, 0) if after is None else after
+        self._begins, self._part = after.begins, after.part
         head = len(self._begin())
         if max_bytes < 2 * head:
             raise InputError(f"{folder}: files of {max_bytes} bytes, but each begins with {head}; allow more")
         self._max_bytes = max_bytes
-        self._part = 0 if after is None else after.part
-        # of the next message, by channel
-        self._numbers = [0 if after is None else after.numbers.get(topic.name, 0) for topic in topics]
+        self._numbers = [after.numbers.get(topic.name, 0) for topic in topics]  # of the next message, by channel
         self._waiting: list[_Chunk] = []
         self._pending = 0  # [B] of the messages that wait
         self._notes = b""
@@ -259,11 +252,6 @@ class JournalWriter:
             self._closed = True
         self._raise_error()
 
-    @property
-    def messages(self) -> int:
-        """Number of messages appended so far."""
-        return self._messages
-
     def __enter__(self) -> Self:
         return self
 
@@ -314,8 +302,7 @@ class JournalWriter:
     def _write_waiting(self, *, end: Literal["last", "if full"] = "if full") -> None:
         """Bring what waits onto the disk, and go on in another file if this one is full. Needs the disk.
 
-        Whoever appends meanwhile waits only while the chunk is set aside, not for the disk. An error is kept for the
-        next append.
+        Whoever appends waits only while the chunk is set aside. An error is kept for the next append.
         """
         with self._append_lock:
             chunks, self._waiting, self._pending = self._waiting, [], 0
@@ -388,13 +375,9 @@ class JournalWriter:
         """Return the end of a file: the index by which others read it."""
         data = metadata_record(ENDED, last="true" if is_last else "false") + _record(_DATA_END, bytes(4))
         counts = b"".join(Struct("<HQ").pack(i, n) for i, n in enumerate(self._counts) if n)
-        statistics = _record(
-            _STATISTICS,
-            Struct("<QHIIII").pack(sum(self._counts), len(self._counts), len(self._counts), 0, 0, len(self._chunks)),
-            _TIMES.pack(min(self._first, self._last), self._last),
-            _U32.pack(len(counts)),
-            counts,
-        )
+        topics, span = len(self._counts), _TIMES.pack(min(self._first, self._last), self._last)
+        sums = Struct("<QHIIII").pack(sum(self._counts), topics, topics, 0, 0, len(self._chunks))
+        statistics = _record(_STATISTICS, sums, span, _U32.pack(len(counts)), counts)
         summary = self._topics + b"".join(self._chunks) + statistics
         footer = _record(_FOOTER, _TIMES.pack(self._size + len(data), 0), bytes(4))
         return data + summary + footer + MAGIC

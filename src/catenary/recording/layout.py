@@ -1,22 +1,34 @@
-"""Where the numbers lie in a serialised message: a NumPy structured type, so that thousands are read at once."""
+"""Where the numbers lie in a serialised message: a NumPy structured type, so that thousands are read at once.
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+And topics by their names: thousands of messages of one from its columns in SI.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.errors import FileFormatError
-from catenary.recording.bag_chunks import Block
+from catenary.arrays import Floats, as_array
+from catenary.dvrk_psm import psm_topic_named
+from catenary.errors import FileFormatError, InputError
+from catenary.raven2.topics import RAVEN_TOPICS, RAVENSTATE
+from catenary.recording.bag_records import Block
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields
+from catenary.topics import SECOND, Topic, TopicColumn
 
 Encoding = Literal["ros1", "cdr"]
 CDR_HEADER = 4  # bytes before the message; alignment counts from behind them
 COUNT = "#"  # before the name of a string or a sequence: the field that holds its length
 MAX_ELEMENTS = 100_000  # of one sequence, and parts of one message; more is taken for damage
 FieldsOf = Callable[[str], tuple[Field, ...]]  # name of a message type -> its fields
+_INT32 = np.iinfo(np.int32)
+# where a recording's robot, seed and `simulated` travel in a bag, which has no other place for them
+ABOUT_TOPIC = "/catenary/recording"
+ABOUT_TYPE = "std_msgs/String"
 
 
 @dataclass
@@ -43,7 +55,9 @@ class _Walk:
             if item.length is None:
                 self._one(item.type, path)
             elif item.type in NUMBERS:
-                self._numbers(item.type, path, item.length or self._length(path))
+                number, count = np.dtype(NUMBERS[item.type]), item.length or self._length(path)
+                # CDR aligns elements, so an empty sequence moves nothing
+                self._place(path, (number, (count,)), number.itemsize if count else 1)
             else:
                 for i in range(item.length or self._length(path)):
                     self._one(item.type, f"{path}.{i}")
@@ -60,11 +74,6 @@ class _Walk:
             self._place(path, NUMBERS[kind], np.dtype(NUMBERS[kind]).itemsize)
         else:
             self.message(kind, f"{path}.")
-
-    def _numbers(self, kind: str, path: str, count: int) -> None:
-        number = np.dtype(NUMBERS[kind])
-        # CDR aligns elements, so an empty sequence moves nothing
-        self._place(path, (number, (count,)), number.itemsize if count else 1)
 
     def _length(self, path: str) -> int:
         self._place(COUNT + path, "<u4", 4)
@@ -89,10 +98,8 @@ class _Walk:
 def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = fields) -> np.dtype[np.void]:
     """Return the structured type that reads this message and all others with strings and sequences of the same lengths.
 
-    Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored.
-
-    `data` is in ROS 1's encoding, or in CDR with its four bytes in front, little-endian; `fields_of` says what types
-    hold, by default those that catenary knows.
+    Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored. `data` is
+    in ROS 1's encoding, or in CDR with its four bytes in front, little-endian; `fields_of` says what types hold.
     """
 
     def size_of(path: str, offset: int) -> int:
@@ -159,3 +166,61 @@ def blank_messages(name: str, number: int, texts: Mapping[str, str], counts: Map
 def _records(block: bytes | bytearray | memoryview, layout: np.dtype[np.void], number: int) -> NDArray[np.void]:
     # NumPy cannot count messages without a byte, such as std_msgs/Empty
     return np.frombuffer(block, dtype=layout) if layout.itemsize else np.zeros(number, dtype=layout)
+
+
+def columns_of_type(name: str) -> Mapping[str, TopicColumn]:
+    """Return the columns of a message type whose numbers are not in SI, by their path in it; none of other types."""
+    return {column.path: column for column in RAVENSTATE.columns} if name == RAVENSTATE.type else {}
+
+
+def topic_named(name: str) -> Topic | None:
+    """Return the topic of that name, with or without its leading slash, or None; a PSM's by how its name ends."""
+    of_raven = next((topic for topic in RAVEN_TOPICS if topic.name.strip("/") == name.strip("/")), None)
+    return of_raven or psm_topic_named(name)
+
+
+def encode(
+    topic: Topic, stamp: NDArray[np.int64], columns: Mapping[str, Floats], *, first_seq: int = 0
+) -> NDArray[np.void]:
+    """Return N messages of a topic, each element the bytes of one, at stamps (N,) [ns] that are not negative.
+
+    Columns are by their names, each (N, width) in SI; those not required may be missing.
+    """
+    missing = [c.name for c in topic.columns if c.required and c.name not in columns]
+    if missing:
+        raise InputError(f"topic {topic.name}: telemetry lacks {', '.join(missing)}")
+    texts = {f"name.{i}": name for i, name in enumerate(topic.joint_names)}
+    counts = {c.path: c.width for c in topic.columns if texts and c.name in columns} | {"name": len(texts)}
+    messages = blank_messages(topic.type, len(stamp), texts, counts)
+    if len(stamp) and (stamp.min() < 0 or stamp.max() // SECOND > np.iinfo(np.uint32).max):
+        raise InputError(f"topic {topic.name}: stamp {stamp.min()}..{stamp.max()} ns does not fit into ROS's time")
+    messages[f"{topic.header}.seq"] = (first_seq + np.arange(len(stamp))) % 2**32
+    messages[f"{topic.header}.stamp.sec"], messages[f"{topic.header}.stamp.nsec"] = np.divmod(stamp, SECOND)
+    for column in topic.columns:
+        if column.name not in columns:
+            continue
+        name = f'topic {topic.name}, "{column.name}"'
+        values = np.asarray(columns[column.name], dtype=np.float64)
+        values = values.reshape(len(stamp), -1) if values.size else values.reshape(len(stamp), column.width)
+        values = as_array(name, values, (len(stamp), column.width), finite=column.whole) / column.to_si
+        if column.path == "dt":
+            whole, rest = np.divmod(np.rint(values[:, 0] * SECOND).astype(np.int64), SECOND)
+            messages["dt.sec"], messages["dt.nsec"] = whole, rest
+            continue
+        field = messages[column.path]
+        if field.dtype.kind in "iu":
+            values = np.rint(values)
+            if not ((values >= _INT32.min) & (values <= _INT32.max)).all():  # NaN too
+                raise InputError(f"{name}: {values.min()}..{values.max()} does not fit into 32 bits")
+        elif field.dtype.itemsize == 4 and len(values) and np.abs(values).max() > np.finfo(np.float32).max:
+            raise InputError(f"{name}: {np.abs(values).max()} does not fit into a float32")
+        field[...] = values.reshape(field.shape)
+    return messages
+
+
+def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterable[str]) -> None:
+    """Refuse a topic that is not in a recording."""
+    there = list(there)
+    missing = [name for name in asked or () if name not in there]
+    if missing:
+        raise FileFormatError(f"{where}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")

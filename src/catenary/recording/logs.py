@@ -72,14 +72,12 @@ def read_log(
     ending = table_ending(path)
     if ending == ".parquet":
         log = read_parquet(path)
-    elif ending == ".npz":
-        from catenary.recording.import_formats.known_layouts import read_commands
+    elif ending in (".npz", ".csv"):
+        from catenary.recording.import_formats.known_layouts import read_commands, read_raven
 
-        log = read_commands(path, units=units, joint_names=joint_names)
-    elif ending == ".csv":
-        from catenary.recording.import_formats.raven_recordings import read_raven
-
-        log = replace(read_raven([path]).log, settled={"units": ()})
+        is_raven = ending == ".csv"
+        log = read_raven([path]).log if is_raven else read_commands(path, units=units, joint_names=joint_names)
+        log = replace(log, settled={"units": ()}) if is_raven else log
     else:
         raise FileFormatError(
             f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
@@ -154,10 +152,7 @@ def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | Non
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:
-    """Write a log as Parquet: one column per number, its unit in the column's metadata.
-
-    Columns are `time`, `ok`, `q_nominal:<joint>`, `q_encoder:<joint>`, `q_reported:<joint>`, `qd:<joint>`,
-    `tau:<joint>` and the further signals by name.
+    """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata.
 
     Raises:
         InputError: A further signal has the name of another column.
@@ -258,25 +253,17 @@ def read_parquet(path: Path) -> MotionLog:
         raise FileFormatError(f"{path}: column ok, the rows whose q_encoder can be trusted, is missing")
     return MotionLog(
         name=path.stem,
-        joint_names=names,
-        joint_units=stated.joint_units,
         ok=columns.pop("ok"),
         time=columns.pop("time", None),
-        began=stated.began,
         **joints,
         signals=columns,
         signal_units={
             name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
             for name in columns
         },
-        robot=stated.robot,
-        simulated=stated.simulated,
         sha256=sha256_of(path),
-        units_assumed=stated.units_assumed,
-        repeated=stated.repeated,
-        notes=stated.notes,
         settled={"units": (), "time_unit": (), **stated.settled},
-        arrivals=stated.arrivals,
+        **{key: getattr(stated, key) for key in _Stated.model_fields if key not in ("format", "settled")},
     )
 
 

@@ -50,13 +50,9 @@ class Mend:
     def __call__(self, log: MotionLog, trained: Mapping[str, Sequence[str]] | None = None) -> MotionLog:
         """Return the log, mended; its notes say how, and `settled` holds every step that was taken.
 
-        A step of `trained` is left out where this mend takes such a step of the same array itself, where the log's
-        `settled` has it (it was taken before, as before a log was written, or the file or its mapping states the unit
-        or sign), and where the log lacks the array.
-
-        Args:
-            log: The recording.
-            trained: `settled` of the recordings that a model was fitted to, whose like this one is.
+        A step of `trained`, what recordings that a model was fitted to settled, is left out where this mend takes such
+        a step of the same array itself, where the log's `settled` has it (it was taken before, as before a log was
+        written, or the file or its mapping states the unit or sign), and where the log lacks the array.
         """
         own = [(step, text, False) for step, text in self._steps()]
         taken = {_settled(log, step, text)[0] for step, text, _ in own} | set(log.settled)

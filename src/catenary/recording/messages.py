@@ -1,14 +1,15 @@
 """The messages that robots publish: what is in them, the sums by which ROS 1 tells versions apart.
 
-Field lists: raven_2 from uw-biorobotics/raven2 (msg/), crtk_msgs from collaborative-robotics/crtk_msgs, the rest from
-ROS's common messages. The md5 sums that follow from them are the published ones.
+The md5 sums that follow from data/messages.toml are the published ones.
 """
 
+import tomllib
 from collections.abc import Mapping
 from functools import cache, lru_cache
 from hashlib import md5
+from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc, Typesdict
@@ -18,46 +19,12 @@ from rosbags.typesys.store import Typestore
 from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 
-# first name in each line is the type, the second the field; order and names make the md5 sum
-_OWN: Mapping[str, str] = {
-    "crtk_msgs/OperatingState": "std_msgs/Header header\nstring state\nbool is_homed\nbool is_busy\n",
-    "crtk_msgs/StringStamped": "std_msgs/Header header\nstring string\n",
-    "raven_2/raven_automove": ("std_msgs/Header hdr\nint32[6] del_pos\ngeometry_msgs/Transform[2] tf_incr\n"),
-    "raven_2/raven_state": (
-        "std_msgs/Header hdr\nint32 runlevel\nint32 sublevel\nint32 last_seq\nint32[2] type\n"
-        "int32[6] pos\nfloat32[18] ori\nfloat32[18] ori_d\nint32[6] pos_d\nduration dt\n"
-        "int32[16] encVals\nint32[16] dac_val\nfloat32[16] tau\nfloat32[16] mpos\nfloat32[16] jpos\n"
-        "float32[16] mvel\nfloat32[16] jvel\nfloat32[16] mpos_d\nfloat32[16] jpos_d\nfloat32[2] grasp_d\n"
-        "float32[16] encoffsets\nfloat32[12] jac_vel\nfloat32[12] jac_f\n"
-    ),
-    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
-}
-_GEOMETRY = (
-    "Vector3 Vector3Stamped Point Pose PoseStamped Twist TwistStamped Wrench WrenchStamped Accel AccelStamped "
-    "Quaternion Transform TransformStamped"
-)
-_STANDARD = (  # of ROS Noetic, as rosbags has them
-    *(f"std_msgs/{name}" for name in ("Header", "String", "Bool", "Empty", "Float64")),
-    *(f"std_msgs/{name}" for name in ("MultiArrayDimension", "MultiArrayLayout", "Float64MultiArray")),
-    *(f"diagnostic_msgs/{name}" for name in ("KeyValue", "DiagnosticStatus", "DiagnosticArray")),
-    *(f"sensor_msgs/{name}" for name in ("JointState", "Joy", "Imu")),
-    *(f"geometry_msgs/{name}" for name in _GEOMETRY.split()),
-)
+_DATA: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "messages.toml").read_text())
+_OWN: Mapping[str, str] = _DATA["own"]
+_STANDARD = tuple(f"{package}/{name}" for package, names in _DATA["standard"].items() for name in names.split())
 MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000
 MESSAGES = (*_STANDARD, *_OWN)  # types that catenary knows
-# request, response
-SERVICES: Mapping[str, tuple[str, str]] = {
-    "std_srvs/Trigger": ("", "bool success\nstring message\n"),
-    "crtk_msgs/QueryForwardKinematics": (
-        "float64[] jp\ngeometry_msgs/Pose cp\n",
-        "geometry_msgs/Pose cp\nbool result\nstring message\n",
-    ),
-    "crtk_msgs/QueryInverseKinematics": (
-        "geometry_msgs/Pose cp\nfloat64[] jp\n",
-        "float64[] jp\nbool result\nstring message\n",
-    ),
-    "cisst_msgs/ConvertFloat64Array": ("float64[] input\n", "float64[] output\n"),
-}
+SERVICES: Mapping[str, tuple[str, str]] = {name: (both[0], both[1]) for name, both in _DATA["services"].items()}
 OLD_NAMES: Mapping[str, str] = {"crtk_msgs/operating_state": "crtk_msgs/OperatingState"}
 
 # ROS 1 type -> NumPy type, for numbers; `time` and `duration` are two of them, `string` is none

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
-from catenary.recording.topic_samples import encode
+from catenary.recording.layout import encode
 from catenary.topics import SECOND, Topic
 
 JITTER = 0.05  # of a topic's period, standard deviation; simulated recordings only
@@ -41,8 +41,7 @@ class Throttle:
     def pick(self, time: Floats) -> NDArray[np.int64]:
         """Return the ticks at which a message goes out: the first at or after each instant, once.
 
-        Args:
-            time: (N,) [s] ascending, after all times that were given before.
+        Times (N,) [s] ascend, and come after all that were given before.
         """
         if self._last is None:
             self._last = float(time[0])  # the first tick is recorded
@@ -86,11 +85,8 @@ class Recorder:
         """
         have = frozenset(available)
         self.topics = tuple(topic for topic in topics if _required(topic) <= have)
-        self.left_out = tuple(
-            f"{t.name}: telemetry lacks {', '.join(sorted(_required(t) - have))}"
-            for t in topics
-            if t not in self.topics
-        )
+        lacks = {t.name: sorted(_required(t) - have) for t in topics if t not in self.topics}
+        self.left_out = tuple(f"{name}: telemetry lacks {', '.join(columns)}" for name, columns in lacks.items())
         if not self.topics:
             raise InputError(f"recording: telemetry has no topic's columns: {'; '.join(self.left_out)}")
         zero = {t.name: [c.name for c in t.columns if c.name not in have] for t in self.topics}

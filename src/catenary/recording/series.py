@@ -64,19 +64,15 @@ class TopicReport:
 
     def notes(self) -> list[str]:
         """Return what a reader should know, in words."""
-        notes = []
-        if self.gaps:
-            notes.append(f"{self.topic}: {len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s")
-        if self.repeated:
-            notes.append(f"{self.topic}: {self.repeated} repeated stamps were dropped")
-        if self.shuffled:
-            notes.append(f"{self.topic}: {self.shuffled} messages were out of order and sorted")
-        if abs(self.clock_offset) > OFFSET:
-            notes.append(f"{self.topic}: stamps lie {self.clock_offset:.3f} s before arrival; not corrected")
-        if self.stamped_by_arrival:
-            notes.append(f"{self.topic}: messages carry no stamps; their arrival was taken")
-        notes += [f"{self.topic}: {step.note(self.start)}; stamps continue as before" for step in self.clock_steps]
-        return notes
+        told = {
+            f"{len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s": self.gaps,
+            f"{self.repeated} repeated stamps were dropped": self.repeated,
+            f"{self.shuffled} messages were out of order and sorted": self.shuffled,
+            f"stamps lie {self.clock_offset:.3f} s before arrival; not corrected": abs(self.clock_offset) > OFFSET,
+            "messages carry no stamps; their arrival was taken": self.stamped_by_arrival,
+        }
+        steps = [f"{step.note(self.start)}; stamps continue as before" for step in self.clock_steps]
+        return [f"{self.topic}: {text}" for text in [*(text for text, is_so in told.items() if is_so), *steps]]
 
 
 @dataclass(frozen=True)
@@ -98,17 +94,14 @@ def clean_series(
     span: tuple[int, int] | None = None,
     clock_steps: Sequence[ClockStep] = (),
 ) -> Series:
-    """Put samples in the order of their stamps, drop repeated stamps (the first to arrive stays), and report.
+    """Put samples (M, k) in the order of their stamps [ns], drop stamps that repeat (the first stays), and report.
 
-    Steps of the clock that stamped them are taken out first, by `without_steps`.
+    Steps of the clock that stamped them, and those that other topics' clocks did, are taken out by `without_steps`.
 
     Args:
-        stamp: (M,) [ns].
-        values: (M, k).
         max_gap: Intervals beyond it, and beyond three median intervals, are gaps [s].
         arrival: (M,) [ns]; takes the stamps' place where none is set (all are 0).
         span: First and last stamp of the state [ns]; what is missing at its ends counts as a gap.
-        clock_steps: What other topics' clocks did.
     """
     if len(stamp) == 0:
         raise InputError(f"topic {topic}: has no messages")
@@ -133,18 +126,9 @@ def clean_series(
     regular = intervals[intervals <= limit]
     wide = np.flatnonzero(np.diff(edges) / SECOND > limit)
     gaps = tuple((float(edges[i] - start) / SECOND, float(edges[i + 1] - edges[i]) / SECOND) for i in wide)
-    report = TopicReport(
-        topic=topic,
-        messages=len(stamp),
-        rate=float(1.0 / regular.mean()) if len(regular) else float("nan"),
-        gaps=gaps,
-        repeated=repeated,
-        shuffled=shuffled,
-        clock_offset=offset,
-        stamped_by_arrival=unstamped,
-        clock_steps=steps,
-        start=0 if arrival is None else int(arrival[0]),
-    )
+    rate = float(1.0 / regular.mean()) if len(regular) else float("nan")
+    began = 0 if arrival is None else int(arrival[0])
+    report = TopicReport(topic, len(stamp), rate, gaps, repeated, shuffled, offset, unstamped, steps, began)
     return Series(ordered, np.asarray(values, dtype=np.float64), report)
 
 

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from catenary.documents import reading, shortened
 from catenary.errors import FileFormatError
-from catenary.recording.bag_chunks import Block
-from catenary.recording.bag_search import DAMAGE, Unpacking
+from catenary.recording.bag_records import DAMAGE, Block, Unpacking
 from catenary.recording.bag_stream import BagConnection, BagFile, about_of
-from catenary.recording.topic_samples import ABOUT_TOPIC
+from catenary.recording.layout import ABOUT_TOPIC
 
 AT_ONCE = 2048  # messages that are in memory at once
 _ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
@@ -55,12 +54,10 @@ class SqliteBag(BagFile):
                 yield name, np.array([stamp for stamp, _ in own]), Block.of([data for _, data in own])
 
     def _find_topics(self) -> None:
-        texts = dict[str, str]()
+        texts, read = dict[str, str](), self._database.execute
         with contextlib.suppress(sqlite3.Error):  # older bags have none, and types of ROS's own are known
-            texts |= dict(
-                self._database.execute("SELECT topic_type, encoded_message_definition FROM message_definitions")
-            )
-        for number, name, kind in self._database.execute("SELECT id, name, type FROM topics"):
+            texts |= dict(read("SELECT topic_type, encoded_message_definition FROM message_definitions"))
+        for number, name, kind in read("SELECT id, name, type FROM topics"):
             if not isinstance(name, str) or not isinstance(kind, str):
                 raise FileFormatError(f"{self.path}: topic {shortened(name)}: expected texts for it and its type")
             self._keep(number, BagConnection(name, kind, "", texts.get(kind, "")))

@@ -24,13 +24,12 @@ from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.identification.samples import Samples, prepare
+from catenary.identification.samples import prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
-from catenary.recording.bag_reader import METADATA, bags_in
+from catenary.recording.bag_reader import METADATA, bags_in, is_journal
 from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.recording.import_formats.sources import is_bag, is_other_make
-from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
 from catenary.recording.mend import NOTHING, Mend, units_of
 from catenary.reports.calibration import card_facts, model_name
@@ -75,7 +74,8 @@ def check_file(
         return check_recording(log, as_typed, mend=reading.mend, robot=robot, max_error=max_error)
     if source in robot_names():
         return check_robot(load_robot(source))
-    if is_other_make(path) or (is_bag(path) and not (path.is_dir() and _is_no_recording(path))):
+    is_recording = bags_in(path) != [path] or is_journal(path) or (path / METADATA).is_file()
+    if is_other_make(path) or (is_bag(path) and (is_recording or not path.is_dir())):
         return _check_other_make(source, reading.mend, robot, max_error)
     if path.is_dir():
         hint = "; of a project `catenary view` shows the results" if (path / SETTINGS).is_file() else ""
@@ -93,7 +93,10 @@ def check_file(
                 "of which robot? name it with --robot"
             )
         model = load_robot(robot)
-        found = check_torque_recording(read_torque_recording(path, model, reading), model)
+        log = read_torque_recording(path, model, reading)
+        found = recording_report("recording for identification", log, model)
+        found.faults, remarks, found.findings = torque_verdict(log, model)
+        found.remarks = [*log.notes, *remarks]
         found.next = "" if found.faults else as_typed.command("identify", reading.mend.options, "_arm.npz")
         return found
     if table_ending(path) in (".npz", ".parquet", *TEXT_ENDINGS):
@@ -111,11 +114,6 @@ def check_file(
         f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
         "models (.npz), recordings (bags, .npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
     )
-
-
-def _is_no_recording(folder: Path) -> bool:
-    inside = bags_in(folder)
-    return inside == [folder] and not (is_journal(folder) or (folder / METADATA).is_file())
 
 
 def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tuple[float, ...] | None) -> FileReport:
@@ -165,11 +163,11 @@ def check_robot(model: RobotModel) -> FileReport:
     """Check a robot: inertia, masses that cannot be, limits, what its file holds that the model leaves out."""
     found = FileReport("robot")
     joints, limits = [], []
-    for name, unit, lower, upper in zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True):
-        joints.append({"name": name, "unit": unit, "lower": float(lower), "upper": float(upper)})
+    ends = model.lower.tolist(), model.upper.tolist()
+    for name, unit, lower, upper in zip(model.joint_names, model.joint_units, *ends, strict=True):
+        joints.append({"name": name, "unit": unit, "lower": lower, "upper": upper})
         shown, scale = DISPLAY[unit]
-        has_limits = np.isfinite(lower) or np.isfinite(upper)
-        told = f"{scale * lower:g} to {scale * upper:g} {shown}" if has_limits else "no limits"
+        told = f"{scale * lower:g} to {scale * upper:g} {shown}" if np.isfinite([lower, upper]).any() else "no limits"
         limits.append(f"{name} [{unit}] {told}")
     mass, drives = float(model.tree.mass.sum()), _drives(model)
     found.tell("name", model.name)
@@ -191,11 +189,8 @@ def check_robot(model: RobotModel) -> FileReport:
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, gravity and torques are refused"
         )
     unbound = [name for name, is_so in zip(model.joint_names, model.lower >= model.upper, strict=True) if is_so]
-    found.faults += [
-        *model.doubts,
-        *mass_doubts(model),
-        *(f"limits of {name}: the lower one is not below the upper" for name in unbound),
-    ]
+    found.faults += [*model.doubts, *mass_doubts(model)]
+    found.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
     found.remarks += model.notes
     return found
 
@@ -215,14 +210,6 @@ def _drive_in_words(drive: Mapping[str, Any]) -> str:
     return f"{drive['joint']} friction {friction}, rotor {drive['rotor']:.4g} {mass}"
 
 
-def check_torque_recording(log: MotionLog, model: RobotModel) -> FileReport:
-    """Check a recording for identification: what it shows of its robot, and whether its torques are the motion's."""
-    found = recording_report("recording for identification", log, model)
-    found.faults, remarks, found.findings = torque_verdict(log, model)
-    found.remarks = [*log.notes, *remarks]
-    return found
-
-
 def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[str], tuple[Finding, ...]]:
     """Return what is wrong with a recording for identification, what is worth knowing, and the findings among them.
 
@@ -235,19 +222,15 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     remarks = [f"{each.name}: {each}" for each in found if not each.refuses]
     try:
         samples = prepare(log, model, options)
-        remarks += [*samples.notes, *_still(model, samples, terms)]
+        speed = np.sqrt(np.mean(samples.qd**2, axis=0))
+        still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < REST and terms == "full"]
+        remarks += [*samples.notes, *[f"stands still: {', '.join(still)}"] * bool(still)]
         result = identify_samples([samples], model, options)
     except (InputError, ExcitationError) as error:
         return [*faults, str(error)], remarks, found
     doubts = tuple(torque_findings(result, samples, fitted=True))
     faults += [f"{each.name}: {each}" for each in doubts]
     return faults, [*remarks, *_fit_in_words(result)], (*found, *doubts)
-
-
-def _still(model: RobotModel, samples: Samples, terms: str) -> list[str]:
-    speed = np.sqrt(np.mean(samples.qd**2, axis=0))
-    still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < REST]
-    return [f"stands still: {', '.join(still)}"] if still and terms == "full" else []
 
 
 def _fit_in_words(result: Identification) -> Sequence[str]:
@@ -285,10 +268,8 @@ def _check_identification(path: Path) -> FileReport:
     found.facts |= {"condition": float(result.condition), "recordings": recordings}
     found.lines += lines
     found.tell("version", card["version"], ", ".join(f"{name} {number}" for name, number in card["version"].items()))
-    found.faults += [
-        *_copy_faults(path, card),
-        *(f"fails on {one.log}" for one in result.tests if one.verdict == "fails"),
-    ]
+    found.faults += _copy_faults(path, card)
+    found.faults += [f"fails on {one.log}" for one in result.tests if one.verdict == "fails"]
     found.faults += mass_doubts(result.robot(), described=result.model) if result.phi is not None else []
     found.remarks += card["notes"]
     return found

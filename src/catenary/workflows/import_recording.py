@@ -12,7 +12,7 @@ from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import not_used
 from catenary.recording.import_formats.importer import columns_wanted, synchronise
 from catenary.recording.import_formats.in_pieces import pieces_of
-from catenary.recording.import_formats.known_layouts import MOTION_LOG, Layout, layout_of_files, read_layout
+from catenary.recording.import_formats.known_layouts import MOTION_LOG, TORQUE_LOG, layout_of_files, read_layout
 from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
 from catenary.recording.import_formats.proposal import Proposal, propose
 from catenary.recording.import_formats.sources import Sources
@@ -59,8 +59,7 @@ def import_recording(
     Example:
         log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
     """
-    paths = [Path(sources)] if isinstance(sources, str | Path) else [Path(source) for source in sources]
-    opened = _opened(paths, mapping, units, robot, accept_proposal, answers)
+    opened = _opened(_paths(sources), mapping, units, robot, accept_proposal, answers)
     return opened if isinstance(opened, MotionLog) else synchronise(*opened).log
 
 
@@ -131,14 +130,13 @@ def propose_mapping(
 
     Arguments are those of `import_recording`; answers that are not asked are refused.
     """
-    paths = [sources] if isinstance(sources, str | Path) else sources
-    return propose(Sources([Path(path) for path in paths]), robot=robot, units=units, answers=answers)
+    return propose(Sources(_paths(sources)), robot=robot, units=units, answers=answers)
 
 
 def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:
     """Return the layout of a file that needs no mapping, in words; None for others."""
-    found = _known(paths, robot)
-    return None if found is None else found.name
+    found = layout_of_files(paths)
+    return None if found == TORQUE_LOG and robot is None else found
 
 
 def _opened(
@@ -156,10 +154,10 @@ def _opened(
         if answers:
             raise InputError("answers are to a proposal; here is a mapping, which leaves nothing open")
         return Sources(paths, progress), chosen
-    found = None if answers else _known(paths, robot)
+    found = None if answers else known_layout(paths, robot=robot)
     if found is not None:
         listed = None if units is None else [unit.strip() for unit in units.split(",")]
-        if found is MOTION_LOG:
+        if found == MOTION_LOG:
             return read_log(paths[0], units=listed)
         return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
     opened = Sources(paths, progress)
@@ -169,22 +167,19 @@ def _opened(
     return opened, proposal.accepted()
 
 
-def _known(paths: Sequence[Path], robot: str | None) -> Layout | None:
-    found = layout_of_files(paths)
-    return None if found is None or (found.needs_robot and robot is None) else found
+def _paths(sources: PathLike | Sequence[PathLike]) -> list[Path]:
+    return [Path(sources)] if isinstance(sources, str | Path) else [Path(source) for source in sources]
 
 
 def _as_mapping(mapping: MappingLike | None, units: str | None, robot: str | None) -> RecordingMapping | None:
+    given: dict[str, Any] = {"units": units, "settings": {"robot": robot}}
     if mapping is None:
         return None
-    content: Any = None
-    options, file = [], None
     if isinstance(mapping, RecordingMapping):
-        content = mapping.model_dump(mode="json", exclude_unset=True)
-    elif isinstance(mapping, Mapping):
-        content = mapping
-    elif isinstance(mapping, str | Path) and "=" not in str(mapping):
-        file = Path(mapping)
-    else:
-        options = [str(mapping)] if isinstance(mapping, str | Path) else list(mapping)
-    return mapping_of(options, file=file, content=content, units=units, settings={"robot": robot})
+        return mapping_of((), content=mapping.model_dump(mode="json", exclude_unset=True), **given)
+    if isinstance(mapping, Mapping):
+        return mapping_of((), content=mapping, **given)
+    if isinstance(mapping, str | Path):
+        is_file = "=" not in str(mapping)
+        return mapping_of(() if is_file else [str(mapping)], file=Path(mapping) if is_file else None, **given)
+    return mapping_of(list(mapping), **given)

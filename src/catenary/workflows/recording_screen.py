@@ -58,15 +58,12 @@ def check_recording(
     max_error: Limits = None,
     layout: str = "",
 ) -> FileReport:
-    """Check a recording for calibration; the mends that its next command has were tried on it.
+    """Check a recording for calibration, as it was read; the mends that its next command has were tried on it.
 
     Args:
-        log: As it was read.
         source: Where it was read from; a motion log of its name when None.
-        mend: What is to be changed of it.
         robot: Catalogue name or file; its own when None.
         max_error: Per joint, deg and mm; rows with larger errors are left out.
-        layout: Of its file, in words.
     """
     source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
@@ -118,8 +115,7 @@ def _cured(
 ) -> tuple[Mend, MotionLog, str, list[str]]:
     """Follow what findings advise until none refuses.
 
-    Returns:
-        The mend, the log so mended, the text of --max-error, and names of findings that no option corrects.
+    Return the mend, the log so mended, the text of --max-error, and names of findings that no option corrects.
     """
     limits = "" if max_error is None else ",".join(f"{limit:g}" for limit in max_error)
     for _ in range(ROUNDS):
@@ -153,11 +149,8 @@ def recording_report(
 ) -> FileReport:
     """Return what a recording holds, before anything is said of it.
 
-    Args:
-        kind: What it is for.
-        log: As it is.
-        robot: Whose limits joints are compared with.
-        cured: The same with every fault mended that can be, in which slack and hysteresis are looked for.
+    Joints are compared with the robot's limits; slack and hysteresis are looked for in `cured`, the same recording with
+    every fault mended that can be.
     """
     found = FileReport(kind, dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")))
     measured = int(log.ok.sum()) if log.q_encoder is not None else 0

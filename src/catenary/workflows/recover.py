@@ -12,14 +12,11 @@ from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag_reader import METADATA, Source, open_recording, rescue_of
+from catenary.recording.bag_reader import METADATA, JournalReader, Rescue, Source, is_journal, open_recording, rescue_of
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.bag_writer import ROS2_VERSION
 from catenary.recording.journal import JournalWriter
-from catenary.recording.journal_reader import JournalReader, is_journal
-from catenary.recording.layout import blank_messages
-from catenary.recording.losses import Rescue
-from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE
+from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, blank_messages
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
 

@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 from catenary.recording.journal import JournalTopic, JournalWriter
 from catenary.raven2.topics import raven_topics
-from catenary.recording.topic_samples import encode
+from catenary.recording.layout import encode
 from oracles.raven_recording import telemetry
 os.fsync = lambda descriptor: None  # a program that is killed needs no disk, which may be busy
 appended = mmap.mmap(os.open(sys.argv[2], os.O_RDWR), 8)
@@ -106,7 +106,7 @@ def whole_run(arguments: Sequence[str]) -> str:
 
 def recorder(seed: int, folder: Path) -> None:
     """Kill a recorder; rescue what it recorded in a project and outside, beside a recording that is whole."""
-    from catenary.recording.journal_reader import JournalReader
+    from catenary.recording.bag_reader import JournalReader
     from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.recordings import extract_recording, motion_log_path
     from catenary.workflows.recover import recover

@@ -3,11 +3,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording.import_formats.known_layouts import read_commands
+from catenary.recording.logs import write_parquet
+from catenary.robots.catalog import load_robot
+from catenary.workflows.import_recording import import_recording, known_layout
+from recordings import recording
 
 ROWS = 5
 
@@ -147,3 +151,23 @@ def test_clock_that_goes_back_is_noted_with_its_row_and_often_with_a_count(tmp_p
     path = written(tmp_path, n=3, q_des=q, q_act=q, ok=np.ones(40, dtype=bool), t=backwards)
     notes = read_commands(path).notes
     assert any("time goes back 39 time(s)" in n and "are the rows shuffled?" in n for n in notes)
+
+
+def test_a_motion_log_and_a_command_log_stay_what_they_are(tmp_path: Path) -> None:
+    log = recording(np.random.default_rng(0), rows=50)
+    write_parquet(log, tmp_path / "log.parquet")
+    assert_allclose(import_recording(tmp_path / "log.parquet").q_nominal, log.q_nominal)
+    q = np.zeros((5, 2))
+    np.savez(tmp_path / "log.npz", q_des=q, q_act=q, ok=np.ones(5, dtype=bool))
+    assert import_recording(tmp_path / "log.npz", units="rad,m").joint_units == ("rad", "m")
+    assert import_recording(tmp_path / "log.npz", robot="two_link").joint_names == load_robot("two_link").joint_names
+
+
+def test_positions_and_torques_take_their_joints_from_the_robot(tmp_path: Path) -> None:
+    q = np.zeros((5, 2))
+    np.savez(tmp_path / "log.npz", q=q, tau=q + 1.0, fs=100.0)
+    log = import_recording(tmp_path / "log.npz", robot="two_link")
+    assert log.tau is not None
+    assert known_layout([tmp_path / "log.npz"]) is None  # without a robot it needs a mapping
+    mapped = import_recording(tmp_path / "log.npz", ["q_nominal=q", "tau=tau"], units="rad")
+    assert_allclose(mapped.time, log.time)  # type: ignore[arg-type]

@@ -38,23 +38,21 @@ def date_of(log) -> str | None:  # type: ignore[no-untyped-def]
     return data.dates[1]
 
 
-@pytest.mark.parametrize("unit", ["s", "ms", "ns"])
-def test_a_column_of_time_since_1970_is_a_date(unit: str, tmp_path: Path) -> None:
-    log = import_recording(csv(tmp_path, BEGIN, unit), MAPPING, units="rad,rad,m")
+@pytest.mark.parametrize(  # a robot's own clock has none
+    ("begin", "unit", "day"),
+    [(BEGIN, "s", DAY), (BEGIN, "ms", DAY), (BEGIN, "ns", DAY), (0, "s", None), (86_400, "s", None)],
+)
+def test_a_column_of_time_since_1970_is_a_date(begin: int, unit: str, day: str | None, tmp_path: Path) -> None:
+    log = import_recording(csv(tmp_path, begin, unit), MAPPING, units="rad,rad,m")
     assert log.time is not None
-    assert (log.time[0], log.began, date_of(log)) == (0.0, BEGIN, DAY)
+    assert (log.time[0], log.began, date_of(log)) == (0.0, begin, day)
     write_parquet(log, tmp_path / "log.parquet")
-    assert date_of(read_log(tmp_path / "log.parquet")) == DAY
+    assert date_of(read_log(tmp_path / "log.parquet")) == day
 
 
 def test_a_bag_has_the_date_of_its_stamps(tmp_path: Path) -> None:
     mapping = ["q_nominal=/raven/joint_cmd.position", "q_encoder=/optitrack/joints.position"]
     assert date_of(import_recording(two_topics(tmp_path / "lab", "mcap"), mapping, units="rad,rad,m")) == DAY
-
-
-@pytest.mark.parametrize("begin", [0, 86_400])  # a robot that has been on for a day
-def test_a_clock_of_its_own_has_no_date(begin: int, tmp_path: Path) -> None:
-    assert date_of(import_recording(csv(tmp_path, begin), MAPPING, units="rad,rad,m")) is None
 
 
 def test_rows_of_a_given_rate_have_no_date(tmp_path: Path) -> None:

@@ -10,10 +10,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.hdf5_files import read_hdf5
+from catenary.recording.import_formats.episodes import read_hdf5
 from catenary.recording.import_formats.sources import Sources
 from catenary.workflows.import_recording import import_recording, propose_mapping
-from command_line import catenary
 
 h5py = pytest.importorskip("h5py", reason="needs h5py, which the extra hdf5 brings")
 
@@ -138,30 +137,6 @@ def test_dates_are_taken_as_they_are_written(tmp_path: Path, date: str, time: st
     assert import_recording(path / "0", ["q_nominal=obs/robot0_joint_pos@rad"]).began == began
 
 
-def test_a_model_of_a_container_knows_its_episodes_again(tmp_path: Path) -> None:
-    """By their content, in whatever file they lie; an episode that it never saw it does not know."""
-    mapping = ["--map", "q_nominal=obs/robot0_joint_pos", "--map", "q_encoder=obs/seen", "--units", "rad"]
-    for name, shift in (("lift", 0.0), ("other", 0.5)):
-        with h5py.File(robomimic(tmp_path / f"{name}.hdf5"), "a") as file:
-            for number, rows in zip((0, 2, 10), LENGTHS, strict=True):
-                demo = file[f"data/demo_{number}"]
-                q = demo["obs/robot0_joint_pos"][()] + shift
-                del demo["obs/robot0_joint_pos"]
-                demo["obs/robot0_joint_pos"], demo["obs/seen"] = q, 1.01 * q + 0.01 * joints(rows, 7, 3.0)
-    model, log = tmp_path / "m.npz", tmp_path / "demo_2.parquet"
-    assert (
-        catenary("fit", tmp_path / "lift.hdf5", *mapping, "--model", "linear", "--folds", "0", "--out", model).code == 0
-    )
-    assert catenary("import", tmp_path / "lift.hdf5/demo_2", *mapping, "--out", log).code == 0
-    for source, how, seen in (
-        ("lift.hdf5/demo_2", mapping, True),
-        (log.name, [], True),
-        ("other.hdf5", mapping, False),
-    ):
-        found = catenary("evaluate", model, tmp_path / source, *how, "--json").json
-        assert bool(found["seen_in_training"]) is seen, source
-
-
 def test_an_episode_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r'no episode "demo_1"; its episodes are data/demo_0, data/demo_2'):
         import_recording(robomimic(tmp_path / "lift.hdf5") / "demo_1", ["q_nominal=obs/robot0_joint_pos"])
@@ -257,7 +232,7 @@ def test_a_file_that_asks_for_more_than_it_holds_is_refused(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make, words = HARMFUL[name]
-    monkeypatch.setattr("catenary.recording.import_formats.hdf5_files.MOST_NODES", 50)
+    monkeypatch.setattr("catenary.recording.import_formats.episodes.MOST_NODES", 50)
     with h5py.File(tmp_path / "lab.h5", "w") as file:
         make(file)
     with pytest.raises((FileFormatError, InputError), match=words):

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording import sqlite_bag
-from catenary.recording.import_formats import in_pieces, message_columns, sources
+from catenary.recording.import_formats import csv_files, in_pieces, message_columns, sources
 from catenary.recording.logs import read_log
 from catenary.workflows.import_recording import ImportedLog, import_recording, import_to_file
 from lab_bags import JOINT_STATE, write_bag
@@ -28,10 +28,10 @@ MAPPING = ["q_nominal=cmd1,cmd2", "q_encoder=enc1,enc2"]
 @pytest.fixture
 def pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources, "LONG_TEXT", 1000)
-    monkeypatch.setattr(sources, "SAMPLED_NUMBERS", 10_000)
+    monkeypatch.setattr(csv_files, "SAMPLED_NUMBERS", 10_000)
     monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 5 * 700)
     monkeypatch.setattr(in_pieces, "OVERLAP", 200)
-    monkeypatch.setattr("catenary.recording.import_formats.csv_files._BLOCK", 1 << 14)
+    monkeypatch.setattr(csv_files, "_BLOCK", 1 << 14)
 
 
 def written(path: Path, rows: np.ndarray, stamps: list[str] | None = None) -> Path:

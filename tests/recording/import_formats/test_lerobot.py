@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import CatenaryError, FileFormatError, InputError
+from catenary.recording.logs import read_log, write_parquet
 from catenary.workflows.check import check_file
 from catenary.workflows.import_recording import import_recording, propose_mapping
 
@@ -70,7 +71,13 @@ def test_the_whole_dataset_and_its_episodes_are_known_by_the_same_hashes(tmp_pat
     path, mapping = dataset(tmp_path / "pusht", lengths=(60, 100)), ["q_nominal=observation.state@rad"]
     whole = import_recording(path, mapping)
     known = [{"sha256": whole.sha256, "marks": whole.marks}]
-    assert all(import_recording(path / str(episode), mapping).is_among(known) for episode in range(len(whole.starts)))
+    for episode in range(len(whole.starts)):
+        log = import_recording(path / str(episode), mapping)
+        write_parquet(log, tmp_path / "log.parquet")
+        assert log.is_among(known)
+        assert read_log(tmp_path / "log.parquet").is_among(known)
+    other = dataset(tmp_path / "other", lengths=(60, 100), scale=1.1)
+    assert not import_recording(other, mapping).is_among(known)
 
 
 @pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])

@@ -9,8 +9,8 @@ from catenary.dvrk_psm import PSM_JOINTS, psm_topic, psm_topics
 from catenary.errors import InputError
 from catenary.recording.import_formats.known_layouts import read_psm
 from catenary.recording.journal import About
+from catenary.recording.layout import topic_named
 from catenary.recording.recorder import Recorder
-from catenary.recording.topic_samples import topic_named
 from catenary.verdict.check import findings_of
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from lab_bags import JOINT_STATE, joint_state, write_bag

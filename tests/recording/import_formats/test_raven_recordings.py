@@ -12,13 +12,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError, InputError
 from catenary.raven2.topics import AXES, EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
 from catenary.recording.import_formats.importer import Synchronisation
-from catenary.recording.import_formats.raven_recordings import read_raven
+from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.journal import JournalTopic, JournalWriter
+from catenary.recording.layout import encode
 from catenary.recording.logs import read_log
-from catenary.recording.topic_samples import encode
 from catenary.topics import SECOND
+from catenary.workflows.import_recording import import_recording, known_layout
 from oracles import raven_recording
-from oracles.raven_recording import record, write_csv
+from oracles.raven_recording import record, write_bag, write_csv
 
 STATE_TIME = np.arange(0.0, 20.0, 1.0 / 30.0)
 RIG_TIME = np.arange(0.0, 20.0, 0.01)
@@ -168,14 +169,8 @@ def _write(rows: list[list[str]], path: Path) -> None:
         csv.writer(file).writerows(rows)
 
 
-def test_jpos_is_times_180_over_pi_in_metres_too(table: Path) -> None:
-    insertion = np.array([float(row[15]) for row in _rows(table)])
-    assert (insertion > 18.0).all()  # 0.33 m and more, as if they were radians
-    log = read_raven([table]).log
-    assert (log.q_nominal[:, 2] < 0.42).all()
-
-
 def test_the_csv_reads_back_as_the_log_of_the_recording(journal: Path, table: Path) -> None:
+    assert min(float(row[15]) for row in _rows(table)) > 18.0  # 0.33 m times 180/pi, as if it were an angle
     expected = read_raven([journal]).log
     log = read_raven([table]).log
     assert log.tau is not None
@@ -197,8 +192,16 @@ def test_every_column_of_the_csv_is_read_on_request(journal: Path, table: Path) 
         assert_array_equal(log.signals[name], expected.signals[name])
 
 
-def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:
+def test_a_bag_of_its_topics_needs_no_mapping(journal: Path) -> None:
+    log, own = import_recording(write_bag(journal, journal.parent / "a.bag")), read_raven([journal]).log
+    for key in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau"):
+        assert_allclose(getattr(log, key), getattr(own, key))
+
+
+def test_the_csv_opens_as_a_recording_that_knows_its_file_and_needs_no_mapping(table: Path) -> None:
     log, expected = read_log(table), read_raven([table]).log
+    assert known_layout([table]) == "RAVEN-II's published CSV"
+    assert_array_equal(import_recording(table).q_nominal, log.q_nominal)
     assert log.joint_names == ("shoulder", "elbow", "insertion")
     assert_array_equal(log.q_encoder, expected.q_encoder)
     assert log.sha256 == hashlib.sha256(table.read_bytes()).hexdigest()

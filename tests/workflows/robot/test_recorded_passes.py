@@ -9,7 +9,7 @@ import pytest
 
 from catenary.crtk.message_bytes import codec
 from catenary.errors import NotReadyError
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.bag_reader import JournalReader
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.calibrate import TRAIN
 from catenary.workflows.project.folder import Project, ProjectSettings

@@ -13,12 +13,11 @@ from catenary.crtk.loopback import Loopback
 from catenary.crtk.message_values import joint_state_message
 from catenary.errors import RecordingError, TransportError
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
-from catenary.recording.bag_reader import open_recording
+from catenary.recording.bag_reader import JournalReader, open_recording
 from catenary.recording.bag_writer import write_group_bags
-from catenary.recording.import_formats.raven_recordings import read_raven
+from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.journal import About
-from catenary.recording.journal_reader import JournalReader
 from catenary.workflows.robot import topic_recorder
 from catenary.workflows.robot.topic_recorder import TopicRecorder, record_topics
 from oracles.cable_arms import homed_plant

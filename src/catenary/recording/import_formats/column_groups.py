@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.plant import Jointed
-from catenary.recording.import_formats.columns import Stream, arrays_of, ends, natural
+from catenary.recording.import_formats.columns import WORDS, Stream, arrays_of, ends, natural
 from catenary.recording.import_formats.pose_columns import poses_of
 from catenary.recording.import_formats.table_time import is_nameless, time_columns, time_of
 from catenary.topics import SECOND
@@ -23,47 +23,12 @@ Kind = Literal["position", "velocity", "acceleration", "effort", "current"]
 Role = Literal["measured outside", "commanded", "actual", "own", "estimated", "measured", "reported", "unknown"]
 
 
-def _set(words: str) -> frozenset[str]:
-    return frozenset(words.split())
-
-
-_KINDS: dict[Kind, frozenset[str]] = {
-    "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel qvel"),
-    "acceleration": _set("acceleration accelerations acc accel qdd ddq qddot jacc"),
-    "effort": _set("effort efforts eff tau torque torques tq jf"),
-    "current": _set("current currents cur amps amp dac"),
-}
-_ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
-    "own": _set("motor motors"),  # whose encoders are the robot's, too
-    "measured outside": _set(
-        "encoder encoders enc ext external opt optical optitrack opti vicon mocap truth true gt ground camera cam "
-        "tracker tracked aurora ndi polaris laser zivid marker markers pot pots potentiometer "
-        "potentiometers"
-    ),
-    "commanded": _set(
-        "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref "
-        "action actions d"  # q_d of Franka's and RAVEN's programs
-    ),
-    "actual": _set("actual act real"),
-    "estimated": _set("estimated estimate estimates est"),
-    "measured": _set("measured meas sensed"),  # the robot's own, or beside what it reports what somebody measured
-    "reported": _set("states state joint joints jpos pos qpos position positions q js feedback fb"),
-}
-_REPORTED = _set("reported report reports nominal")  # by the robot itself, as "own"
+_KINDS: dict[Kind, frozenset[str]] = {kind: frozenset(words.split()) for kind, words in WORDS["kinds"].items()}
+_ROLES: dict[Role, frozenset[str]] = {role: frozenset(words.split()) for role, words in WORDS["roles"].items()}
+_SETS: dict[str, frozenset[str]] = {name: frozenset(words.split()) for name, words in WORDS["words"].items()}
 _CRTK = re.compile(r"measured_(?=[jc][psvf]\b)")  # its verbs of what a robot reports: measured_js
-_POTENTIOMETERS = _set("pot pots potentiometer potentiometers")
-_OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values(), _REPORTED)
-_OK = _set("ok valid tracked visible good")
-_NO_JOINTS = _set(
-    "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
-    "points intensities ranges color colors quat eef cos sin next error errors err residual cartesian"
-)
-_OF_JOINTS = _set(
-    "yaw pitch roll insertion shoulder elbow wrist forearm waist pan tilt lift slide rail torso jaw joint"
-)
-_TURNS = _set("yaw pitch roll")  # of anything, where no other joint is beside them
-_POSITIONS = _set("position positions pos angle angles")  # beside which "current" means what is now, and no ampere
-_UNITS = _set("deg degree degrees rad mm cm m s nm n k c nmm ncm")
+_OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values(), _SETS["reported"])
+_OF_NO_JOINT = _OF_QUANTITIES | _SETS["units"]
 _UNIT = re.compile(  # behind a name: q1 [deg], dq_rad_s, "tau3 (N m)", elbow_deg[2]
     r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)"
     r"(?P<speed>(?:/|_per_|_|\*)s(?:ec)?(?:\^-1|(?P<again>\^?-?[23]|[²³])|(?!\d)))?"
@@ -129,7 +94,7 @@ class Candidate:
     @property
     def is_potentiometer(self) -> bool:
         """Whether its name says that potentiometers measured it."""
-        return bool({*_words(self.stream.name), *_words(self.columns[0])} & _POTENTIOMETERS)
+        return bool({*_words(self.stream.name), *_words(self.columns[0])} & _SETS["potentiometers"])
 
     @property
     def ranges(self) -> list[tuple[float, float]]:
@@ -160,6 +125,10 @@ class Candidate:
         """Return it with some of its columns."""
         joints = dict(zip(self.columns, self.joints, strict=True))
         return Candidate(self.stream, tuple(columns), self.kind, self.role, tuple(joints[c] for c in columns))
+
+    def of_joints(self, joints: Sequence[str]) -> "Candidate":
+        """Return it with the columns of these joints, in this order."""
+        return self.part([self.columns[self.joints.index(joint)] for joint in joints])
 
     def is_followed_by(self, other: "Candidate") -> bool:
         """Whether each column goes up and down with the other's of the same place, in rows of one table."""
@@ -192,7 +161,7 @@ def candidates_of(streams: Sequence[Stream]) -> list[Candidate]:
 
 def ok_columns(stream: Stream) -> list[str]:
     """Return columns of a table that say by name and content where a measurement can be trusted; open cells say no."""
-    named = {name: values for name, values in stream.columns.items() if set(_words(name)) & _OK}
+    named = {name: values for name, values in stream.columns.items() if set(_words(name)) & _SETS["ok"]}
     told = {name: values[np.isfinite(values)] for name, values in named.items()}
     return [name for name, values in told.items() if len(values) and np.isin(values, (0, 1)).all()]
 
@@ -203,7 +172,7 @@ def _of_topic(stream: Stream) -> list[Candidate]:
         columns = [column for column in columns if column in stream.columns]
         words = _words(base)
         inside = "." in base.rpartition("[")[2] and stream.type != "table"
-        if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _NO_JOINTS or inside:
+        if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _SETS["no_joints"] or inside:
             continue
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
         own = words if stream.type == "table" else [*_words(stream.name), *words]
@@ -226,20 +195,20 @@ def _of_table(stream: Stream) -> list[Candidate]:
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)
-        if name in times or set(words) & _NO_JOINTS:
+        if name in times or set(words) & _SETS["no_joints"]:
             continue
         own = [_kind(name), *(w for w in words if w in _OF_QUANTITIES)]
         letters = re.sub(r"[\[_. ]?\d+\]?", "#", _UNIT.sub("", name))  # q1 [deg], q2 [deg], q3 [mm] are of one robot
         stated = ("words", *own) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
         stem = [letters] if _joint_number(name) else []
         key = ("words", *own, *stem) if own[1:] else ("#", letters, *own) if "#" in letters else stated
-        first = next((i for i, word in enumerate(words) if word in _OF_JOINTS), len(words))
-        if key[0] == "alone" and words[first:] and {*words[first:]} <= _OF_JOINTS | _UNITS:
+        first = next((i for i, word in enumerate(words) if word in _SETS["joints"]), len(words))
+        if key[0] == "alone" and words[first:] and {*words[first:]} <= _SETS["joints"] | _SETS["units"]:
             key = ("words", *words[:first], "of joints")  # psm_outer_yaw, psm_outer_wrist_pitch
         groups.setdefault(key, []).append(name)
     for (how, *_, what), columns in groups.items():
-        of_joints = {word for name in columns for word in _words(name)} & _OF_JOINTS
-        if how == "alone" or (what == "of joints" and (len(columns) < 2 or of_joints <= _TURNS)):
+        of_joints = {word for name in columns for word in _words(name)} & _SETS["joints"]
+        if how == "alone" or (what == "of joints" and (len(columns) < 2 or of_joints <= _SETS["turns"])):
             continue
         for part in _by_shared_number(columns):
             is_numbered = _joint_number(part[0]) != ""
@@ -271,7 +240,7 @@ def _joint_number(name: str) -> str:
     """Return the number of a joint at the end of its name, behind which only words of its quantity or unit stand."""
     last = list(re.finditer(r"\d+", name))[-1:]
     behind = _words(name[last[0].end() :]) if last else ["none"]
-    return last[0].group() if all(word in _OF_QUANTITIES or word in _UNITS for word in behind) else ""
+    return last[0].group() if all(word in _OF_NO_JOINT for word in behind) else ""
 
 
 def _by_shared_number(columns: Sequence[str]) -> list[list[str]]:
@@ -295,10 +264,8 @@ def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
     segments = [column.split("/") for column in columns]
     shared = set.intersection(*map(set, segments)) if len(columns) > 1 else set[str]()
     own = ["_".join(segment for segment in each if segment not in shared) for each in segments]
-    return tuple(
-        "_".join(w for w in re.findall(r"[a-z]+\d*", name.lower()) if w not in _OF_QUANTITIES and w not in _UNITS)
-        for name in own
-    )
+    words = (re.findall(r"[a-z]+\d*", name.lower()) for name in own)
+    return tuple("_".join(word for word in each if word not in _OF_NO_JOINT) for each in words)
 
 
 def _words(name: str) -> list[str]:
@@ -311,11 +278,11 @@ def _kind(name: str) -> Kind:
     if unit and (unit["effort"] or unit["speed"]):
         return "effort" if unit["effort"] else "acceleration" if unit["again"] else "velocity"
     kind: Kind = next((kind for kind, names in _KINDS.items() if words & names), "position")
-    return "position" if kind == "current" and words & _POSITIONS else kind
+    return "position" if kind == "current" and words & _SETS["positions"] else kind
 
 
 def _role(words: Sequence[str]) -> Role:
-    if set(words) & _REPORTED and not set(words) & _ROLES["measured outside"]:
+    if set(words) & _SETS["reported"] and not set(words) & _ROLES["measured outside"]:
         return "own"
     return next((role for role, names in _ROLES.items() if set(words) & names), "unknown")
 
@@ -330,9 +297,8 @@ def joints_meant(names: Sequence[str], model: Jointed) -> tuple[str, ...]:
     keys = {joint: " ".join(w for w in each if w not in shared) for joint, each in words.items()}
     found = []
     for name in names:
-        inside = [
-            joint for joint, key in keys.items() if key and f" {key} " in f" {' '.join(_words_and_numbers(name))} "
-        ]
+        said = f" {' '.join(_words_and_numbers(name))} "
+        inside = [joint for joint, key in keys.items() if key and f" {key} " in said]
         longest = max(map(len, map(keys.__getitem__, inside)), default=0)
         best = [name] if name in keys else [joint for joint in inside if len(keys[joint]) == longest]
         found.append(best[0] if len(best) == 1 else "")
@@ -347,10 +313,7 @@ def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None
     """Return which columns are positions, velocities and torques; None where no column is another's derivative.
 
     Columns stand in blocks, so that each velocity is as far behind its position: the distance that most pairs have.
-
-    Args:
-        columns: All but the time.
-        seconds: Of the rows; without, a derivative may be of any size, the same for all.
+    Where rows have no `seconds` a derivative may be of any size, the same for all.
     """
     names, rows = list(columns), slice(0, MOST_ROWS)
     if len(names) < 2:

@@ -12,6 +12,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
+from catenary.recording.import_formats.columns import WORDS
 from catenary.recording.import_formats.mapping import SI, Quantity, RecordingMapping
 from catenary.robots.model import RobotModel
 
@@ -25,8 +26,7 @@ _BEYOND = 0.25  # of a joint's range, by which a recording may leave its limits
 _FAR_BEYOND = 3.0  # times a joint's limit, within which a number in rad or m may be an error of it; in deg or mm not
 _END = 0.05  # [rad] by which a range that is one whole turn may miss its ends
 _NEAR = 1.25  # factor within which ranges are taken for the same
-_SLIDING = ("insertion", "prismatic", "slide", "slider", "lift", "linear", "rail", "gantry")
-_TURNING = ("shoulder",)  # a shoulder_lift turns: Universal Robots', LeRobot's
+_SLIDING, _TURNING = (WORDS["words"][key].split() for key in ("sliding", "turning"))
 _IN_WORDS = {"rad": ("rad", "deg"), "m": ("m", "mm")}
 
 
@@ -36,8 +36,7 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     if given is not None:
         units = tuple(unit.strip() for unit in given.split(",") if unit.strip())
         return (units * n if len(units) == 1 else units), "as given", True
-    stated = one.stated_units()
-    if stated is not None:
+    if (stated := one.stated_units()) is not None:
         return stated, "by the names of the columns", True
     if _is_normalised(one):
         return ("rad",) * n, "its numbers look like shares of each joint's range, whose ends nobody states", False
@@ -69,9 +68,8 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         for slide, is_large in zip(slides, large, strict=True)
     )
     moved = "mm, as others are in rad" if in_rad else "deg"
-    why = f"by their range: more than a turn in rad is {moved}" + (
-        "; which slide, by their names" if any(slides) else ""
-    )
+    by_name = "; which slide, by their names" * any(slides)
+    why = f"by their range: more than a turn in rad is {moved}{by_name}"
     named = all(slide for slide, is_large in zip(slides, large, strict=True) if is_large)
     return units, why, is_ros and named
 
@@ -116,8 +114,7 @@ def encoder_units(
     one: Candidate, nominal: Candidate, nominal_in: Sequence[str], given: str | None
 ) -> tuple[Units, str, bool]:
     """Return the units of q_encoder, how they were told, and whether they are sure."""
-    stated = one.stated_units()
-    if stated is not None:
+    if (stated := one.stated_units()) is not None:
         return stated, "by the names of the columns", True
     if given is not None:
         return tuple(nominal_in), "as given", True
@@ -162,10 +159,9 @@ def joint_units_of(
                 f"q_nominal: its units are {', '.join(told)}, {why}, but the joints' are {', '.join(given)}"
             )
         return si, told, True, [f"q_nominal: its units were not stated; taken in {', '.join(told)}: {why}"]
-    for units in mapping.assumed_units:
-        if len(units) == n:
-            note = f"units not stated: took {','.join(units)} (order of RAVEN-II and da Vinci PSM)"
-            return units, None, True, [note]
+    for units in (units for units in mapping.assumed_units if len(units) == n):
+        note = f"units not stated: took {','.join(units)} (order of RAVEN-II and da Vinci PSM)"
+        return units, None, True, [note]
     raise InputError(
         f"{one.stream.name}: the units of its {n} joints are not stated, and not clear; give one of rad, deg, m, mm "
         f"for each of {', '.join(names)}, for example --units {','.join(told)}, or the robot"
@@ -182,9 +178,7 @@ def factors(
     units = _each(f"{name}: units", quantity.units, n)
     scale = np.array(_each(f"{name}: scale", quantity.scale, n) or (1.0,) * n)
     scale = scale * np.array(_each(f"{name}: sign", quantity.sign, n) or (1.0,) * n)
-    if name == "tau":
-        return None, scale
-    if units is None:
+    if name == "tau" or units is None:
         return None, scale
     if "counts" in units and not quantity.scale:
         raise InputError(f"{name}: counts: give the scale, rad or m per count (@counts*SCALE, or scale = ...)")

@@ -1,9 +1,11 @@
 """Columns of a recording that share their rows: a topic of a bag, or a table."""
 
 import re
+import tomllib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,8 @@ from catenary.documents import cut
 from catenary.errors import InputError
 
 MOST_SHOWN = 12  # names that an error lists
+# in names of columns
+WORDS: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "words.toml").read_text())
 _INDEXED = re.compile(r"(?P<base>.*)\[(?P<part>[^\[\]]*)\]\Z", re.DOTALL)
 
 
@@ -35,6 +39,10 @@ class Stream:
     starts: tuple[int, ...] = (0,)  # rows of a table at which a recording begins
     began: float = 0.0  # [s since 1970] at time zero of a table's first recording, where its container says it
     notes: tuple[str, ...] = ()
+
+    def with_column(self, name: str, values: NDArray[Any]) -> "Stream":
+        """Return it with a column in place of its own."""
+        return replace(self, columns={**self.columns, name: values})
 
     def part(self, first: int, last: int) -> "Stream":
         """Return rows from the first to the one before the last, which hold no more in memory than themselves."""

@@ -5,6 +5,7 @@ Read in pieces, so that the memory that a table takes is that of the columns tha
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,12 +17,15 @@ from numpy.typing import NDArray
 
 from catenary.documents import reading
 from catenary.errors import FileFormatError
+from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.import_formats.text_dates import since_midnight
 from catenary.recording.import_formats.text_head import NOTHING, TextColumn, TextHead, read_head
+from catenary.recording.journal import About
 from catenary.recording.parquet_files import ARROW
 from catenary.topics import SECOND
 
 MOST_LINE = 1_000_000  # characters
+SAMPLED_NUMBERS = 4_000_000  # of a table that is not held whole that are looked at
 _LOOKED_AT = 200  # lines by which separator, decimal sign and kinds of columns are told
 _END = 65_536  # [B] at the end of a file that are looked at, too
 _BLOCK = 4 << 20  # [B] that are read at a time
@@ -33,26 +37,53 @@ Block = dict[str, NDArray[Any]]
 
 
 class TextTable:
-    """A table of text, opened: its head was read."""
+    """A table of text whose head was read; its rows are read when they are wanted."""
 
-    def __init__(self, path: Path) -> None:
-        """Read its first and last lines."""
-        self.path, self._size = path, path.stat().st_size
+    about: About | None = None
+    first_arrival = 0
+
+    def __init__(self, path: Path, progress: Callable[[float], object] = lambda done: None) -> None:
+        """Read its first and last lines; `progress` is told the share of the file that was read."""
+        self.path, self._size, self._progress = path, path.stat().st_size, progress
         lines, ends, last, unended = _lines(path)
         self.head: TextHead = read_head(str(path), lines, last, unended)
         self._first_byte = ends[self.head.begins - 1] if self.head.begins else 0
         head, rows = self._first_byte, len(ends) - self.head.begins
-        self.about_rows = round((self._size - head) / max(1.0, (ends[-1] - head) / rows)) if rows else 0
+        self._about_rows = round((self._size - head) / max(1.0, (ends[-1] - head) / rows)) if rows else 0
+        self.counts = {path.stem: self._about_rows}
         self.notes = list(self.head.notes)  # and, once it was read, on rows that were passed over
 
-    def blocks(
-        self, wanted: Collection[str] | None = None, progress: Callable[[float], object] = lambda done: None
-    ) -> Iterator[Block]:
-        """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time.
+    @property
+    def problems(self) -> list[str]:
+        """What was found among the rows; complete once they were read."""
+        return [f"{self.path.stem}: {note}" for note in self.notes[len(self.head.notes) :]]
 
-        Dates become nanoseconds. Whole numbers that a float64 cannot hold, such as stamps in nanoseconds, stay whole.
-        `progress` is told the share of the file that was read.
-        """
+    def sample(self) -> list[Stream]:
+        """Return its first rows."""
+        held, count = list[Stream](), 0
+        for part in self.streams():
+            held.append(part)
+            count += part.rows * len(part.columns)
+            if count >= SAMPLED_NUMBERS:
+                break
+        stream = joined(held)
+        notes = (*stream.notes, f"of about {self._about_rows} rows the first {stream.rows} were looked at")
+        return [replace(stream, rows=self._about_rows, notes=notes)]
+
+    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
+        """Yield columns, some thousand rows at a time."""
+        return ([part] for part in self.streams(wanted[self.path.stem]))
+
+    def streams(self, wanted: Collection[str] | None = None) -> Iterator[Stream]:
+        """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time."""
+        dates = tuple(column.name for column in self.head.columns if column.date is not None)
+        told: dict[str, Any] = {"joints": self.head.joints, "dates": dates, "notes": tuple(self.head.notes)}
+        for block in self.blocks(wanted):
+            columns = {name: v if v.dtype.kind == "i" else v.astype(np.float64) for name, v in block.items()}
+            yield Stream(self.path.stem, "table", columns, len(next(iter(columns.values()))), **told)
+
+    def blocks(self, wanted: Collection[str] | None = None) -> Iterator[Block]:
+        """Yield the same as plain arrays: dates as nanoseconds, whole numbers that no float64 can hold as such."""
         columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
         names = [str(i) for i in range(self.head.width)]
@@ -70,7 +101,8 @@ class TextTable:
             file.seek(self._first_byte)
             for rows in self._rows(file, passed):
                 batches = pa.csv.read_csv(pa.BufferReader(rows), read, parse, convert).combine_chunks().to_batches()
-                progress(min(1.0, file.tell() / self._size))
+                if wanted is not None:  # not of a sample
+                    self._progress(min(1.0, file.tell() / self._size))
                 for batch in batches:
                     yield {column.name: _numbers(column, batch, carried) for column in columns}
         said = [f"{count} {what}" for what, count in passed.items() if count]

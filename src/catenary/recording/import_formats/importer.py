@@ -12,11 +12,10 @@ from catenary.errors import InputError
 from catenary.plant import Joints, MotionLog, joints_text, nameless
 from catenary.plant import places_of as places_of_joints
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
-from catenary.recording.import_formats.column_units import encoder_units, factors, joint_units_of
+from catenary.recording.import_formats.column_units import Units, encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock
-from catenary.recording.import_formats.own_tip import tip_columns, tip_said
 from catenary.recording.import_formats.registration import TrackedPoses
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import times_among
@@ -25,6 +24,8 @@ from catenary.recording.import_formats.tracked_pose import (
     pose_places,
     positions_and_rotations,
     registered,
+    tip_columns,
+    tip_said,
 )
 from catenary.recording.import_formats.whole_turns import in_one_turn, unwrap_columns
 from catenary.recording.series import Series, TopicReport, interpolate
@@ -114,7 +115,6 @@ class Synchronisation:
     log: MotionLog
     topics: tuple[TopicReport, ...]
     without_encoder: int  # rows whose `ok` is not set
-    dropped: int  # rows left out since something that a log must have was not there
     rows: NDArray[np.int64]  # (N,) of q_nominal's stream that each row of the log is
 
 
@@ -158,7 +158,7 @@ def synchronise(
     scaled, jumped = {}, set[str]()
     for key, own in joints.items():
         encoder = _candidate(own.places, sources.streams, names)
-        scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, told, notes)
+        scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, told or units, notes)
         if key in ("q_nominal", "q_encoder", "q_reported"):
             streams, turns = unwrap_columns(streams, own.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
@@ -205,9 +205,9 @@ def synchronise(
     left = () if mapping.name else not_used(sources.streams, columns.wanted)
     notes += [f"not used: {listed(left)}"] * bool(left)
     signals = {
-        (key if values.shape[1] == 1 else f"{key}[{i}]"): (values[whole, i], mapping.signals[key].units)
+        (key if values.shape[1] == 1 else f"{key}[{i}]"): (column[whole], mapping.signals[key].units)
         for key, values in further.items()
-        for i in range(values.shape[1])
+        for i, column in enumerate(values.T)
     }
     time, began = clock.time(whole)
     stated_robot = None if sources.about is None else sources.about.robot
@@ -238,19 +238,13 @@ def synchronise(
     if model is not None:
         in_order = Joints(tuple(name for name in model.joint_names if name in names))
         log = log.in_order_of(in_order, of=f'robot "{model.name}" has')
-    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()), clock.rows_of_base[whole])
+    return Synchronisation(log, clock.reports, int((~log.ok).sum()), clock.rows_of_base[whole])
 
 
 def _scale(
-    key: str,
-    mapping: RecordingMapping,
-    one: Candidate,
-    nominal: Candidate,
-    units: tuple[str, ...],
-    told: tuple[str, ...] | None,
-    notes: list[str],
+    key: str, mapping: RecordingMapping, one: Candidate, nominal: Candidate, units: Units, told: Units, notes: list[str]
 ) -> Floats:
-    """Return what turns a quantity's columns into SI (n,): as the mapping states it, or as they tell."""
+    """Return what turns a quantity's columns into SI (n,): as the mapping states it, they tell, or q_nominal's do."""
     quantity, n = getattr(mapping, key), len(units)
     stated, factor = factors(key, quantity, units, n)
     if key == "tau" and not quantity.scale and not mapping.name:
@@ -261,7 +255,7 @@ def _scale(
         return factor * named
     if stated is not None or key == "tau" or mapping.name:
         return factor
-    own = one.stated_units() or told or units
+    own = one.stated_units() or told
     if key == "q_encoder":
         its = (mapping.q_nominal.units * n)[:n] if mapping.q_nominal.units else own
         own, why, is_sure = encoder_units(one, nominal, its, None)
@@ -274,10 +268,9 @@ def _truth_values(streams: dict[str, Stream], places: Sequence[Place]) -> dict[s
     """Return streams with 1 in these columns where they are not 0, else 0, and NaN where they have no number."""
     changed = dict(streams)
     for place in places:
-        columns = dict(changed[place.stream].columns)
-        values = np.asarray(columns[place.column], dtype=np.float64)
-        columns[place.column] = np.where(np.isfinite(values), values != 0.0, np.nan)
-        changed[place.stream] = replace(changed[place.stream], columns=columns)
+        values = changed[place.stream].columns[place.column].astype(np.float64)
+        truths = np.where(np.isfinite(values), values != 0.0, np.nan)
+        changed[place.stream] = changed[place.stream].with_column(place.column, truths)
     return changed
 
 

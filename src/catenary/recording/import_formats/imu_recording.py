@@ -15,28 +15,15 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.columns import Stream, listed, places_of
+from catenary.recording.import_formats.columns import WORDS, Stream, listed, places_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_of, times_among
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
 IMU = "sensor_msgs/Imu"
-# names of x, y, z as drivers and people write them, without case, unit and what separates words; {} is the axis
-_FORCE = (
-    "linearacceleration{}", "a{}", "acc{}", "accel{}", "acceleration{}", "accelerometer{}", "f{}", "uncompaccel{}",
-    "scaledaccel{}", "imuacc{}", "specificforce{}",
-)  # fmt: skip
-_RATE = (
-    "angularvelocity{}", "g{}", "w{}", "gyro{}", "rate{}", "gyroscope{}", "gyr{}", "uncompgyro{}", "scaledgyro{}",
-    "imugyro{}", "angularrate{}", "omega{}",
-)  # fmt: skip
-_STRIPPED = ("freeacc{}", "lia{}", "useraccel{}")  # accelerations from which the driver has taken gravity away
+_FORCE, _RATE, _STRIPPED = (WORDS["inertial"][key].split() for key in ("force", "rate", "stripped"))
 # a unit behind a name: "Accelerometer X (g)", "gyro_x [deg/s]", "accel_x_mg"
 _UNIT = re.compile(r"[ _]*[(\[]\s*(?P<unit>[^)\]]+?)\s*[)\]]\s*$|[_ ](?P<tail>m_s2|mps2|rad_s|radps|deg_s|dps|mg|g)$")
-_SPELT = {
-    "m/s^2": "m/s2", "m/s²": "m/s2", "m/s/s": "m/s2", "m_s2": "m/s2", "mps2": "m/s2", "rad_s": "rad/s",
-    "radps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "°/s": "deg/s",
-}  # fmt: skip
 _LEAST = 10  # readings
 _BURST = 0.2  # of the mean step: more than half of them shorter, and stamps are those of bursts that came together
 
@@ -68,7 +55,6 @@ def read_imu(
     """Read the readings of an inertial unit.
 
     Args:
-        path: A bag (.bag, .mcap, .db3), or a table (.csv, .parquet, .npz, .mat) with a column of time.
         topic: Of a bag with several Imu topics.
         columns: Of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without.
         time: Of a table: the column of time, and its unit behind an @ (t_us@us); told by names and steps when None.
@@ -142,9 +128,8 @@ def _spread(seconds: Floats) -> tuple[Floats, str]:
         return seconds, ""
     last = np.append(steps >= _BURST * mean, True)  # of a burst, whose readings end at its stamp
     ends = np.flatnonzero(last)
-    even: Floats = np.interp(
-        np.arange(len(seconds)), np.append(0, ends[ends > 0]), seconds[np.append(0, ends[ends > 0])]
-    )
+    known = np.append(0, ends[ends > 0])
+    even: Floats = np.interp(np.arange(len(seconds)), known, seconds[known])
     return even, f"; stamps come in bursts of {len(seconds) / len(ends):.1f}, spread evenly"
 
 
@@ -168,15 +153,10 @@ def _named(stream: Stream, patterns: Sequence[str], *, required: bool) -> list[s
             return [name for name in names if name is not None]
     if not required:
         return []
+    why = "no columns of an accelerometer such as ax, ay, az: name them with --columns"
     if any(pattern.format("x") in plain for pattern in _STRIPPED):
-        raise InputError(
-            f"{stream.name}: accelerations without gravity ({listed(list(stream.columns))}): record the "
-            "accelerometer's own, raw"
-        )
-    raise InputError(
-        f"{stream.name}: no columns of an accelerometer such as ax, ay, az; it has {listed(list(stream.columns))}; "
-        "name them with --columns"
-    )
+        why = "accelerations without gravity: record the accelerometer's own, raw"
+    raise InputError(f"{stream.name}: {why}; it has {listed(list(stream.columns))}")
 
 
 def _plain(name: str) -> str:
@@ -190,7 +170,7 @@ def _scale(name: str, patterns: Sequence[str]) -> float:
     if found is None:
         return 1.0
     text = (found["unit"] or found["tail"]).lower().replace(" ", "")
-    unit = _SPELT.get(text, text)
+    unit = WORDS["inertial"]["spelt"].get(text, text)
     choices = RATE_UNITS if patterns is _RATE else ACCELERATION_UNITS
     if unit not in choices:
         raise InputError(f'column "{cut(name)}": unit "{text}": expected one of {", ".join(choices)}; or say --units')

@@ -20,7 +20,7 @@ from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.import_formats.importer import NoRowError, columns_wanted, synchronise
 from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.import_formats.sources import LongText, Sources
+from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_of
 from catenary.robots.model import RobotModel
 
@@ -34,17 +34,16 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
 
     Notes of a piece are those of all before it, too. Whole turns and time go on from one piece to the next.
     """
-    container = sources.in_parts
     pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
     registers = pose is not None and None in (pose.T_base_tracker, pose.T_marker_frame)
-    if container is None or registers:  # a piece would be registered elsewhere than another
+    if registers or not sources.is_in_parts:  # a piece would be registered elsewhere than another
         yield synchronise(sources, mapping, model=model).log
         return
     wanted = columns_wanted(sources, mapping)
     said: dict[str, dict[str, None]] = {}  # notes, by what they say but for numbers
     told = ""
-    if isinstance(container, LongText):
-        sample = sources.streams[0]
+    sample = sources.streams[0]
+    if sample.type == "table":
         time = time_of(sample, mapping.time, mapping.time_unit, mapping.rate_hz)
         if time is not None and time.column:
             mapping = mapping.model_copy(update={"time": (time.column,), "time_unit": time.unit})
@@ -53,10 +52,10 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
             said[told] = {f"{sample.name}: {time.said}": None}
     before: tuple[MotionLog, NDArray[np.int64]] | None = None
     measured = repeated = 0
-    for first, last, begin, streams in _windows(container.parts(wanted), wanted):
+    for first, last, begin, streams in _windows(sources.parts(wanted), wanted):
         piece = sources.holding(streams)
         if first == begin == 0 and last is None:
-            piece.notes += container.problems
+            piece.notes += sources.problems
             yield synchronise(piece, mapping, model=model).log
             return
         where = f"rows {begin + 1} to {begin + streams[0].rows}: "
@@ -74,7 +73,7 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
         for note in [note for note in log.notes if not told or not note.startswith(told)]:
             said.setdefault(_shape(note), {})[where + note if _COUNTS.search(note) else note] = None
         measured, repeated = measured + int(log.ok[inside].sum()), repeated + log.repeated
-        notes = (*map(_in_words, said.values()), *container.problems)
+        notes = (*map(_in_words, said.values()), *sources.problems)
         yield replace(log.part(int(inside[0]), int(inside[-1]) + 1), notes=notes, repeated=repeated)
     if before is None or (before[0].q_encoder is not None and not measured):
         raise InputError("; ".join([f"{sources.paths[0]}: no usable row", *map(_in_words, said.values())]))

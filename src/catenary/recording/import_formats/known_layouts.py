@@ -1,48 +1,60 @@
 """Layouts that need no mapping from their reader: each is a mapping in TOML, recognised by the files it is of.
 
 RAVEN-II's topics and its 252 columns, a PSM's topics, command logs, positions and torques, RAVEN-II's recorded state.
+
+A row of RAVEN-II's CSV is a raven_state message with the samples of ext_jpos and measured_js nearest to it in time,
+each with its own stamp. Degrees trap: everything from raven_state is as published, positions and velocities times
+180/pi, metres of insertion too; ext_jpos and measured_js are rad and m. raven2/data/columns.toml says which is which.
 """
 
+import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
+from catenary.config import parse_settings
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
 from catenary.plant import MotionLog, nameless, places_of
-from catenary.raven2.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, ROBOT, Arm
+from catenary.raven2.topics import (
+    EXT_JPOS,
+    RAVENSTATE,
+    RAVENSTATE_100HZ,
+    ROBOT,
+    STATE_COLUMNS,
+    Arm,
+    further_columns,
+    measured_topic,
+)
+from catenary.raven2.transmission import CALIBRATED, COUPLING, JOINT_TORQUE
 from catenary.recording.bag_reader import open_recordings
+from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.importer import Synchronisation, synchronise
-from catenary.recording.import_formats.mapping import layout_mapping
-from catenary.recording.import_formats.raven_recordings import raven_table, read_raven
+from catenary.recording.import_formats.mapping import RecordingMapping, layout_mapping
 from catenary.recording.import_formats.sources import Sources, is_bag
-from catenary.recording.import_formats.table_files import streams_of_arrays
+from catenary.recording.import_formats.table_files import read_table_file, streams_of_arrays
 from catenary.recording.parquet_files import open_parquet
 from catenary.robots.model import RobotModel
+from catenary.topics import SECOND
 
 _STATE_ARRAYS = {"t", "jpos", "jpos_d", "pos", "pos_d"}
 
 
-@dataclass(frozen=True)
-class Layout:
-    """A layout that was recognised."""
-
-    name: str
-    needs_robot: bool = False  # whose joints' names and units the file lacks
-
-
-MOTION_LOG = Layout("catenary's motion log")
-RAVEN_CSV = Layout("RAVEN-II's published CSV")
-COMMAND_LOG = Layout("commanded and measured joints (q_des, q_act, ok)")
-TORQUE_LOG = Layout("positions and torques (q, tau, and dq, fs or t)", needs_robot=True)
-RAVEN_BAG = Layout("RAVEN-II's topics: raven_state and the external encoders")
-RAVEN_STATE = Layout("RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)")
+MOTION_LOG = "catenary's motion log"
+RAVEN_CSV = "RAVEN-II's published CSV"
+COMMAND_LOG = "commanded and measured joints (q_des, q_act, ok)"
+TORQUE_LOG = "positions and torques (q, tau, and dq, fs or t)"  # whose joints' names and units the robot has
+RAVEN_BAG = "RAVEN-II's topics: raven_state and the external encoders"
+RAVEN_STATE = "RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)"
 
 
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
@@ -54,32 +66,25 @@ def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
     return synchronise(Sources(paths), layout_mapping("recording/dvrk_psm", namespace=f"/{namespace.strip('/')}"))
 
 
-def layout_of_files(paths: Sequence[Path]) -> Layout | None:
+def layout_of_files(paths: Sequence[Path]) -> str | None:
     """Return which known layout the files of a recording have; None for another, which needs a mapping."""
-    if not paths or not all(is_bag(path) and path.exists() for path in paths):
-        return layout_of_file(paths[0]) if len(paths) == 1 else None
-    try:
-        topics = {tuple(topic) for source in open_recordings(paths) for topic in source.topics}
-    except FileFormatError:
+    if paths and all(is_bag(path) and path.exists() for path in paths):
+        try:
+            topics = {tuple(topic) for source in open_recordings(paths) for topic in source.topics}
+        except FileFormatError:
+            return None
+        is_there = [(topic.name, topic.type) in topics for topic in (RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS)]
+        return RAVEN_BAG if is_there in ([True, False, True], [False, True, True]) else None
+    if len(paths) != 1 or not paths[0].is_file():
         return None
-    is_there = [(topic.name, topic.type) in topics for topic in (RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS)]
-    return RAVEN_BAG if is_there in ([True, False, True], [False, True, True]) else None
-
-
-def layout_of_file(path: Path) -> Layout | None:
-    """Return which known layout a file has; None for another, which needs a mapping."""
-    if not path.is_file():
-        return None
-    ending = table_ending(path)
+    path, ending = paths[0], table_ending(paths[0])
     if ending == ".parquet":
         return MOTION_LOG if b"catenary" in (open_parquet(path).schema_arrow.metadata or {}) else None
     if ending == ".csv":
         with path.open("rb") as file:
             width = file.readline(100_000).count(b",") + 1
         return RAVEN_CSV if width in raven_table()["widths"] else None
-    if ending != ".npz":
-        return None
-    names = set(read_arrays(path))
+    names = set(read_arrays(path)) if ending == ".npz" else set[str]()
     if {"q_des", "q_act", "ok"} <= names:
         return COMMAND_LOG
     if "q" in names and names & {"tau", "effort"}:
@@ -88,7 +93,7 @@ def layout_of_file(path: Path) -> Layout | None:
 
 
 def read_layout(
-    paths: Sequence[Path], layout: Layout, *, model: RobotModel | None = None, units: Sequence[str] | None = None
+    paths: Sequence[Path], layout: str, *, model: RobotModel | None = None, units: Sequence[str] | None = None
 ) -> MotionLog:
     """Read a recording of a known layout, but a motion log.
 
@@ -99,13 +104,9 @@ def read_layout(
         arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
         log = read_raven(paths, arm=arm).log
         return replace(log, name=path.stem)
-    if layout is TORQUE_LOG:
-        if model is None:
-            raise FileFormatError(
-                f"{path}: has {layout.name}, and states neither names nor units of its joints; give the robot"
-            )
+    if layout == TORQUE_LOG and model is not None:
         return read_torques(path, model)
-    if layout is RAVEN_STATE:
+    if layout == RAVEN_STATE:
         return synchronise(Sources(paths), layout_mapping("raven2/state")).log
     if model is not None:
         return read_commands(path, units=units or model.joint_units, joint_names=model.joint_names)
@@ -201,3 +202,106 @@ def _require_rows(
             raise FileFormatError(f"{path}: {name}: expected numbers, got {content[name].dtype}")
         if content[name].shape != shape:
             raise FileFormatError(f"{path}: {name}: expected shape {shape}, got {content[name].shape}")
+
+
+@cache
+def raven_table() -> dict[str, Any]:
+    """Return the layout: `widths`, and the topics that stand one behind the other in a row."""
+    return tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text())
+
+
+def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = ()) -> Synchronisation:
+    """Bring a RAVEN-II's encoders onto the stamps of its raven_state.
+
+    A row is a raven_state message: `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
+    joint, `q_encoder` ext_jpos. Signals are q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel,
+    and the further columns that are asked for, such as ("mpos", "encVals"), or ("all",). measured_js, which repeats
+    jpos, is only reported on.
+    """
+    further = further_columns(columns, arm)
+    is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
+    sources = raven_columns(paths[0]) if is_table else Sources(paths)
+    there = {stream.name for stream in sources.streams}
+    states = [topic.name for topic in (RAVENSTATE, RAVENSTATE_100HZ) if topic.name in there]
+    if len(states) > 1:
+        raise FileFormatError(f"{paths[0]}: has {' and '.join(states)}; expected one")
+    state = states[0] if states else RAVENSTATE.name
+    mapping = layout_mapping(
+        "raven2/topics",
+        state=state,
+        arm=arm,
+        robot="" if is_table else ROBOT[arm],
+        measured_js=measured_topic(arm).name,
+        coupling=COUPLING.tolist(),
+        cable_scale=[JOINT_TORQUE[joint] for joint in CALIBRATED],
+        **{f"{joint}_scale": JOINT_TORQUE[joint] for joint in JOINT_TORQUE if joint not in CALIBRATED},
+    )
+    signals = {
+        name: {"columns": [f"{state}.{column}"], "units": unit, "optional": True}
+        for name, (column, unit) in further.items()
+    }
+    content = mapping.model_dump(mode="json", exclude_unset=True)
+    content |= {"signals": content["signals"] | signals}
+    return synchronise(sources, parse_settings(content, RecordingMapping, "raven2.toml"))
+
+
+def raven_columns(path: Path) -> Sources:
+    """Open RAVEN-II's published CSV as the topics that it was made from, in SI."""
+    (read,) = read_table_file(path)
+    widths = raven_table()["widths"]
+    if len(read.columns) not in widths:
+        raise FileFormatError(
+            f"{path}: {len(read.columns)} columns of numbers, expected RAVEN-II's {widths[0]}, or {widths[1]} with "
+            f"force; `catenary import {path}` proposes how to read others"
+        )
+    table = np.column_stack(list(read.columns.values())).astype(np.float64)
+    parts, first = {}, 0
+    for topic in raven_table()["topics"]:
+        width = 1 + sum(count for _, count in topic["columns"])
+        parts[topic["name"]] = topic, table[:, first : first + width]
+        first += width
+    state = parts[RAVENSTATE.name][1][:, 0]
+    origin = float(state[0])  # stamps count from the same instant, whichever that is
+    began = round(origin * SECOND) if abs(origin) < 9e9 else 0
+    streams = []
+    for topic, numbers in (part for part in parts.values() if part[1].shape[1]):
+        stamp = numbers[:, 0] - (origin if "stamp_from" not in topic else 0.0)
+        stamp = state - origin if topic.get("stamp_from") == "its row" else stamp
+        streams += _part(path, topic, stamp, numbers[:, 1:], began)
+    return Sources.of([path], streams)
+
+
+def _part(
+    path: Path, topic: Mapping[str, Any], seconds: NDArray[Any], numbers: NDArray[Any], began: int
+) -> list[Stream]:
+    """Return a topic of the published CSV, if it is there; a sample that stands in two rows is one."""
+    is_state = topic["name"] == RAVENSTATE.name
+    with np.errstate(invalid="ignore"):
+        timed = np.abs(seconds) < 9e9
+    if is_state and not timed.all():
+        raise FileFormatError(f"{path}: the stamp of {topic['name']} is not finite, or spans more than 9e+09 s")
+    if not is_state:
+        timed &= np.isfinite(numbers).all(axis=1)
+        same = (seconds[1:] == seconds[:-1]) & (numbers[1:] == numbers[:-1]).all(axis=1)
+        timed[1:] &= ~same
+    if not timed.any():
+        if topic["name"] == EXT_JPOS.name:
+            raise InputError(f"{path}: columns 0 to 3, ext_jpos, are finite in no row")
+        return []
+    known = STATE_COLUMNS if is_state else {}
+    columns: dict[str, NDArray[Any]] = {}
+    first = 0
+    for name, width in topic["columns"]:
+        values = numbers[timed, first : first + width]
+        labels = [str(i) for i in range(width)] if name != "force" else list("xyz")
+        if name in known:
+            labels = list(known[name].labels)
+            # a float32 written shortest is not the same number when read as a float64
+            if not known[name].whole and name not in ("pos", "pos_d"):
+                with np.errstate(over="ignore"):  # beyond a float32 is infinite, and the row is left out
+                    values = values.astype(np.float32).astype(np.float64)
+            values = values * known[name].to_si
+        columns |= {f"{name}[{x}]" if x else name: v for x, v in zip(labels, values.T, strict=True)}
+        first += width
+    stamp = began + np.rint(seconds[timed] * SECOND).astype(np.int64)
+    return [Stream(topic["name"], topic["type"], columns, len(stamp), stamp)]

@@ -91,10 +91,8 @@ class Quantity(Settings):
     def _checked(self) -> "Quantity":
         if bool(self.columns) == (self.pose is not None):
             raise ValueError("expected columns, or a pose")
-        if any(sign not in (-1.0, 1.0) for sign in self.sign):
-            raise ValueError("sign: expected 1 or -1 for each joint")
-        if any(scale == 0.0 for scale in self.scale):
-            raise ValueError("scale: expected numbers that are not 0")
+        if not {*self.sign} <= {-1.0, 1.0} or 0.0 in self.scale:
+            raise ValueError("expected a sign of 1 or -1 for each joint, and no scale of 0")
         return self
 
 
@@ -164,14 +162,11 @@ def mapping_of(
     units: str | None = None,
     settings: Mapping[str, object] | None = None,
 ) -> RecordingMapping | None:
-    """Return the mapping that options give, on top of a file's; None where there is neither.
+    """Return the mapping that options give, on top of a file's, or of its content; None where there is none of them.
 
-    Args:
-        options: Such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid",
-            "time=t@ms" or "signal:force=/ati.wrench.force.x@N". A minus turns a column round; units follow an @.
-        content: A mapping as a file has it.
-        units: Of the joints, where an option has none: one, or one per joint.
-        settings: Further keys, such as robot; those that are None are left out.
+    Options are such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid", "time=t@ms" or
+    "signal:force=/ati.wrench.force.x@N". A minus turns a column round; units follow an @. `units` of the joints, one or
+    one per joint, are those of options that have none. Further keys, such as robot, are left out where they are None.
     """
     own = {key: value for key, value in (settings or {}).items() if value is not None}
     if not options and file is None and content is None:
@@ -201,21 +196,15 @@ def _take(option: str, content: dict[str, Any]) -> None:
     if found is None:
         raise ConfigError(f"--map {cut(option)}: expected QUANTITY=COLUMNS, QUANTITY one of {', '.join(names)}")
     quantity, text = found["quantity"], found["columns"]
-    columns, at, units = text.rpartition("@")
-    if not at:
-        columns, units = text, ""
+    columns, _, units = text.rpartition("@") if "@" in text else (text, "", "")
     listed = words_of(columns)
     if quantity == "signal" and found["signal"]:
         signal = {"columns": listed, "units": units}
         content.setdefault("signals", {})[found["signal"].strip()] = signal
     elif quantity in JOINT_QUANTITIES:
         content[quantity] = {"columns": listed, **_units_and_scales(option, units)}
-    elif quantity == "ok":
-        content["ok"] = listed
-    elif quantity == "time":
-        content["time"] = listed
-        if units:
-            content["time_unit"] = units
+    elif quantity in ("ok", "time"):
+        content |= {quantity: listed} | ({"time_unit": units} if quantity == "time" and units else {})
     else:
         raise ConfigError(f"--map {cut(option)}: no quantity {cut(quantity)}; expected one of {', '.join(names)}")
 

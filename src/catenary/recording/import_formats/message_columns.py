@@ -18,14 +18,13 @@ from rosbags.typesys import Stores, get_typestore
 
 from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_reader import open_recording
+from catenary.recording.bag_records import Block
 from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
+from catenary.recording.layout import COUNT, Encoding, FieldsOf, columns_of_type, read_messages
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name, types_of
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.recording.topic_samples import columns_of_type
 from catenary.topics import SECOND, TopicColumn
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
@@ -308,10 +307,8 @@ def fields_by_definition(
         if name not in deepest:
             if ros2_name(name) not in types:
                 raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
-            known[name] = tuple(
-                each._replace(type=_SAME.get(each.type, current_name(each.type)))
-                for each in fields_of(types[ros2_name(name)][1])
-            )
+            own = fields_of(types[ros2_name(name)][1])
+            known[name] = tuple(each._replace(type=_SAME.get(each.type, current_name(each.type))) for each in own)
             inner = {f.type for f in known[name]} - set(NUMBERS) - {*TIMES, "string"}
             strange = sorted(kind for kind in inner if "/" not in kind)
             if strange:

@@ -6,7 +6,7 @@ read on the straight line between their two neighbours in time.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,12 @@ class OneClock:
         elif mapping.stamps == "arrival" and any(came is not None for came in stamps.arrival.values()):
             stamps.notes.append("arrival times were taken, as asked")
         self._series = found
+        # the part that each column of a quantity is of, and its place in it
+        self._where: dict[str, list[tuple[tuple[str, str], int]]] = {}
+        for key, places in quantities.items():
+            parts = [(place.stream, key if (place.stream, key) in found else "") for place in places]
+            columns = [self._columns[part].index(place.column) for part, place in zip(parts, places, strict=True)]
+            self._where[key] = list(zip(parts, columns, strict=True))
         series = found[self.base, ""]
         self.repeated = series.report.repeated
         table = stamps.table.get(self.base)
@@ -104,8 +110,8 @@ class OneClock:
         None where stamp and arrival are the same, which says nothing of either.
         """
         found = {}
-        for key, places in self._quantities.items():
-            one = self._series[self._part(key, places[0])]
+        for key, where in self._where.items():
+            one = self._series[where[0][0]]
             if np.isfinite(one.report.clock_offset) and one.report.clock_offset != 0.0 and len(one.stamp) > 1:
                 step = float(np.median(np.diff(one.stamp))) / SECOND
                 found["q_encoder" if key == "pose" else key] = (one.report.clock_offset, step)
@@ -126,40 +132,28 @@ class OneClock:
 
     def rows(self, key: str) -> Floats:
         """Return a quantity at the stamps of q_nominal, (N, k); NaN in gaps."""
-        return np.column_stack([self._column(key, place) for place in self._quantities[key]])
+        for part in {part for part, _ in self._where[key]} - self._at.keys():
+            series = self._series[part]
+            same = part == (self.base, "")
+            self._at[part] = series.values if same else interpolate(series, self.stamp, self._gap(series))
+        return np.column_stack([self._at[part][:, column] for part, column in self._where[key]])
 
     def samples(self, key: str) -> Series | None:
         """Return a quantity at its own stamps; None where its columns are of several streams."""
-        places = self._quantities[key]
-        if len({place.stream for place in places}) != 1:
+        (first, _), *others = self._where[key]
+        if any(part != first for part, _ in others):
             return None
-        series = self._series[self._part(key, places[0])]
-        values = np.column_stack([series.values[:, self._index(key, place)] for place in places])
-        return Series(series.stamp, values, series.report)
+        series = self._series[first]
+        return Series(series.stamp, series.values[:, [column for _, column in self._where[key]]], series.report)
 
     def gap(self, key: str) -> float:
         """Return how far apart two samples may be that are interpolated between [s]; more for a slow stream."""
-        return self._gap(self._series[self._part(key, self._quantities[key][0])])
+        return self._gap(self._series[self._where[key][0][0]])
 
     def _gap(self, series: Series) -> float:
         steps = np.diff(series.stamp)
         most = self._mapping.max_gap_s
         return max(most, WIDE * float(np.median(steps)) / SECOND) if len(steps) else most
-
-    def _part(self, key: str, place: Place) -> tuple[str, str]:
-        return (place.stream, key) if (place.stream, key) in self._series else (place.stream, "")
-
-    def _index(self, key: str, place: Place) -> int:
-        return self._columns[self._part(key, place)].index(place.column)
-
-    def _column(self, key: str, place: Place) -> Floats:
-        part = self._part(key, place)
-        if part not in self._at:
-            series = self._series[part]
-            same = part == (self.base, "")
-            self._at[part] = series.values if same else interpolate(series, self.stamp, self._gap(series))
-        column: Floats = self._at[part][:, self._index(key, place)]
-        return column
 
     def _clean(self, streams: Mapping[str, Stream], stamps: _Stamps) -> dict[tuple[str, str], Series]:
         """Return the samples of each stream, or part of a table with rows of its own, the base first."""
@@ -181,15 +175,10 @@ class OneClock:
                     raise InputError(f"{name}: no row has a time")
                 # the last column is the row as it was read
                 values = [*(stream.columns[column][index] for column in columns), index]
-                series = clean_series(
-                    f"{name} ({part})" if part else name,
-                    stamp[index],
-                    np.column_stack(values).astype(np.float64),
-                    max_gap=self._mapping.max_gap_s,
-                    arrival=None if arrival is None else arrival[index],
-                    span=span,
-                    clock_steps=steps,
-                )
+                numbers, called = np.column_stack(values).astype(np.float64), f"{name} ({part})" if part else name
+                came = None if arrival is None else arrival[index]
+                known: dict[str, Any] = {"max_gap": self._mapping.max_gap_s, "span": span, "clock_steps": steps}
+                series = clean_series(called, stamp[index], numbers, arrival=came, **known)
                 gaps = tuple(gap for gap in series.report.gaps if gap[1] < 0.9 * _BETWEEN)
                 found[name, part] = replace(series, report=replace(series.report, gaps=gaps))
                 self._columns[name, part] = columns
@@ -214,15 +203,14 @@ class OneClock:
             for key, columns in of.items()
         }
         if BASE not in of:
-            parts = {key: (columns, there[key]) for key, columns in of.items() if there[key].any()}
+            parts = {key: (columns, there[key] if there[key].any() else every) for key, columns in of.items()}
             return parts or {"": (together, every)}
         base = there[BASE]
-        apart = [
-            key
-            for key, rows in there.items()
-            if rows.any()
-            and ((base & ~rows).sum() > OTHER_RATE * base.sum() or (rows & ~base).sum() > OTHER_RATE * rows.sum())
-        ]
+
+        def lacks(some: NDArray[np.bool_], others: NDArray[np.bool_]) -> bool:
+            return bool((some & ~others).sum() > OTHER_RATE * some.sum())
+
+        apart = [key for key, rows in there.items() if rows.any() and (lacks(base, rows) or lacks(rows, base))]
         if not apart or not base.any():
             return {"": (together, every)}
         stamps.notes.append(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.recording.import_formats.columns import Stream, arrays_of, ends
+from catenary.recording.import_formats.columns import WORDS, Stream, arrays_of, ends
 from catenary.recording.import_formats.table_time import is_nameless
 
 # of geometry_msgs/Pose and Transform, and of what trackers' exports are read as
@@ -17,17 +17,6 @@ _POINTS = ("position", "translation", "point")
 _TRACKERS = re.compile(r"marker|track|ndi|polaris|aurora|atracsys|optitrack|motive|vicon|mocap|rigid", re.IGNORECASE)
 _ARM = re.compile(r"/(PSM|MTM|ECM|SUJ)\w*|/arm\d", re.IGNORECASE)  # of the dVRK and the RAVEN-II
 _UNIT = re.compile(r"(?:[ _]|(?=[\[(]))[\[(]?(mm|cm|m|deg|rad)[\])]?\Z")  # behind the name of a table's column
-_POSITIONS = ("x y z", "tx ty tz", "px py pz", "pos_x pos_y pos_z", "position_x position_y position_z")
-_TURNS = (  # names of a table's columns, how a mapping calls them, and what may be wrong about that
-    ("qx qy qz qw", "xyzw", ""),
-    ("quat_x quat_y quat_z quat_w", "xyzw", ""),
-    ("orientation_x orientation_y orientation_z orientation_w", "xyzw", ""),
-    ("q0 qx qy qz", "wxyz", ""),
-    ("rx ry rz", "vector", "axis times angle, as a UR says its tool, or angles about axes"),
-    ("roll pitch yaw", "xyz", "turns about fixed axes, roll first, as ROS has them, or of another order"),
-    ("a b c", "ZYX", "turns as KUKA has them, about z, y and x that turn with it, or of another order"),
-    ("", "xyzw", ""),
-)
 _FAR = 20.0  # beyond which a position is in mm, no tracker seeing so far in m
 _SENT_AWAY = 1e6  # numbers by which a tracker says that it saw nothing
 _LARGEST_TURN = 7.0  # beyond which an angle is in deg
@@ -110,7 +99,7 @@ def _by_names(stream: Stream, taken: Collection[str]) -> list[PoseColumns]:
     if len(names) == 8 and is_nameless(stream) and is_turn(names[4:]):  # TUM's trajectories: time, position, quaternion
         return [PoseColumns(names[1:], names[1:])]
     bare = {_UNIT.sub("", name.lower()): name for name in names}
-    for (turns, orientation, doubt), position in product(_TURNS, _POSITIONS):
+    for (turns, orientation, doubt), position in product(WORDS["poses"]["turns"], WORDS["poses"]["positions"]):
         words = f"{position} {turns}".split()
         for stem in [name.removesuffix(words[0]) for name in bare if re.search(rf"(\A|[ ._/:]){words[0]}\Z", name)]:
             columns = tuple(bare[stem + word] for word in words if stem + word in bare)

@@ -9,14 +9,7 @@ import numpy as np
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import InputError
-from catenary.recording.import_formats.column_groups import (
-    Candidate,
-    Kind,
-    Role,
-    candidates_of,
-    moving_columns,
-    ok_columns,
-)
+from catenary.recording.import_formats.column_groups import Candidate, Role, candidates_of, moving_columns, ok_columns
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
 from catenary.recording.import_formats.columns import Stream, ends, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import SI, RecordingMapping, words_of
@@ -84,16 +77,13 @@ def propose(
 ) -> Proposal:
     """Propose which columns are which quantity: by type, name, rate and range.
 
-    Args:
-        robot: Catalogue name or file: units of the joints.
-        units: Of the joints: of q_nominal, and of q_encoder where the names of its columns say none.
-        answers: To questions that were left open, by what they are about.
+    `units` are of q_nominal, and of q_encoder where the names of its columns say none; answers to questions that were
+    left open stand by what they are about.
     """
     draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
     found = candidates_of(sources.streams)
-    for one in [one for one in found if not one.moves]:
-        draft.decisions.append(f"{one.name} never changes, and was set aside")
+    draft.decisions += [f"{one.name} never changes, and was set aside" for one in found if not one.moves]
     found = [one for one in found if one.moves]
     nominal, encoder = _positions(found, sources.streams, draft)
     if encoder is not None and encoder.is_potentiometer:
@@ -108,8 +98,7 @@ def propose(
         nominal = _some_of(nominal, model.n, "q_nominal", f"are the joints of {model.name}", draft)
         if encoder is not None and len(encoder.columns) == len(every):
             encoder = encoder.part([encoder.columns[every.index(column)] for column in nominal.columns])
-    if robot is not None:
-        draft.top.append(f"robot = {_text(robot)}")
+    draft.top += [] if robot is None else [f"robot = {_text(robot)}"]
     if nominal is not None:
         chosen, why, is_sure = nominal_units(nominal, model, units)
         chosen, why = (chosen, why) if is_sure else _asked_units("q_nominal", chosen, why, draft)
@@ -132,16 +121,10 @@ def propose(
     left = not_used(sources.streams, draft.used)
     draft.decisions += [f"not used: {listed(left)}"] * bool(left)
     unheard = [about for about in draft.answers if about not in draft.heard]
-    if unheard:
-        raise InputError(
-            f"--answer {unheard[0]}: the proposal does not ask this"
-            + (
-                f": {'; '.join(_in_words(*each) for each in draft.questions.items())}"
-                if draft.questions
-                else "; nothing is open: leave --answer out and say --yes, or name columns and units by --map"
-            )
-        )
     questions = tuple(_in_words(*each) for each in draft.questions.items())
+    if unheard:
+        none = "nothing is open: leave --answer out and say --yes, or name columns and units by --map"
+        raise InputError(f"--answer {unheard[0]}: the proposal does not ask this: {'; '.join(questions) or none}")
     return Proposal(_toml(draft), tuple(draft.decisions), questions, left)
 
 
@@ -267,10 +250,7 @@ def _same_joints(nominal: Candidate, truth: Candidate, draft: _Draft) -> tuple[C
     if all(truth.joints) and all(nominal.joints):
         shared = [joint for joint in nominal.joints if joint in truth.joints]
         if shared and set(shared) in (set(truth.joints), set(nominal.joints)):
-            both = tuple(
-                one.part([one.columns[one.joints.index(joint)] for joint in shared]) for one in (nominal, truth)
-            )
-            return both[0], both[1]
+            return nominal.of_joints(shared), truth.of_joints(shared)
         draft.ask(
             "joints",
             f"which joints of {truth.name} ({', '.join(truth.joints)}) are which of {nominal.name} "
@@ -298,11 +278,10 @@ def _some_of(one: Candidate, count: int, quantity: str, why: str, draft: _Draft)
 
 def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> None:
     """Add velocity and effort of the same stream and joints."""
-    names: tuple[tuple[Kind, str], ...] = (("velocity", "qd"), ("effort", "tau"))
-    for kind, quantity in names:
+    for kind, quantity in (("velocity", "qd"), ("effort", "tau")):
         of_kind = [one for one in found if one.kind == kind and one.stream.name == nominal.stream.name]
         same = [one for one in of_kind if set(nominal.joints) <= set(one.joints) and all(nominal.joints)]
-        parts = [one.part([one.columns[one.joints.index(joint)] for joint in nominal.joints]) for one in same]
+        parts = [one.of_joints(nominal.joints) for one in same]
         parts = parts or [one for one in of_kind if len(one.columns) == len(nominal.columns)]
         if nominal.role != "commanded":
             parts = [one for one in parts if one.role != "commanded"] or parts

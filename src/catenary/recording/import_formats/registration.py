@@ -57,6 +57,9 @@ class TrackedPoses(NamedTuple):
         return self.part(np.arange(0, len(self.q), max(1, -(-len(self.q) // most))))
 
 
+PosesAt = Callable[[float], TrackedPoses]  # with what the robot reported so many seconds after their stamps
+
+
 class Estimate(NamedTuple):
     """What is sought."""
 
@@ -138,12 +141,8 @@ def register(
 ) -> TrackerRegistration:
     """Find the transforms that are not given, and the chosen joints' offsets unless their zeros are held.
 
-    Args:
-        tracked: Poses; rows that are not finite are left out.
-        chosen: Joints that were recorded, as indices.
-        frame: The robot's frame that the marker is fixed to; its tip when None.
-        base: T_base_tracker, where it is known.
-        marker: T_frame_marker, where it is known.
+    `chosen` are the joints that were recorded, `frame` is the robot's that the marker is fixed to (its tip when None),
+    `base` T_base_tracker and `marker` T_frame_marker. Rows that are not finite are left out.
     """
     numbers = np.hstack([a.reshape(len(tracked.q), -1) for a in tracked if a is not None])
     seen = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1))).evenly(MOST_POSES)
@@ -177,13 +176,8 @@ def register(
     return kept.with_errors(found, is_told, outliers=int((~near).sum()))
 
 
-def register_in_time(
-    model: RobotModel, poses_at: Callable[[float], TrackedPoses], chosen: Sequence[int], **given: Any
-) -> TrackerRegistration:
-    """Register with the joints at the time that fits the poses best: one speed goes on for some milliseconds only.
-
-    `poses_at` gives the poses with what the robot reported so many seconds after their stamps; others as `register`.
-    """
+def register_in_time(model: RobotModel, poses_at: PosesAt, chosen: Sequence[int], **given: Any) -> TrackerRegistration:
+    """Register with the joints at the time that fits the poses best: one speed goes on for some milliseconds only."""
     late = 0.0
     for _ in range(_RETIMED):
         made = register(model, poses_at(late), chosen, **given)

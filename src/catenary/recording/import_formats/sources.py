@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -15,85 +14,17 @@ from catenary.files import ADVICE, TEXT_ENDINGS, fingerprint, sha256_of, table_e
 from catenary.recording.bag_reader import bags_in, is_bag_file
 from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.import_formats.csv_files import TextTable
-from catenary.recording.import_formats.hdf5_files import is_hdf5, read_hdf5
-from catenary.recording.import_formats.lerobot import is_lerobot, read_lerobot
+from catenary.recording.import_formats.episodes import is_hdf5, is_lerobot, read_hdf5, read_lerobot
 from catenary.recording.import_formats.message_columns import Bag
 from catenary.recording.import_formats.one_clock import APART
-from catenary.recording.import_formats.table_files import read_table_file, stream_of_text
-from catenary.recording.import_formats.tracker_files import is_tracker_file
+from catenary.recording.import_formats.table_files import is_tracker_file, read_table_file
 from catenary.recording.journal import About, same_origin
 from catenary.topics import SECOND
 
 LONG_TEXT = 64 << 20  # [B] from which a text table is not held whole
-SAMPLED_NUMBERS = 4_000_000  # of it that are looked at
 _NAMELESS = (".mat", ".npy", ".txt")  # tables that no layout is of
 
 Progress = Callable[[float], object]
-
-
-class LongText:
-    """A text table whose first rows are looked at, and of which columns are read when they are wanted."""
-
-    about: About | None = None
-
-    def __init__(self, path: Path, progress: Progress) -> None:
-        """Open it."""
-        self.table, self._progress = TextTable(path), progress
-        self.counts = {path.stem: self.table.about_rows}
-
-    @property
-    def problems(self) -> list[str]:
-        """What was found among the rows; complete once they were read."""
-        return [f"{self.table.path.stem}: {note}" for note in self.table.notes[len(self.table.head.notes) :]]
-
-    def sample(self) -> list[Stream]:
-        """Return its first rows."""
-        held, count = list[Stream](), 0
-        for block in self.table.blocks():
-            held.append(stream_of_text(self.table, block))
-            count += sum(map(len, block.values()))
-            if count >= SAMPLED_NUMBERS:
-                break
-        stream = joined(held)
-        notes = (*stream.notes, f"of about {self.table.about_rows} rows the first {stream.rows} were looked at")
-        return [replace(stream, rows=self.table.about_rows, notes=notes)]
-
-    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
-        """Yield columns, some thousand rows at a time."""
-        for block in self.table.blocks(wanted[self.table.path.stem], self._progress):
-            yield [stream_of_text(self.table, block)]
-
-
-class BagsInTime:
-    """Bags of one recording, such as one per topic or one per minute, read beside one another as messages arrived."""
-
-    def __init__(self, bags: Sequence[Bag]) -> None:
-        """Take bags that were opened."""
-        self._bags = bags
-
-    @property
-    def problems(self) -> list[str]:
-        """What was damaged; complete once they were read."""
-        return [note for bag in self._bags for note in bag.problems]
-
-    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
-        """Yield columns, thousands of messages at a time; of the first topic only up to where all others were read."""
-        base, reached = next(iter(wanted)), [bag.first_arrival for bag in self._bags]
-        here = [{name: those for name, those in wanted.items() if name in bag.counts} for bag in self._bags]
-        reading = {i: bag.parts(here[i]) for i, bag in enumerate(self._bags) if here[i]}
-        waiting: dict[int, list[Stream]] = {}
-        while reading:
-            i = min(reading, key=reached.__getitem__)
-            yield waiting.pop(i, [])
-            some = next(reading[i], None)
-            if some is None:
-                del reading[i]
-                continue
-            reached[i] = max(
-                [reached[i], *(int(one.arrival[-1]) for one in some if one.arrival is not None and one.rows)]
-            )
-            waiting[i] = [one for one in some if one.name == base]
-            yield [one for one in some if one.name != base]
 
 
 class Sources:
@@ -108,15 +39,14 @@ class Sources:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
         self.notes: list[str] = []
-        self._bags: list[Bag | LongText] = []
+        self._bags: list[Bag | TextTable] = []
         self._whole: list[Stream] = []
-        bags: list[Bag] = []
-        shares: dict[Path, float] = {}  # of the bags, that were read
+        shares: dict[Path, float] = {}  # of the bags and long texts, that were read
 
         def share_of(path: Path) -> Progress:
             def told(done: float) -> None:
                 shares[path] = done
-                progress(sum(shares.values()) / len(bags))
+                progress(sum(shares.values()) / len(self._bags))
 
             return told
 
@@ -129,13 +59,12 @@ class Sources:
             elif is_hdf5(container):
                 self._whole += read_hdf5(container, episode)
             elif is_bag(path):
-                bags += [Bag(part, share_of(part)) for part in bags_in(path)]
+                self._bags += [Bag(part, share_of(part)) for part in bags_in(path)]
             elif table_ending(path) in TEXT_ENDINGS and path.stat().st_size > LONG_TEXT and not is_tracker_file(path):
-                self._bags.append(LongText(path, progress))
+                self._bags.append(TextTable(path, share_of(path)))
             else:
                 self._whole += read_table_file(path)
-        bags.sort(key=lambda bag: bag.first_arrival)
-        self._bags += bags
+        self._bags.sort(key=lambda bag: bag.first_arrival)
         self.about: About | None = same_origin([bag.about for bag in self._bags])
         every = [*self._whole, *(stream for bag in self._bags for stream in bag.sample())]
         first = {stream.name: stream for stream in reversed(every)}
@@ -147,7 +76,7 @@ class Sources:
         self.streams = _joined(every)
         if not any(stream.columns for stream in self.streams):
             said = [note for stream in self.streams for note in stream.notes]
-            why = "; ".join([*said, *(note for bag in self._bags for note in bag.problems)])
+            why = "; ".join([*said, *self.problems])
             raise FileFormatError(f"{', '.join(map(str, paths))}: holds no numbers{f'; {why}' if why else ''}")
 
     @classmethod
@@ -159,19 +88,43 @@ class Sources:
         return made
 
     @property
-    def in_parts(self) -> BagsInTime | LongText | None:
-        """What can be read in parts: one long text table alone, or bags alone that were recorded by one clock."""
-        bags = [bag for bag in self._bags if isinstance(bag, Bag)]
-        if self._whole or (len(self._bags) > 1 and len(bags) < len(self._bags)):
-            return None
+    def problems(self) -> list[str]:
+        """What was damaged; complete once they were read."""
+        return [note for bag in self._bags for note in bag.problems]
+
+    @property
+    def is_in_parts(self) -> bool:
+        """Whether it is read in parts: one long text table alone, or bags alone that were recorded by one clock."""
+        texts = sum(isinstance(bag, TextTable) for bag in self._bags)
+        if self._whole or not self._bags or (texts and len(self._bags) > 1):
+            return False
         early = [
             float(np.median(one.arrival - one.stamp)) / SECOND
             for one in self.streams
             if one.stamp is not None and one.arrival is not None and one.stamp.any()
         ]
-        if len(bags) > 1 and early and max(early) - min(early) > APART:
-            return None
-        return BagsInTime(bags) if bags else next(bag for bag in self._bags if isinstance(bag, LongText))
+        return len(self._bags) == 1 or not early or max(early) - min(early) <= APART
+
+    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
+        """Yield columns, thousands of rows at a time, of bags beside one another as messages arrived.
+
+        Of the first topic only up to where all others were read.
+        """
+        base, reached = next(iter(wanted)), [bag.first_arrival for bag in self._bags]
+        here = [{name: those for name, those in wanted.items() if name in bag.counts} for bag in self._bags]
+        reading = {i: bag.parts(here[i]) for i, bag in enumerate(self._bags) if here[i]}
+        waiting: dict[int, list[Stream]] = {}
+        while reading:
+            i = min(reading, key=reached.__getitem__)
+            yield waiting.pop(i, [])
+            some = next(reading[i], None)
+            if some is None:
+                del reading[i]
+                continue
+            came = [int(one.arrival[-1]) for one in some if one.arrival is not None and one.rows]
+            reached[i] = max([reached[i], *came])
+            waiting[i] = [one for one in some if one.name == base]
+            yield [one for one in some if one.name != base]
 
     def holding(self, streams: Sequence[Stream]) -> Self:
         """Return it with these to be read in place of its own; what was told of its columns stays."""
@@ -216,10 +169,8 @@ def container_of(path: Path) -> tuple[Path, str]:
 def is_other_make(path: Path) -> bool:
     """Return whether a file, folder or episode is a recording that needs a mapping, or advice, by its kind alone."""
     container, episode = container_of(path)
-    packed = container.suffix.lower() in (".gz", *ADVICE)
-    return (
-        bool(episode) or packed or is_lerobot(container) or is_hdf5(container) or table_ending(container) in _NAMELESS
-    )
+    is_one = is_lerobot(container) or is_hdf5(container) or table_ending(container) in _NAMELESS
+    return bool(episode) or is_one or container.suffix.lower() in (".gz", *ADVICE)
 
 
 def is_bag(path: Path) -> bool:

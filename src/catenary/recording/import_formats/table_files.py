@@ -1,16 +1,26 @@
-"""Tables in files of many kinds as streams of named columns: CSV, Parquet, NumPy, and MATLAB up to version 7."""
+"""Tables in files of many kinds as streams of named columns: CSV, Parquet, NumPy, and MATLAB up to version 7.
 
+Of what OptiTrack's Motive exports a body's columns are `NAME.position.x` [m] and `NAME.orientation.w`, as a message's;
+what was not seen is NaN.
+"""
+
+import csv
 import gzip
+import re
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
@@ -19,13 +29,15 @@ from catenary.documents import cut, reading
 from catenary.errors import FileFormatError, InputError
 from catenary.files import ADVICE, TEXT_ENDINGS, table_ending
 from catenary.recording.import_formats.columns import Stream, joined
-from catenary.recording.import_formats.csv_files import Block, TextTable
-from catenary.recording.import_formats.tracker_files import is_tracker_file, read_tracker_file
-from catenary.recording.parquet_files import ARROW, MOST_COLUMNS
+from catenary.recording.import_formats.csv_files import TextTable
+from catenary.recording.parquet_files import ARROW, MOST_COLUMNS, open_parquet
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (*TEXT_ENDINGS, ".parquet", ".npz", ".npy", ".mat")
 DEEPEST = 8  # structs and cells within each other
+_HEAD = 16  # lines in which Motive's names stand, at most
+_METRES = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
+_FIRST = "Format Version"
 
 
 def read_rows(path: Path, names: Sequence[str]) -> Floats:
@@ -56,30 +68,20 @@ def read_table_file(path: Path) -> list[Stream]:
         if is_tracker_file(path):
             return [read_tracker_file(path)]
         text = TextTable(path)
-        parts = [stream_of_text(text, block) for block in text.blocks()]
+        parts = list(text.streams())
         if not parts:
             raise FileFormatError(f"{path}: has no row of numbers")
         return [replace(joined(parts), notes=tuple(text.notes))]
     if ending == ".parquet":
         return [read_parquet_table(path)]
-    if ending == ".npz":
-        return streams_of_arrays(path, read_arrays(path))
     if ending == ".npy":
         return streams_of_arrays(path, {"data": read_array(path)})
-    if ending == ".mat":
-        return streams_of_arrays(path, read_matlab(path))
+    if ending in (".npz", ".mat"):
+        return streams_of_arrays(path, read_arrays(path) if ending == ".npz" else read_matlab(path))
     raise FileFormatError(
         f'{path}: ending "{path.suffix}": expected a bag (.bag, .mcap, the folder of a ROS 2 bag) or a table '
         f"({', '.join(ENDINGS)})"
     )
-
-
-def stream_of_text(text: TextTable, block: Block) -> Stream:
-    """Return rows of a text table as a stream."""
-    dates = tuple(column.name for column in text.head.columns if column.date is not None)
-    columns = {name: v if v.dtype.kind == "i" else v.astype(np.float64) for name, v in block.items()}
-    rows, notes = len(next(iter(columns.values()))), tuple(text.head.notes)
-    return Stream(text.path.stem, "table", columns, rows, joints=text.head.joints, dates=dates, notes=notes)
 
 
 def _unpacked(path: Path) -> list[Stream]:
@@ -167,10 +169,6 @@ def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
 
 def read_parquet_table(path: Path) -> Stream:
     """Read numbers, truth values, stamps and lists of one length."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    from catenary.recording.parquet_files import open_parquet
 
     def is_number(kind: pa.DataType) -> bool:
         return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
@@ -228,3 +226,57 @@ def _collect(content: dict[str, Any], prefix: str, arrays: dict[str, NDArray[Any
             continue
         if len(arrays) < MOST_ARRAYS:
             arrays[prefix + key] = np.asarray(value)
+
+
+def is_tracker_file(path: Path) -> bool:
+    """Return whether a text file is Motive's export, by its first cell."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        return file.read(len(_FIRST)) == _FIRST
+
+
+def read_tracker_file(path: Path) -> Stream:
+    """Read Motive's CSV: a line of settings, then lines of types, names, IDs and axes above the columns of poses."""
+    from scipy.spatial.transform import Rotation
+
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        head = [next(csv.reader([line]), []) for line in islice(file, _HEAD)]
+    stated = dict(zip(head[0][::2], head[0][1::2], strict=False))
+    length, turns = stated.get("Length Units", "").lower(), stated.get("Rotation Type", "Quaternion")
+    axes_at = next((i for i, row in enumerate(head) if row and row[0] == "Frame"), 0)
+    if axes_at < 4 or length not in _METRES:
+        raise FileFormatError(
+            f"{path}: is Motive's export, format {stated.get('Format Version')}: expected lines of types, names and "
+            f"axes, and Length Units of {', '.join(_METRES)}, got {cut(length) or 'none'}"
+        )
+    kinds, names, *_, parts = [[cell.strip() for cell in row] for row in head[1:axes_at] if len(row) > 2]
+    notes = [f"is Motive's export, format {stated.get('Format Version')}, in {length}"]
+    is_euler = re.fullmatch("[XYZ]{3}", turns) is not None
+    if is_euler:
+        notes.append(f"its orientations are angles, read as turns about axes that turn with it, {' then '.join(turns)}")
+    if began := stated.get("Capture Start Time"):
+        notes.append(f"its time counts from its own begin, {cut(began)} of that computer")
+    wanted, left = {"1": ("time", 1.0)}, dict[str, None]()
+    for i, (kind, name, part, axis) in enumerate(zip(kinds, names, parts, head[axes_at], strict=False)):
+        scale = {"Position": _METRES[length], "Rotation": 1.0}.get(part, 0.0)
+        what = "orientation" if part == "Rotation" else "position"
+        column = (f"{name}{' (solved)' * (kind == 'Rigid Body Marker')}.{what}.{axis.lower()}", scale)
+        if scale and (name.startswith("Unlabeled") or column in wanted.values()):
+            left[name] = None
+        elif scale:
+            wanted[str(i)] = column
+    notes += [f"markers without a name of their own were left out: {', '.join(map(cut, list(left)[:5]))}"] * bool(left)
+    names = [str(i) for i in range(len(head[axes_at]))]
+    of_file = pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=axes_at + 1)
+    numbers = pa.csv.ConvertOptions(column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted))
+    with reading(path, "Motive's export", ARROW):
+        table = pa.csv.read_csv(path, of_file, convert_options=numbers)
+    if not table.num_rows:
+        raise FileFormatError(f"{path}: has no row with a pose")
+    columns = {name: scale * table.column(i).to_numpy() for i, (name, scale) in wanted.items()}
+    for base in [name.removesuffix(".x") for name in columns if is_euler and name.endswith("orientation.x")]:
+        angles = np.column_stack([columns[f"{base}.{axis.lower()}"] for axis in turns])
+        seen = np.isfinite(angles).all(axis=1)
+        q = np.full((len(angles), 4), np.nan)
+        q[seen] = Rotation.from_euler(turns, angles[seen], degrees=True).as_quat()
+        columns |= {f"{base}.{axis}": q[:, i] for i, axis in enumerate("xyzw")}
+    return Stream(path.stem, "table", columns, table.num_rows, notes=tuple(notes))

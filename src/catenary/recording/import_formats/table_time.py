@@ -52,10 +52,8 @@ class TableTime(NamedTuple):
 def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None) -> TableTime | None:
     """Return the stamps of a table's rows; None where it has none.
 
-    Args:
-        columns: Which column holds the time, one for each table; without, the one whose name says so.
-        unit: Of that column; where None it is told by its name, by being a time since 1970, or by the rate of rows.
-        rate: Rows a second [Hz], for a table without time.
+    `columns` hold the time, one for each table; without, it is told by its name. Its unit, where it is None, is told by
+    its name, by being a time since 1970, or by the rate of rows. `rate` is of a table without time [Hz].
     """
     if rate is not None:
         if columns:

@@ -46,13 +46,11 @@ class DateFormat:
         text = pc.replace_substring(pc.utf8_lower(pc.utf8_trim_whitespace(column)), ",", ".")
         text = pc.replace_substring_regex(text, r"(:\d\d:\d\d):", r"\1.")  # before milliseconds
         if self.order:
-            order = _PLACES[self.order]
-            text = pc.replace_substring_regex(text, r"^(\w+)[-/.](\w+)[-/.](\d+)(?:[t ._]+|$)", order)
-            for month, name in enumerate(_MONTHS, 1):
-                text = pc.replace_substring_regex(text, rf"-{name}[a-z]*-", f"-{month:02d}-")
-            text = pc.replace_substring_regex(text, r"^(\d\d)-", r"20\1-")
-            text = pc.replace_substring_regex(text, r"-(\d)-", r"-0\1-")
-            text = pc.replace_substring_regex(text, r"-(\d) ", r"-0\1 ")
+            ordered = (r"^(\w+)[-/.](\w+)[-/.](\d+)(?:[t ._]+|$)", _PLACES[self.order])
+            months = [(rf"-{name}[a-z]*-", f"-{month:02d}-") for month, name in enumerate(_MONTHS, 1)]
+            digits = [(r"^(\d\d)-", r"20\1-"), (r"-(\d)-", r"-0\1-"), (r"-(\d) ", r"-0\1 ")]
+            for written, meant in [ordered, *months, *digits]:
+                text = pc.replace_substring_regex(text, written, meant)
         else:
             text = pc.binary_join_element_wise("1970-01-01", text, " ")
         half = [pc.match_substring_regex(text, each) for each in ("pm", r" 12:.*[ap]m")]

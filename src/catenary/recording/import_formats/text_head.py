@@ -15,6 +15,7 @@ from catenary.recording.import_formats.text_dates import DateFormat, date_format
 from catenary.recording.parquet_files import MOST_COLUMNS
 
 NOTHING = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "None", "none", "#N/A")
+TRUTHS = {"true", "false"}
 ARRAY = "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
 _EXACT = 2.0**53  # from which on a float64 has not every whole number
 COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
@@ -135,7 +136,7 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
         separator = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f'"{dialect.separator}"')
         notes.append(f'columns are separated by {separator}, decimals by "{dialect.decimal}"')
     above = [row for _, row in rows if len(row) == width]
-    torn = unended if _is_torn(dialect.split(unended), columns, above, width, dialect) else ""
+    torn = unended if _is_torn(dialect.split(unended), columns, above, dialect) else ""
     return TextHead(dialect, width, begins, tuple(columns), bool(names), joints, names_above, torn, tuple(notes))
 
 
@@ -159,29 +160,25 @@ def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDi
         return False
 
     def is_value(cell: str) -> bool:
-        return bool(cell) and (dialect.is_value(cell) or date_format([cell]) is not None or _truth(cell))
+        return bool(cell) and (dialect.is_value(cell) or date_format([cell]) is not None or cell.lower() in TRUTHS)
 
     below = [sum(is_value(row[i]) for row in tail) > len(tail) / 2 for i in range(len(cells))]
     return any(below) and all(is_value(cell) or not cell for cell, number in zip(cells, below, strict=True) if number)
 
 
 def _is_torn(
-    cells: Sequence[str],
-    columns: Sequence[TextColumn],
-    above: Sequence[Sequence[str]],
-    width: int,
-    dialect: TextDialect,
+    cells: Sequence[str], columns: Sequence[TextColumn], above: Sequence[Sequence[str]], dialect: TextDialect
 ) -> bool:
-    """Return whether a line lacks cells, has one that is none of its column, or ends in fewer digits than all above."""
+    """Return whether a line lacks cells of those above, has one that is none of its column, or ends in fewer digits."""
     numbers = [place for column in columns if column.kind in ("number", "whole") for place in column.places]
-    if len(cells) != width or not all(dialect.is_value(cells[place]) for place in numbers):
+    if not above or len(cells) != len(above[0]) or not all(dialect.is_value(cells[place]) for place in numbers):
         return True
 
     def digits(cell: str) -> int:
         return sum(map(str.isdigit, cell.partition(dialect.decimal)[2] or cell))
 
     written = [digits(row[-1]) for row in above if row[-1] not in NOTHING]
-    is_number = width - 1 in numbers and cells[-1] not in NOTHING
+    is_number = len(cells) - 1 in numbers and cells[-1] not in NOTHING
     return is_number and len(written) >= _FEWEST and digits(cells[-1]) < min(written)
 
 
@@ -235,15 +232,11 @@ def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
     return unique, [note] * bool(twice)
 
 
-def _truth(cell: str) -> bool:
-    return cell.lower() in ("true", "false")
-
-
 def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]], dialect: TextDialect) -> TextColumn:
     """Return how a column is read, by some of its cells and their lines."""
     values = [(line, text) for line, cell in cells if (text := cell.strip('"')) not in NOTHING]
     texts = [text for _, text in values]
-    if texts and all(map(_truth, texts)):
+    if texts and {text.lower() for text in texts} <= TRUTHS:
         return TextColumn(name, "truth", places)
     form = date_format(texts)
     if form is not None:

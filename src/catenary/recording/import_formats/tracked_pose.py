@@ -1,6 +1,9 @@
-"""Joint positions from a tracked marker: its pose in the base, and inverse kinematics from where the robot was."""
+"""Joint positions from a tracked marker: its pose in the base, and inverse kinematics from where the robot was.
 
-from collections.abc import Callable, Sequence
+The robot's own word of where its tip is, held against its file, shows a wrong robot, tool or base frame at once.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations, product
 
@@ -14,8 +17,8 @@ from catenary.dynamics.kinematics import Configuration, jacobian
 from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
-from catenary.recording.import_formats.pose_columns import PARTS, poses_of
-from catenary.recording.import_formats.registration import TrackedPoses, register_in_time
+from catenary.recording.import_formats.pose_columns import PARTS, poses_by_parts, poses_of
+from catenary.recording.import_formats.registration import PosesAt, TrackedPoses, register_in_time
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
 
@@ -25,6 +28,10 @@ TURNED = 0.02  # [rad] left of orientations, from which on they may be written i
 UNRELATED = 30.0  # [deg] from the robot's
 OTHERWISE = "and in no other way as it does: clocks seconds apart, another frame, or the tracker in the marker's axes?"
 _AXES = ("xyz", "xyzw")
+VERBS = ("local/measured_cp", "measured_cp")  # of CRTK; the first is in the arm's own base
+MOST = 300  # poses that are compared, evenly
+NEAR = np.array([1.0, 0.5])  # [mm], [deg] within which both are the same
+STEADY = 0.05  # of a distance, by which what a tool or a base frame is off by may differ from pose to pose
 _MARKER = "the tracked marker"  # a frame of the robot
 
 
@@ -113,15 +120,11 @@ def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequ
 
 
 def registered(
-    model: RobotModel,
-    tracked: TrackedPose,
-    values: Floats,
-    poses_at: Callable[[float], TrackedPoses],
-    chosen: Sequence[int],
+    model: RobotModel, tracked: TrackedPose, values: Floats, poses_at: PosesAt, chosen: Sequence[int]
 ) -> tuple[Pose, Pose, list[str]]:
     """Return T_base_tracker and T_frame_marker, given or found from the recording, and what is to be said of that.
 
-    `values` are the numbers of the poses as recorded, `poses_at` as of `register_in_time`.
+    `values` are the numbers of the poses as recorded.
     """
     base = None if tracked.T_base_tracker is None else tracked.T_base_tracker.pose()
     marker = None if tracked.T_marker_frame is None else tracked.T_marker_frame.pose().inverse()
@@ -197,3 +200,59 @@ def joints_from_poses(
         if near and np.rad2deg(nearest.orientation_error) <= tracked.within_deg:
             found[row] = nearest.q
     return found
+
+
+def tip_columns(streams: Sequence[Stream], base: str) -> tuple[str, tuple[str, ...]] | None:
+    """Return the topic beside a robot's joints in which it says where its tip is, and the columns of that pose."""
+    place = base.rpartition("/")[0]
+    for stream in (stream for verb in VERBS for stream in streams if stream.name == f"{place}/{verb}"):
+        taken = next((pose.taken for pose in poses_by_parts(stream) if len(pose.taken) == 7), None)
+        if taken is not None:
+            return stream.name, taken
+    return None
+
+
+def tip_said(model: RobotModel, q: Floats, joints: Stream, own: Stream, columns: Sequence[str]) -> list[str]:
+    """Say how far the tip of `model` at joints q (M, n) lies from where the robot says that it is, if that is far."""
+    from scipy.spatial.transform import Rotation
+
+    values = np.column_stack([own.columns[column] for column in columns])
+    headed = all(each.stamp is not None and each.stamp.all() for each in (joints, own))
+    at, there = (each.stamp if headed else each.arrival for each in (joints, own))
+    whole = np.isfinite(q).all(axis=1)
+    if at is None or there is None or not whole.any():
+        return []
+    at, q = at[whole], q[whole]
+    inside = (there >= at[0]) & (there <= at[-1]) & (np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0) < 0.1)
+    rows = np.flatnonzero(inside & np.isfinite(values).all(axis=1))
+    rows = rows[:: max(1, len(rows) // MOST)]
+    if len(rows) == 0:
+        return []
+    stated = Pose(Rotation.from_quat(values[rows, 3:]).as_matrix(), values[rows, :3])
+    held = np.column_stack([np.interp(there[rows] - at[0], at - at[0], column) for column in q.T])
+    by_file = Configuration(model, held).pose()
+    ways = {
+        "the same as seen from the tip at every pose: another tool": by_file.inverse() @ stated,
+        "the same as seen from the base at every pose: another base frame": stated @ by_file.inverse(),
+    }
+    apart = np.column_stack([
+        1e3 * np.linalg.norm(stated.position - by_file.position, axis=1),
+        np.rad2deg(Rotation.from_matrix((by_file.inverse() @ stated).rotation).magnitude()),
+    ])  # fmt: skip
+    far = np.median(apart, axis=0)
+    if (far < NEAR).all():
+        return []
+    most = np.maximum(NEAR, STEADY * far)
+
+    def spread(why: str) -> float:
+        turns = Rotation.from_matrix(ways[why].rotation)
+        turned = np.rad2deg((turns * turns.mean().inv()).magnitude())
+        moved = 1e3 * np.linalg.norm(ways[why].position - np.median(ways[why].position, axis=0), axis=1)
+        return float(np.max(np.median([moved, turned], axis=1) / most))
+
+    why = min(ways, key=spread)
+    why = why if spread(why) < 1.0 else "other at every pose: another robot, or other units"
+    return [
+        f"{own.name} lies {far[0]:.1f} mm and {far[1]:.1f} deg from the tip of {model.name} at the joints that it "
+        f"reports (median of {len(rows)} poses), {why}"
+    ]

@@ -1,11 +1,8 @@
 """Angles that were recorded within one turn, from -pi to pi or from 0 to 2 pi, made continuous again."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.recording.import_formats.columns import Place, Stream
@@ -34,8 +31,7 @@ def unwrap_columns(
         values = np.asarray(stream.columns[place.column], dtype=np.float64)
         found, jumps = unwrapped(values, TURN / abs(float(factor)))
         if jumps:
-            columns: dict[str, NDArray[Any]] = {**stream.columns, place.column: found}
-            changed[place.stream] = replace(stream, columns=columns)
+            changed[place.stream] = stream.with_column(place.column, found)
             jumped[name] = jumps
     return changed, jumped
 

@@ -16,8 +16,7 @@ from catenary.open_robot import OverTopics, Simulated, open_robot, tilted_base
 from catenary.raven2.topics import ARM_OF_SIDE, EXT_JPOS, ROBOT, Arm, raven_topics
 from catenary.raven2.transmission import CALIBRATED
 from catenary.recording.import_formats.importer import Synchronisation
-from catenary.recording.import_formats.known_layouts import read_psm
-from catenary.recording.import_formats.raven_recordings import read_raven
+from catenary.recording.import_formats.known_layouts import read_psm, read_raven
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_telemetry import COLUMNS, telemetry_of
 from catenary.simulation.firmware_plant import FirmwarePlant

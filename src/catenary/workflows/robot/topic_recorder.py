@@ -18,8 +18,8 @@ from catenary.crtk.message_bytes import codec
 from catenary.crtk.transport import Transport
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.raven2.topics import RAVENSTATE, RAVENSTATE_100HZ
+from catenary.recording.bag_reader import JournalReader, is_journal
 from catenary.recording.journal import About, JournalTopic, JournalWriter, LeftOff
-from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.side_by_side import Progress, silent
 from catenary.topics import Topic
 
