@@ -36,16 +36,7 @@ from catenary.gravity.symbols import (
     monomials,
     symbols_of,
 )
-from catenary.gravity.written_terms import (
-    SHORT,
-    SharedTerms,
-    Terms,
-    mass_entries,
-    moment_entries,
-    scaled,
-    sum_of,
-    terms_text,
-)
+from catenary.gravity.written_terms import SHORT, Terms, Written, WrittenTerms, sum_of, terms_text
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel
@@ -176,14 +167,15 @@ class CompactRegressor:
     def written(self, gravity: ArrayLike) -> tuple[list[list[Terms]], dict[str, Terms]]:
         """Return the entries (n, p) under a constant gravity (3,), and by name terms that the longest share."""
         down = as_array("gravity", gravity, (3,))
-        shared = SharedTerms(self.model, down)
+        shared = WrittenTerms(self.model, down, shared=True)
         table: list[list[Terms]] = []
         for r, entries in enumerate(self._terms(down)):
-            written = [
-                reduce(sum_of, [shared.entry(r, *self.columns[k]) for k in self._of(c)]) if terms is None else terms
-                for c, terms in enumerate(entries)
-            ]
-            table.append(written)
+            table.append([])
+            for c, terms in enumerate(entries):
+                if terms is None:
+                    terms = reduce(sum_of, [shared.entry(r, *self.columns[k]) for k in self._of(c)])
+                    assert terms is not None  # names keep it short
+                table[-1].append(terms)
         return table, shared.definitions
 
     def __str__(self) -> str:
@@ -202,20 +194,15 @@ class CompactRegressor:
         """Return which columns are merged in one."""
         return [k for k, target in enumerate(self.targets) if target == column]
 
-    def _terms(self, gravity: Floats) -> list[list[Terms | None]]:
+    def _terms(self, gravity: Floats) -> list[list[Written]]:
         """Return the entries under a constant gravity as sums of products, (n, p); None for what is too long."""
-        columns = []
-        for c in range(len(self.expressions)):
-            # merged masses have one expression but several columns: their sum would be long
-            own = [self.columns[k] for k in self._of(c)]
-            link, along = own[0]
-            column: list[Terms | None] = [None] * self.model.n
-            if len(own) == 1 and along == CARRIED_MASS:
-                column = mass_entries(self.model, link, gravity)
-            elif len(own) == 1:
-                column = moment_entries(self.model, link, np.eye(3)[along], gravity)
-            columns.append(column)
-        return [[column[r] for column in columns] for r in range(self.model.n)]
+        whole = WrittenTerms(self.model, gravity)
+        # merged masses have one expression but several columns: their sum would be long
+        lone = {c: self.columns[own[0]] for c in range(len(self.expressions)) if len(own := self._of(c)) == 1}
+        return [
+            [whole.entry(r, *lone[c]) if c in lone else None for c in range(len(self.expressions))]
+            for r in range(self.model.n)
+        ]
 
 
 def compact_regressor(model: RobotModel) -> CompactRegressor:
@@ -348,10 +335,10 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
     table, shared = regressor.written(gravity)
     rows: list[Terms] = []
     for entries in table:
-        total: Terms = {}
-        for value, terms in zip(regressor.parameters(), entries, strict=True):
-            total = sum_of(total, scaled(terms, float(value)), most=None)
-        rows.append(total)
+        rows.append({})
+        for value, terms in zip(regressor.parameters().tolist(), entries, strict=True):
+            for atoms, factor in terms.items():
+                rows[-1][atoms] = rows[-1].get(atoms, 0.0) + factor * value
     sizes = [abs(value) for terms in rows for value in terms.values()]
     least = LEAST * max(sizes, default=0.0)
     lines = [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
