@@ -17,7 +17,7 @@ from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import Mounting, load_mounting, save_mounting
 from catenary.sensing.tumble import fit_orientations
 from catenary.simulation.sensors import SensorModel
-from catenary.workflows.sense import ReplayFeed, StillReading, read_still
+from catenary.workflows.sense import StillReading, read_still, replay_feed
 from catenary.workflows.tumble import (
     ATTITUDES,
     Attitude,
@@ -209,7 +209,7 @@ def test_the_turns_of_a_tumble_by_hand_check_the_gyroscope(rate: Floats | float,
     assert right.rate is not None
     late = round(100 * rate) if isinstance(rate, float) else 0
     rates = np.roll(right.rate, late, axis=0) if isinstance(rate, float) else right.rate @ rate.T
-    feed = ReplayFeed(ImuRecording(right.time, right.force, rates))
+    feed = replay_feed(ImuRecording(right.time, right.force, rates))
 
     def read(attitude: Attitude) -> StillReading:
         feed.wait(3.5 * ATTITUDES.index(attitude) + 0.2 - feed.now())  # a person presses Enter

@@ -92,7 +92,7 @@ def sense(
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import MAILBOX, Mailbox
-    from catenary.workflows.sense import SETTLE, ReplayFeed, serial_feed
+    from catenary.workflows.sense import SETTLE, replay_feed, serial_feed
 
     require_one(port=port, simulated=simulated, replay=replaying.replay)
     out = out or Path("mounting.toml")
@@ -109,7 +109,7 @@ def sense(
     feed: Feed | None
     with ExitStack() as stack:
         if recording is not None:
-            feed, left = ReplayFeed(recording), recording.duration - SETTLE
+            feed, left = replay_feed(recording), recording.duration - SETTLE
             duration = left if duration is None else min(duration, left)
         elif port is not None:
             size = 100 * MAILBOX if tumble else MAILBOX  # the turns of a tumble are kept while nobody reads
@@ -132,7 +132,7 @@ def _simulated(
     from catenary.sensing.vector import Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
-    from catenary.workflows.sense import SimulatedFeed
+    from catenary.workflows.sense import simulated_feed
 
     model = SensorModel(rate)
     told = replace(
@@ -144,7 +144,7 @@ def _simulated(
         return None, told
     base = FixedBase(math.radians(tilt_deg[0]), math.radians(tilt_deg[1]))
     sensor = SimulatedSensor(base, Mailbox(), replace(model, mounting=told), seed=seed)
-    return SimulatedFeed(sensor, paced=sys.stdout.isatty()), told
+    return simulated_feed(sensor, paced=sys.stdout.isatty()), told
 
 
 def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_json: bool) -> None:

@@ -36,13 +36,14 @@ class Encoding(NamedTuple):
 
     ros: int
     front: bytes
+    end: bytes  # of a text, counted with it
     align: int  # the largest alignment
     time: str  # how `struct` writes seconds and nanoseconds
     duration: str
 
 
-ROS1 = Encoding(1, b"", 1, "II", "ii")
-CDR = Encoding(2, b"\0\1\0\0", 8, "iI", "iI")  # little-endian, no options
+ROS1 = Encoding(1, b"", b"", 1, "II", "ii")
+CDR = Encoding(2, b"\0\1\0\0", b"\0", 8, "iI", "iI")  # little-endian, no options
 
 
 class Codec(NamedTuple):
@@ -197,16 +198,14 @@ def _value_writer(field: Field, encoding: Encoding) -> _Write:
 
 
 def _write_text(parts: list[bytes], at: int, text: str, encoding: Encoding) -> int:
-    data = text.encode()
-    if encoding is ROS1:
-        parts.append(_COUNT.pack(len(data)) + data)
-    else:
-        parts.append(b"%b%b%b\0" % (_ZEROS[-at % 4], _COUNT.pack(len(data) + 1), data))
-    return at + len(parts[-1])
+    data = text.encode() + encoding.end
+    at = _write_count(parts, at, len(data), encoding)
+    parts.append(data)
+    return at + len(data)
 
 
 def _write_count(parts: list[bytes], at: int, count: int, encoding: Encoding) -> int:
-    parts.append(_COUNT.pack(count) if encoding is ROS1 else _ZEROS[-at % 4] + _COUNT.pack(count))
+    parts.append(_ZEROS[-at % min(_COUNT.size, encoding.align)] + _COUNT.pack(count))
     return at + len(parts[-1])
 
 
