@@ -9,6 +9,7 @@ definitions; numbers that follow one another go through one `struct`. rosbags re
 import struct
 from collections.abc import Callable
 from functools import cache, lru_cache
+from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -119,16 +120,13 @@ def _fields_writer(listed: tuple[Field, ...], encoding: Encoding) -> _Write:
         return _placeholder if encoding is CDR else lambda parts, at, values: at
     steps: list[_Write] = []
     first = 0
-    while first < len(listed):
-        last = first
-        while last < len(listed) and _is_number(listed[last]):
-            last += 1
-        if last > first:
-            steps.append(_numbers_writer(listed[first:last], first, len(listed), encoding))
+    for are_numbers, grouped in groupby(listed, _is_number):
+        run = tuple(grouped)
+        if are_numbers:
+            steps.append(_numbers_writer(run, first, len(listed), encoding))
         else:
-            last += 1
-            steps.append(_at_place(first, _value_writer(listed[first], encoding)))
-        first = last
+            steps += [_at_place(first + k, _value_writer(field, encoding)) for k, field in enumerate(run)]
+        first += len(run)
     if len(steps) == 1:
         return steps[0]
 

@@ -8,6 +8,8 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import xor
 from typing import NamedTuple
 
 import numpy as np
@@ -48,10 +50,7 @@ class BoardSample(NamedTuple):
 
 def checksum(body: str) -> str:
     """Return the exclusive or of all characters between $ and *, as NMEA 0183 has it: two hexadecimal digits."""
-    value = 0
-    for character in body:
-        value ^= ord(character)
-    return f"{value:02X}"
+    return f"{reduce(xor, map(ord, body), 0):02X}"
 
 
 def parse_line(line: str) -> Hello | BoardSample:

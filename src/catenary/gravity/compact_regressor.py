@@ -29,7 +29,6 @@ from catenary.gravity.gravity_regressor import (
 from catenary.gravity.symbols import (
     Expression,
     NamedSymbol,
-    expression_latex,
     expression_text,
     mass_expression,
     moment_expression,
@@ -161,7 +160,7 @@ class CompactRegressor:
             for c, terms in enumerate(row, 1)
             if terms is None or len(terms) > SHORT
         ]
-        lines += [f"s_{{{k + 1}}} = {expression_latex(e)}" for k, e in enumerate(self.expressions)]
+        lines += [f"s_{{{k + 1}}} = {expression_text(e, latex=True)}" for k, e in enumerate(self.expressions)]
         return "\n".join(lines)
 
     def written(self, gravity: ArrayLike) -> tuple[list[list[Terms]], dict[str, Terms]]:

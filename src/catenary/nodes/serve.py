@@ -274,9 +274,7 @@ class ParkedArm(NeverMoved):
         state = self._state
         return state._replace(q=state.q.copy(), qd=state.qd.copy(), tau=state.tau.copy())
 
-    def setpoint_js(self) -> JointState:
-        """Where it stands."""
-        return self.measured_js()
+    setpoint_js = measured_js
 
     def operating_state(self) -> OperatingState:
         """Disabled."""

@@ -3,7 +3,6 @@
 import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -139,36 +138,33 @@ class MountingFile(Settings):
     tumble: TumbleSection | None = None
 
 
+# where the file has what, by section and key
+_PLACES = {
+    "sensor": {"name": "sensor", "range_m_s2": "acceleration_range", "range_rad_s": "rate_range"},
+    "accelerometer": {"bias_m_s2": "bias", "scale": "scale"},
+    "gyroscope": {"bias_rad_s": "rate_bias", "checked": "checked"},
+    "mounting": {"rotation": "rotation", "position_m": "position", "base": "base"},
+}
+
+
 def load_mounting(path: Path | str) -> Mounting:
     """Read a mounting file."""
-    content = load_toml(Path(path), MountingFile)
+    content = load_toml(Path(path), MountingFile).model_dump()
+    told = {name: content[section][key] for section, keys in _PLACES.items() for key, name in keys.items()}
     try:
-        return Mounting(
-            rotation=np.array(content.mounting.rotation), position=np.array(content.mounting.position_m),
-            bias=np.array(content.accelerometer.bias_m_s2), scale=np.array(content.accelerometer.scale),
-            rate_bias=np.array(content.gyroscope.bias_rad_s), checked=content.gyroscope.checked,
-            acceleration_range=content.sensor.range_m_s2, rate_range=content.sensor.range_rad_s,
-            sensor=content.sensor.name, base=content.mounting.base,
-        )  # fmt: skip
+        return Mounting(**told)
     except InputError as error:
         raise ConfigError(f"{path}: {error}") from error
 
 
 def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | None = None) -> None:
-    """Write a mounting file, which appears whole or not at all."""
-    m = mounting
-    ranges = [value if np.isfinite(value) else None for value in (m.acceleration_range, m.rate_range)]
-    sections: dict[str, dict[str, Any]] = {
-        "sensor": {"name": m.sensor, "range_m_s2": ranges[0], "range_rad_s": ranges[1]},
-        "accelerometer": {"bias_m_s2": m.bias, "scale": m.scale},
-        "gyroscope": {"bias_rad_s": m.rate_bias, "checked": m.checked},
-        "mounting": {"rotation": m.rotation, "position_m": m.position, "base": m.base},
-        "tumble": {} if tumble is None else tumble.model_dump(),
-    }
+    """Write a mounting file, which appears whole or not at all; ranges that are infinite are left out."""
+    sections = {s: {key: getattr(mounting, name) for key, name in keys.items()} for s, keys in _PLACES.items()}
+    sections["tumble"] = {} if tumble is None else tumble.model_dump(exclude_none=True)
     text = HEAD
     for name, values in sections.items():
-        known = {key: value for key, value in values.items() if value is not None}
-        text += f"\n[{name}]\n" if known else ""
-        for key, value in known.items():  # of these kinds TOML is as JSON
-            text += f"{key} = {json.dumps(np.asarray(value).tolist(), ensure_ascii=False)}\n".replace("\x7f", " ")
+        text += f"\n[{name}]\n" if values else ""
+        for key, value in values.items():  # of these kinds TOML is as JSON
+            if not (isinstance(value, float) and np.isinf(value)):
+                text += f"{key} = {json.dumps(np.asarray(value).tolist(), ensure_ascii=False)}\n".replace("\x7f", " ")
     write_atomically(Path(path), text.encode())

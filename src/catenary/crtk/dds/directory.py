@@ -128,7 +128,7 @@ class Directory:
         """Take in what is new; return the ends of topics that have come."""
         came: list[Endpoint] = []
         for reader, known in zip(self._ends, (self.publications, self.subscriptions), strict=True):
-            for sample in _taken(reader):
+            for sample in taken(reader):
                 self.changes += 1
                 handle = sample.sample_info.instance_handle % HANDLES
                 if not sample.sample_info.valid_data:
@@ -136,7 +136,7 @@ class Directory:
                 elif handle not in known:
                     known[handle] = _endpoint(sample)
                     came.append(known[handle])
-        for told in _taken(self._discovery):
+        for told in taken(self._discovery):
             if told.sample_info.valid_data:
                 self.changes += 1
                 self._nodes[bytes(told.gid.data)[:16]] = {
@@ -172,7 +172,8 @@ class Directory:
         return tuple(sorted({self.node(end) for end in ends}))
 
 
-def _taken(reader: DataReader[Any]) -> Iterator[Any]:
+def taken(reader: DataReader[Any]) -> Iterator[Any]:
+    """Return all that a reader has."""
     while True:
         samples = reader.take(MANY)
         yield from samples

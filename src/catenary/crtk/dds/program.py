@@ -156,31 +156,25 @@ class Program:
     def writer(self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str) -> DataWriter[Any]:
         """Begin to publish; `end` ends it."""
         with self.lock:
-            topic = self._topic(dds_name, kind)
-            made = DataWriter(self._participant, topic, profile(quality, depth, user_data))
-            self._ends[made] = made.guid.bytes
-            self._tell()
+            made = DataWriter(self._participant, self._topic(dds_name, kind), profile(quality, depth, user_data))
+            self._begin(made)
         return made
 
     def reader(
-        self,
-        dds_name: str,
-        kind: Any,
-        quality: Quality,
-        depth: int,
-        user_data: str,
-        taker: Callable[[DataReader[Any]], None],
+        self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str, taker: Callable[[Any], None]
     ) -> DataReader[Any]:
-        """Begin to receive: `taker` takes, in the receiver's thread; `end` ends it."""
+        """Begin to receive: `taker` takes from the reader, in the receiver's thread; `end` ends it."""
         with self.lock:
-            topic = self._topic(dds_name, kind)
-            made = DataReader(self._participant, topic, profile(quality, depth, user_data))
+            made = DataReader(self._participant, self._topic(dds_name, kind), profile(quality, depth, user_data))
             made.set_status_mask(DDSStatus.DataAvailable)
-            self._ends[made] = made.guid.bytes
             self._takers[id(made)] = lambda: taker(made)
             self._waitset.attach(made)
-            self._tell()
+            self._begin(made)
         return made
+
+    def _begin(self, made: Any) -> None:
+        self._ends[made] = made.guid.bytes
+        self._tell()
 
     def end(self, reader_or_writer: Any) -> None:
         """End a reader or a writer, which DDS does when nobody refers to it any more; the caller then must not."""
