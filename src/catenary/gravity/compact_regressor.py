@@ -221,40 +221,31 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     wanted = [RegressorColumn(j, a) for j in range(n) for a in range(3)]
     wanted += [RegressorColumn(j, CARRIED_MASS) for j in prismatic]
     effects = _effects(model, wanted)
-    merged: dict[frozenset[tuple[str, int]], int] = {}
-    expressions: list[Expression] = []
-    units: list[str] = []
-    sources: list[list[int]] = []
+    merged: dict[frozenset[tuple[str, int]], tuple[Expression, str, list[int]]] = {}  # with unit and sources
     zeros: list[int] = []
     ineffective: list[str] = []
     columns: list[RegressorColumn] = []
     targets: list[int] = []
     for (link, along), effect in zip(wanted, effects, strict=True):
         if along == CARRIED_MASS:
-            expression = mass_expression(model, link)
+            expression, unit = mass_expression(model, link), "kg"
             places = [3 * n * (n + 1) + prismatic.index(link)]
         else:
-            expression = moment_expression(model, link, along)
+            expression, unit = moment_expression(model, link, along), "kg m"
             carriers = [k for k in range(n) if link in carried_links(tree, k)]
             places = [3 * (n + 1) * k + 3 * (link + 1) + along for k in carriers]
         if not expression:
             zeros += places
-            continue
-        if not effect:
+        elif not effect:
             ineffective.append(expression_text(expression))
-            continue
-        key = monomials(expression)
-        if key not in merged:
-            merged[key] = len(expressions)
-            expressions.append(expression)
-            units.append("kg" if along == CARRIED_MASS else "kg m")
-            sources.append([])
-        sources[merged[key]] += places
-        columns.append(RegressorColumn(link, along))
-        targets.append(merged[key])
-    merged_in = tuple(tuple(entries) for entries in sources)
+        else:
+            key = monomials(expression)
+            merged.setdefault(key, (expression, unit, []))[2].extend(places)
+            columns.append(RegressorColumn(link, along))
+            targets.append(list(merged).index(key))
+    expressions, units, sources = zip(*merged.values(), strict=True) if merged else ((), (), ())
     return CompactRegressor(
-        model, tuple(expressions), tuple(units), tuple(columns), tuple(targets), merged_in, tuple(zeros),
+        model, expressions, units, tuple(columns), tuple(targets), tuple(map(tuple, sources)), tuple(zeros),
         tuple(ineffective),
     )  # fmt: skip
 

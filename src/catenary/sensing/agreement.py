@@ -170,8 +170,8 @@ def judge(
     best = int(np.argmax(alike))
     explained = left[best] < _EXPLAINS * min(firm, moved) and left[best] < 2.0 * off + 0.1 * limit
     if best > 0 and explained and firm - left[best] > limit:
-        way, unit = _CANDIDATES[best]
-        return Agreement(_kind(way, unit), agrees=False, remedy=_remedy(way, unit), readings=alike)
+        kind, remedy = _mended(*_CANDIDATES[best])
+        return Agreement(kind, agrees=False, remedy=remedy, readings=alike)
     unmended = hanging if scale < _LEAST_SCALE else loose
     is_off &= 1.0 / _MOST_SCALE < abs(scale) < _MOST_SCALE
     noise = _NOISE * span
@@ -333,12 +333,8 @@ def _left_by(found: Floats, free: slice, cost: Floats) -> Floats:
     return left
 
 
-def _kind(way: Floats, unit: float) -> Fault:
-    if unit != 1.0:
-        return Fault.RATE_UNIT
-    return Fault.RATE_SIGN if (np.abs(way) == np.eye(3)).all() else Fault.RATE_AXES
-
-
-def _remedy(way: Floats, unit: float) -> str:
+def _mended(way: Floats, unit: float) -> tuple[Fault, str]:
+    """Return what is wrong with a gyroscope that other axes or another unit explain, and what mends it."""
+    kind = Fault.RATE_SIGN if (np.abs(way) == np.eye(3)).all() else Fault.RATE_AXES
     axes = "" if (way == np.eye(3)).all() else f"its x, y, z seem to be {axes_text(way)}"
-    return ", and ".join(filter(None, (_UNITS[unit], axes)))
+    return Fault.RATE_UNIT if unit != 1.0 else kind, ", and ".join(filter(None, (_UNITS[unit], axes)))

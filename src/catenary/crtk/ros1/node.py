@@ -108,22 +108,19 @@ class Node:
 
     def publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> peers.RosPublisher:
         """Begin to publish."""
-        made = peers.RosPublisher(topic, type_name, raw_class(type_name), self._end_publisher, latch=latch, queue=queue)
+        end = partial(self._forget, self._publishers)
+        made = peers.RosPublisher(topic, type_name, raw_class(type_name), end, latch=latch, queue=queue)
         self._publishers[topic] = made
         return made
 
     def topic(self, topic: str, type_name: str, steady: Callable[[], int]) -> peers.RosTopic:
         """Begin to receive."""
-        made = self._topics[topic] = peers.RosTopic(topic, type_name, raw_class(type_name), self._end_topic, steady)
+        end = partial(self._forget, self._topics)
+        made = self._topics[topic] = peers.RosTopic(topic, type_name, raw_class(type_name), end, steady)
         return made
 
-    def _end_publisher(self, ros: Any) -> None:
-        self._publishers.pop(ros.resolved_name, None)
-        self._tell(ros.unregister)
-
-    def _end_topic(self, ros: Any) -> None:
-        self._topics.pop(ros.resolved_name, None)
-        peers.forget_bound(ros.resolved_name)
+    def _forget(self, listed: dict[str, Any], ros: Any) -> None:
+        listed.pop(ros.resolved_name, None)
         self._tell(ros.unregister)
 
     def serve(self, name: str, type_name: str, answer: Callable[[bytes], bytes]) -> None:

@@ -236,12 +236,16 @@ class RosTopic(HeardTopic):
     def __init__(
         self, name: str, type_name: str, kind: type, end: Callable[[Any], None], steady: Callable[[], int]
     ) -> None:
-        super().__init__(type_name, lambda: end(self.ros))
+        super().__init__(type_name, self._close)
         self._origins: dict[str, Origin] = {}  # the last one of each publisher
-        self._steady = steady
+        self._steady, self._name, self._ended = steady, name, end
         _takes[name] = self._has_room_for
         with self._lock:  # a message may come before it is known
             self.ros: Any = rospy.Subscriber(name, kind, self._receive, tcp_nodelay=True)
+
+    def _close(self) -> None:
+        _takes.pop(self._name, None)
+        self._ended(self.ros)
 
     def publishers(self) -> tuple[str, ...]:
         """Return the names of the nodes that it is connected to; a URI where a name is not known yet."""
@@ -265,11 +269,6 @@ class RosTopic(HeardTopic):
             uri = next((str(one.endpoint_id) for one in _connections(self.ros) if one.header is head), "")
             known = self._origins[name] = Origin(f"{name} {uri}", head, head.get("latching") == "1")
         return known
-
-
-def forget_bound(topic: str) -> None:
-    """Let a topic, by its resolved name, take messages of any size again."""
-    _takes.pop(topic, None)
 
 
 def _missed(peers: Iterable[_Peer]) -> Counter[str]:

@@ -56,8 +56,6 @@ class Reports:
 
     def take_told(self) -> list[tuple[str, str]]:
         """Return what the clients of arms are to be told since the last time, the latest 20."""
-        if not self._told:
-            return []
         told = list(self._told)
         self._told.clear()
         return told
