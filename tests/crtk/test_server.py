@@ -264,14 +264,7 @@ def test_a_fault_is_told_with_its_reason(dialect):
 
 def test_who_wants_to_move_it_is_told():
     robot = ServedRobot("crtk")
-    sleep = robot.clock.sleep
-
-    def ticking(seconds):
-        for _ in range(max(1, round(seconds * 1000))):
-            sleep(0.001)
-            robot.server.tick()
-
-    robot.clock.sleep = ticking
+    robot.tick_while_slept()
     client = CrtkClient(Loopback("mine", robot.network), dialect="crtk")
     assert client.fault_reason == ""
     robot.plant._set_state("FAULT", WHY)

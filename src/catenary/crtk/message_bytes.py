@@ -175,15 +175,12 @@ def _layout(run: tuple[Field, ...], encoding: Encoding, at: int) -> str:
     """Return the letters of `struct` for numbers and times that begin at a place, with the gaps before them."""
     letters, place = "<", at
     for field in run:
-        size = 4 if field.type in TIMES else np.dtype(NUMBERS[field.type]).itemsize
+        kind = None if field.type in TIMES else np.dtype(NUMBERS[field.type])
+        size = 4 if kind is None else kind.itemsize
         gap = -place % min(size, encoding.align)
-        letters += "x" * gap + (getattr(encoding, field.type) if field.type in TIMES else _letter(field))
-        place += gap + (_TIME if field.type in TIMES else size)
+        letters += "x" * gap + (getattr(encoding, field.type) if kind is None else kind.char.translate(_EIGHT_BYTES))
+        place += gap + (_TIME if kind is None else size)
     return letters
-
-
-def _letter(field: Field) -> str:
-    return "?" if field.type == "bool" else np.dtype(NUMBERS[field.type]).char.translate(_EIGHT_BYTES)
 
 
 def _value_writer(field: Field, encoding: Encoding) -> _Write:
