@@ -12,7 +12,7 @@ from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_forces import ToolState
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName
-from catenary.errors import CatenaryError, InputError
+from catenary.errors import CatenaryError, InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
@@ -267,6 +267,14 @@ class ServedArm:
         """Return positions (n,) at those that joint states have: a jaw that they leave out stays, or goes on."""
         rest = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
         return np.append(q, rest[len(q) :])
+
+    def require_inside(self, q: Floats) -> None:
+        """Refuse positions (n,) [rad|m] beyond the joints' limits."""
+        for name, unit, value, lower, upper in zip(
+            self.names, self.plant.joint_units, q, self.lower, self.upper, strict=True
+        ):
+            if not lower - 1e-9 <= value <= upper + 1e-9:
+                raise LimitError(f'joint "{name}": {value:.6g} {unit} outside [{lower:.6g}, {upper:.6g}]')
 
     def placed(self, pose: Pose) -> Pose:
         """Return a pose in the arm's base as clients have it: in the frame that they gave it, if they did."""

@@ -74,13 +74,8 @@ class Diagnostics:
         level, text = (OK, state.state) if state.is_homed or state.is_busy else (WARN, f"{state.state}, not homed")
         if state.state == "FAULT":
             level, text = ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
-        values = {
-            "state": state.state,
-            "is_homed": str(state.is_homed),
-            "is_busy": str(state.is_busy),
-            "commands refused": str(refused),
-        }
-        pairs = tuple(_KeyValue(key, value) for key, value in values.items())
+        values = {**state._asdict(), "commands refused": refused}
+        pairs = tuple(_KeyValue(key, str(value)) for key, value in values.items())
         return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
 
 
