@@ -103,7 +103,7 @@ def test_trouble_of_one_kind_is_logged_once_in_five_seconds_and_counted(caplog):
     for _ in range(400):
         robot.joints("servo_jr", np.full(7, np.nan))
         robot.tick()
-    assert robot.server.reports.count("/arm1/servo_jr: refused") == 400
+    assert robot.server.reports.kinds["/arm1/servo_jr: refused"].count == 400
     assert len([one for one in caplog.records if "servo_jr" in one.message]) == 1
 
 
@@ -405,7 +405,7 @@ def test_commands_that_make_no_sense_move_nothing_and_the_arm_says_why(dialect) 
         robot.say(verb, message)
         robot.tick(5)
         assert_array_equal(robot.setpoint, before)
-        assert robot.server.reports.count(f"/arm1/{verb}: refused") == 1
+        assert robot.server.reports.kinds[f"/arm1/{verb}: refused"].count == 1
         (said,) = (one.message.data for one in told.take())
         assert said.startswith(f"/arm1/{verb}: refused: ")
         assert reason in said

@@ -87,12 +87,6 @@ class Agreement(NamedTuple):
     beaten: float = 0.0  # what it leaves unexplained, of what other axes or another unit leave
 
 
-def axes_text(matrix: Floats) -> str:
-    """Return an order of axes (3, 3) as options have it: which of the sensor's gives x, y and z, as x,-y,-z."""
-    columns = np.argmax(np.abs(matrix), axis=1)
-    return ",".join(("-" if matrix[i, j] < 0.0 else "") + "xyz"[j] for i, j in enumerate(columns))
-
-
 def integrated(times: Floats, rates: Floats) -> Floats:
     """Return the integral of rates (M, 3) [rad/s] at times (M,) [s] since the first, (M, 3) [rad]."""
     steps = 0.5 * np.diff(times)[:, None] * (rates[1:] + rates[:-1])
@@ -336,5 +330,7 @@ def _left_by(found: Floats, free: slice, cost: Floats) -> Floats:
 def _mended(way: Floats, unit: float) -> tuple[Fault, str]:
     """Return what is wrong with a gyroscope that other axes or another unit explain, and what mends it."""
     kind = Fault.RATE_SIGN if (np.abs(way) == np.eye(3)).all() else Fault.RATE_AXES
-    axes = "" if (way == np.eye(3)).all() else f"its x, y, z seem to be {axes_text(way)}"
+    # as options have it: which of the sensor's axes gives x, y and z
+    order = ",".join(("-" if row.sum() < 0.0 else "") + "xyz"[int(np.abs(row).argmax())] for row in way)
+    axes = "" if (way == np.eye(3)).all() else f"its x, y, z seem to be {order}"
     return Fault.RATE_UNIT if unit != 1.0 else kind, ", and ".join(filter(None, (_UNITS[unit], axes)))

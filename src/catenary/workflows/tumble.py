@@ -165,29 +165,21 @@ def rests(recording: ImuRecording) -> list[StillReading]:
 
 def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
     """Return the rows of each piece of a second or more in which a sensor stood still."""
-    found: list[NDArray[np.intp]] = []
-    rows: list[int] = []
-    numbers = np.floor(recording.time / BLOCK).astype(int)
-
-    def close() -> None:
-        if rows and recording.time[rows[-1]] - recording.time[rows[0]] >= SHORTEST - BLOCK:
-            found.append(np.array(rows))
-        rows.clear()
-
+    time, numbers = recording.time, np.floor(recording.time / BLOCK).astype(int)
+    found: list[list[int]] = [[]]
     for number in np.unique(numbers):
-        if rows and numbers[rows[-1]] < number - 1:
-            close()
         here = np.flatnonzero(numbers == number).tolist()
-        force = recording.force[here]
+        force, rows = recording.force[here], found[-1]
         still = len(here) >= 3 and np.isfinite(force).all() and (np.std(force, axis=0) <= STILL).all()
-        if not still:
-            close()
-            continue
-        if rows and np.abs(force.mean(axis=0) - recording.force[rows].mean(axis=0)).max() > STILL:
-            close()
-        rows += here
-    close()
-    return found
+        if rows and (
+            not still
+            or numbers[rows[-1]] < number - 1
+            or np.abs(force.mean(axis=0) - recording.force[rows].mean(axis=0)).max() > STILL
+        ):
+            found.append([])
+        if still:
+            found[-1] += here
+    return [np.array(rows) for rows in found if rows and time[rows[-1]] - time[rows[0]] >= SHORTEST - BLOCK]
 
 
 def up_of_tilts(tilts_deg: ArrayLike) -> Floats:

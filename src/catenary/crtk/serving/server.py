@@ -293,10 +293,9 @@ class Server:
                     self._forget_others(self.arms[topic.arm], now)
                 for name in moved if source.moves else ():
                     self._commanders[name].commands(topic.name, process, now)
-        except CatenaryError as error:  # whatever a client sends, the robot goes on
-            self._refuse(topic, str(error), now)
-        except (ArithmeticError, ValueError, LookupError) as error:  # numbers that nobody foresaw
-            self._refuse(topic, repr(error), now)
+        # whatever a client sends, the robot goes on; also numbers that nobody foresaw
+        except (CatenaryError, ArithmeticError, ValueError, LookupError) as error:
+            self._refuse(topic, str(error) if isinstance(error, CatenaryError) else repr(error), now)
 
     def _arms_of(self, topic: CrtkTopic) -> tuple[ServedArm, ...]:
         """Return the arms that a topic's commands move."""
