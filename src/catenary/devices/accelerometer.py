@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import xor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -182,12 +182,13 @@ class SerialAccelerometer(SerialBoard):
     def with_ranges(self, mounting: Mounting) -> Mounting:
         """Return the mounting with the board's ranges where it states none."""
         hello = self.wait_ready(0.0)
-        if math.isinf(mounting.acceleration_range):
-            end = hello.acceleration_range * ACCELERATION_UNITS[hello.acceleration_unit]
-            mounting = replace(mounting, acceleration_range=end)
-        if math.isinf(mounting.rate_range) and hello.has_gyroscope and hello.rate_range > 0.0:
-            mounting = replace(mounting, rate_range=hello.rate_range * RATE_UNITS[hello.rate_unit])
-        return mounting if mounting.sensor else replace(mounting, sensor=hello.sensor)
+        ranges: dict[str, Any] = {
+            "acceleration_range": hello.acceleration_range * ACCELERATION_UNITS[hello.acceleration_unit]
+        }
+        if hello.has_gyroscope and hello.rate_range > 0.0:
+            ranges["rate_range"] = hello.rate_range * RATE_UNITS[hello.rate_unit]
+        unsaid = {name: end for name, end in ranges.items() if math.isinf(getattr(mounting, name))}
+        return replace(mounting, sensor=mounting.sensor or hello.sensor, **unsaid)
 
     def _on_gone(self) -> None:
         self.counts.unplugged += 1

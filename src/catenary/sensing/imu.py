@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable
+from functools import reduce
+from operator import or_
 
 import numpy as np
 
@@ -352,10 +354,7 @@ class SensedGravity:
         return cross(alpha, p) + cross(omega, cross(omega, p))
 
     def _faults(self, time: float, status: ReadingStatus) -> Fault:
-        faults = Fault.NONE
-        for fault, seen in self._seen.items():
-            if time - seen <= _MEMORY:
-                faults |= fault
+        faults = reduce(or_, (fault for fault, seen in self._seen.items() if time - seen <= _MEMORY), Fault.NONE)
         silent = time - self._heard > self._stale_after
         if status is not ReadingStatus.LIVE and silent and time - self._first_time > self._stale_after:
             faults |= Fault.NOTHING_RECEIVED if self._heard == -math.inf else Fault.INTERRUPTED

@@ -25,17 +25,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from catenary.crtk.dds.directory import (
-    HANDLES,
-    MANY,
-    Directory,
-    Endpoint,
-    Quality,
-    discovery_profile,
-    discovery_types,
-    presence,
-    profile,
-)
+from catenary.crtk.dds.directory import HANDLES, MANY, Directory, Endpoint, Quality, discovery_types, presence, profile
 from catenary.crtk.dds.types import DISCOVERY, Distribution
 from catenary.errors import InputError, TransportError
 
@@ -138,10 +128,10 @@ class Program:
             self._participant = DomainParticipant(enter_domain(), Qos(Policy.Userdata(b"enclave=/;")))
             self.gid: bytes = self._participant.guid.bytes
             topic = Topic(self._participant, DISCOVERY, discovery_types(distribution.gid)[-1])
-            self._presence = DataWriter(self._participant, topic, discovery_profile())
-            self.directory = Directory(
-                self._participant, DataReader(self._participant, topic, discovery_profile(MANY)), (self.gid, self.node)
-            )
+            self._presence = DataWriter(self._participant, topic, profile(Quality(is_latched=True), 1))
+            # more than one of them is kept, since programs are not told apart
+            told = DataReader(self._participant, topic, profile(Quality(is_latched=True), MANY))
+            self.directory = Directory(self._participant, told, (self.gid, self.node))
             self._waitset = WaitSet(self._participant)
         except DDSException as error:
             raise TransportError(f"DDS: {error}") from error
