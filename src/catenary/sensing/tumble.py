@@ -106,15 +106,14 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
     rotation: Floats = U @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ Vt
     residual = float(np.degrees(np.sqrt(np.mean(_between(told, force @ rotation.T) ** 2))))
     faults: list[str] = []
-    if mirrored and sizes[2] > _FLAT * sizes[0]:
-        orthogonal = U @ Vt  # the mirror that fits
-        if _rotation_deg(-orthogonal @ rough.T) <= _ALIGNED:
-            faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
-        else:
-            faults.append(f"wrong axes: {_axes_text(rough.T @ orthogonal)}: not right-handed")
-    elif np.mean(np.sum(told * (force @ rough.T), axis=1)) < -0.5:
-        # two directions cannot show a mirror, but all of them upside down do
+    shows_mirror, orthogonal = mirrored and sizes[2] > _FLAT * sizes[0], U @ Vt  # the mirror that fits
+    # two directions cannot show a mirror, but all of them upside down do
+    upside_down = np.mean(np.sum(told * (force @ rough.T), axis=1)) < -0.5
+    wrong_sign = _rotation_deg(-orthogonal @ rough.T) <= _ALIGNED if shows_mirror else upside_down
+    if wrong_sign:
         faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
+    elif shows_mirror:
+        faults.append(f"wrong axes: {_axes_text(rough.T @ orthogonal)}: not right-handed")
     elif expected is not None and _rotation_deg(rotation @ rough.T) > _ALIGNED:
         faults.append(
             f"wrong axes: {_axes_text(rough.T @ rotation)}: turned by {_rotation_deg(rotation @ rough.T):.0f} deg "

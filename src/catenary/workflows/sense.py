@@ -96,7 +96,7 @@ class SenseSummary:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in SI and degrees where the name says so."""
-        roll, pitch = tilt_of(self.reading.gravity)
+        angles = np.degrees([*tilt_of(self.reading.gravity), tilt_angle(self.reading.gravity)]).tolist()
         return {
             "duration_s": self.duration,
             "status": self.reading.status.value,
@@ -104,11 +104,7 @@ class SenseSummary:
             "gravity": self.reading.gravity,
             "magnitude": float(np.linalg.norm(self.reading.gravity)),
             "age_s": self.reading.age,
-            "tilt_deg": {
-                "roll": np.degrees(roll),
-                "pitch": np.degrees(pitch),
-                "from_level": np.degrees(tilt_angle(self.reading.gravity)),
-            },
+            "tilt_deg": dict(zip(("roll", "pitch", "from_level"), angles, strict=True)),
             "angular_velocity": self.reading.base_rates[0],
             "angular_acceleration": self.reading.base_rates[1],
             "mean": self.mean,
@@ -182,9 +178,7 @@ def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> S
     """Wait until the sensor is still for a while, and return its means."""
     _take_all(feed)  # from before
     begin, noise = feed.now(), np.full(3, np.nan)
-    forces: list[Floats] = []
-    rates: list[Floats] = []
-    start = begin
+    forces, rates, start = list[Floats](), list[Floats](), begin
     while feed.now() - begin < patience:
         feed.wait(0.02)
         for sample in _take_all(feed):
