@@ -147,7 +147,7 @@ class CompactRegressor:
         """Return the regressor on a level base, its entries of more than three terms, and its parameters, for LaTeX.
 
         Entries that take more than 64 terms on the way are written in terms that they share, gamma and u, which stand
-        before them (`SharedTerms`).
+        before them (`WrittenTerms`).
         """
         rows = r" \\ ".join(" & ".join(row) for row in self.entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
