@@ -72,6 +72,17 @@ class ServedRobot:
             self.clock.sleep(0.001)
             self.server.tick()
 
+    def tick_while_slept(self) -> None:
+        """Have the server tick while somebody sleeps by the clock, as a client of this thread does."""
+        sleep = self.clock.sleep
+
+        def ticking(seconds: float) -> None:
+            for _ in range(max(1, round(seconds * 1000))):
+                sleep(0.001)
+                self.server.tick()
+
+        self.clock.sleep = ticking
+
     def later(self, milliseconds: int) -> None:
         """Let time pass in ticks of 5 ms, where nothing moves: who is connected is looked at ten times a second."""
         for _ in range(milliseconds // 5):

@@ -10,18 +10,17 @@ from catenary.gravity.compact_regressor import DOWN, CompactRegressor
 from catenary.gravity.gravity_regressor import carried_links, gravity_parameters
 from catenary.gravity.symbols import expression_text, mass_expression, moment_expression
 from catenary.gravity.written_terms import (
+    MOST,
     SHORT,
     SymbolicVector,
     Terms,
-    TooLongError,
-    constant_vector,
+    Written,
+    WrittenTerms,
+    cleaned,
     crossed,
-    dotted,
     scaled,
     terms_text,
-    times,
-    turned,
-    way_to,
+    weighted,
 )
 from papers.experiment import Result, run
 
@@ -77,34 +76,39 @@ def block_texts(model: RobotModel, joint: int) -> list[str]:
     return texts
 
 
-def full_entry(
-    model: RobotModel, joint: int, frame: int, axis: Floats, gravity: Floats, coordinate: int
-) -> Terms | None:
+def full_entry(model: RobotModel, joint: int, frame: int, axis: Floats, gravity: Floats, coordinate: int) -> Written:
     """Write an entry of the paper's full regressor, -gravity . (z_joint x e); None for what is too long.
 
-    Unlike `moment_entries` it stands for one joint alone, whether it carries the frame or not. joint and frame are
-    indices of the tree, frame -1 the base; axis is e (3,) in that frame, gravity (3,) a constant, such as (0, 0, -1)
-    for a level base, in units of the free fall; coordinate is the row of the regressor.
+    Unlike those of `WrittenTerms` it stands for one joint alone, whether it carries the frame or not. joint and frame
+    are indices of the tree, frame -1 the base; axis is e (3,) in that frame, gravity (3,) a constant, such as
+    (0, 0, -1) for a level base, in units of the free fall; coordinate is the row of the regressor.
     """
     weight = float(model.coupling[joint, coordinate])
     if weight == 0.0 or model.tree.prismatic[joint]:
         return {}
-    try:
-        z = _in_base(model, joint, model.tree.axis[joint])
-        e = constant_vector(axis) if frame < 0 else _in_base(model, frame, axis)
-        # -gravity . (z x e) = (gravity x e) . z
-        return scaled(dotted(crossed(gravity, e), z), weight)
-    except TooLongError:
-        return None
+    z, e = _in_base(model, joint, model.tree.axis[joint]), _in_base(model, frame, axis)
+    # -gravity . (z x e) = (gravity x e) . z
+    return scaled(_dotted(crossed(gravity, e), z), weight)
 
 
 def _in_base(model: RobotModel, link: int, axis: Floats) -> SymbolicVector:
-    """Return an axis of a link in the base frame."""
-    way = way_to(model, link)
-    v = constant_vector(way.end @ axis)
-    for turn in reversed(way.turns):
-        v = times(turn.before, turned(turn, v, back=False))
-    return v
+    """Return an axis of a link in the base frame: along each axis there, as that is seen from the link."""
+    x, y, z = (weighted(axis, WrittenTerms(model, of_base).seen_from(link)) for of_base in np.eye(3))
+    return x, y, z
+
+
+def _dotted(a: SymbolicVector, b: SymbolicVector) -> Written:
+    """Return a . b, multiplied out."""
+    total: Terms = {}
+    for one, other in zip(a, b, strict=True):
+        if one is None or other is None:
+            return None
+        for left, x in one.items():
+            for right, y in other.items():
+                product = tuple(sorted(left + right))
+                total[product] = total.get(product, 0.0) + x * y
+    found = cleaned(total)
+    return found if len(found) <= MOST else None
 
 
 @run(revision=1)

@@ -197,7 +197,7 @@ def test_a_parked_arm_publishes_and_refuses(robot):
     assert_allclose(robot.last("measured_js", "green").position, robot.server.arms["green"].measured.q)
     robot.joints("servo_jr", shoulder(1e-3), arm="green")
     robot.tick(2)
-    assert robot.server.reports.count("/arm2/servo_jr: refused") == 1
+    assert robot.server.reports.kinds["/arm2/servo_jr: refused"].count == 1
 
 
 @pytest.mark.parametrize("verb", ["move_jp", "move_jr", "move_cp"])

@@ -137,21 +137,12 @@ def test_a_client_refuses_to_begin_while_another_program_moves_the_arm() -> None
 
 def test_the_one_that_is_refused_in_mid_motion_ends_without_pausing_the_other() -> None:
     served = ServedRobot("crtk", state="ENABLED")
-    served.clock.sleep(0.0)
-
-    original = served.clock.sleep
-
-    def sleep(seconds: float) -> None:
-        for _ in range(max(1, round(seconds * 1000))):
-            original(0.001)
-            served.server.tick()
-
-    served.clock.sleep = sleep  # type: ignore[method-assign]
+    served.tick_while_slept()
     mine = CrtkClient(Loopback("mine", served.network), dialect="crtk")
     rival = Loopback("rival", served.network).publisher(served.name("servo_jp"), "sensor_msgs/JointState")
     mine.require_free()
     rival.publish(JointState(position=served.setpoint))  # both listened at the same time; the rival was first
-    sleep(0.002)
+    served.clock.sleep(0.002)
 
     def rival_goes_on(*_: Any) -> None:
         rival.publish(JointState(position=served.setpoint))

@@ -36,11 +36,10 @@ import struct
 from patience import until
 J = message_class("sensor_msgs/JointState")
 publisher = transport.publisher("/x", "sensor_msgs/JointState")
-peers = publisher._peers
-until(lambda: peers._peers)
+until(lambda: publisher._peers)
 publisher.publish(J(name=("",) * 1_000_000))  # 4 MB, as a message
 publisher.publish(J(header(1)))
-(peer,) = peers._peers
+(peer,) = publisher._peers
 until(lambda: not peer._rest and not peer._waiting)
 sock = peer.connection.socket
 sock.setblocking(True)

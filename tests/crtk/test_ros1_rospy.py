@@ -112,7 +112,7 @@ publisher = transport.publisher("/js", "sensor_msgs/JointState")
 print("up")
 while not publisher.subscribers():
     time.sleep(0.05)
-(peer,) = publisher._peers._peers
+(peer,) = publisher._peers
 print(peer.connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
 """
     with Program(ros_master, robot, "robot") as sender, Program(ros_master, listener, "rospy") as hears:

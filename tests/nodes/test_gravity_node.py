@@ -76,12 +76,9 @@ NOMINAL = np.array([0.0, 0.0, -9.81])
         (IMU, {"mounting": Mounting(rotation=TURNED)}, -TURNED.T @ TILTED, TILTED, "live"),
         (VECTOR, {"points_down": True}, TILTED, TILTED, "live"),
         (VECTOR, {}, TILTED, NOMINAL, "upside_down"),
-        (IMU, {}, [0.0, 0.0, 8.7], NOMINAL, "magnitude"),
-        (IMU, {}, [0.0, 0.0, 11.2], NOMINAL, "magnitude"),
         (IMU, {}, [0.0, 0.0, 1.0], NOMINAL, "unit_g"),
-        (IMU, {}, [0.0, 0.0, 981.0], NOMINAL, "unit_cm"),
     ],
-    ids=["imu", "mounted", "gravity itself", "wrong sign", "short", "long", "in g", "in cm/s2"],
+    ids=["imu", "mounted", "gravity itself", "wrong sign", "in g"],
 )
 def test_gravity_goes_out_where_the_reading_is_believed(type_name, options, read, published, status):
     world = World(type_name, **options)
@@ -108,19 +105,6 @@ def test_a_driver_that_takes_gravity_away_is_named_with_those_known_to_do_it():
     assert any("gravity_stripped" in text and "dmpGetLinearAccel" in text for text in final.warnings)
 
 
-@pytest.mark.parametrize(("fallback", "expected"), [("hold", TILTED), ("static", NOMINAL)])
-def test_when_samples_stop_what_was_configured_is_published(fallback, expected):
-    world = World(fallback=fallback)
-    world.run(1.0, -TILTED)
-    world.run(2.0)
-    gravity, status = world.said()
-    # what is held is the parabola as far as it was followed, which amplifies the noise of 0.01 m/s2 twentyfold
-    assert_allclose(gravity, expected, atol=0.3)
-    assert status == "fallback interrupted"
-    world.run(2.0, -TILTED)
-    assert world.said()[1] == "live"  # a sensor that comes back is believed again
-
-
 def test_stop_publishes_nothing_but_says_so():
     world = World(fallback="stop")
     world.run(1.0, -TILTED)
@@ -129,6 +113,8 @@ def test_stop_publishes_nothing_but_says_so():
     world.run(1.0)
     assert world.vectors.take() == []
     assert world.states.take()[-1].message.string == "stop interrupted"
+    world.run(2.0, -TILTED)
+    assert world.said()[1] == "live"  # a sensor that comes back is believed again
 
 
 def test_the_rate_is_kept_the_status_shown_each_second_and_a_duration_of_nothing_refused():

@@ -153,7 +153,7 @@ def test_turning_is_the_derivative_of_the_attitude(roll, pitch, amplitude, frequ
     h, times = 1e-4, np.array([1.3, 2.0, 7.0]) + again
 
     def attitude(t: np.ndarray) -> Rotation:
-        return Rotation.from_euler("XY", np.column_stack([base.roll.at(t).angle, base.pitch.at(t).angle]))
+        return Rotation.from_euler("XY", np.column_stack([base.roll.at(t)[0], base.pitch.at(t)[0]]))
 
     samples = base.sample(times)
     # of the base's own axes: R(t)^T R(t + h) = exp(h omega)

@@ -7,11 +7,11 @@ from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import Mailbox, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
-from catenary.workflows.sense import SimulatedFeed, read_still, watch
+from catenary.workflows.sense import read_still, simulated_feed, watch
 
 
 def feed(base, *faults):
-    return SimulatedFeed(SimulatedSensor(base, Mailbox(), SensorModel(), faults=faults, seed=2))
+    return simulated_feed(SimulatedSensor(base, Mailbox(), SensorModel(), faults=faults, seed=2))
 
 
 def watched(base, seconds, *faults, **options):

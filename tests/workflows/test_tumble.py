@@ -14,10 +14,10 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.imu_recording import ImuRecording, read_imu
 from catenary.robots.catalog import load_robot
-from catenary.sensing.mounting import Mounting, load_mounting, save_mounting
+from catenary.sensing.mounting import Mounting, load_mounting
 from catenary.sensing.tumble import fit_orientations
 from catenary.simulation.sensors import SensorModel
-from catenary.workflows.sense import ReplayFeed, StillReading, read_still
+from catenary.workflows.sense import StillReading, read_still, replay_feed
 from catenary.workflows.tumble import (
     ATTITUDES,
     Attitude,
@@ -58,12 +58,6 @@ def test_a_tumble_finds_bias_scale_and_rotation_of_a_sensor():
     assert_allclose(outcome.mounting.position, [0.1, 0.2, 0.3])
 
 
-def test_what_a_tumble_found_is_loaded_as_it_was(tmp_path):
-    outcome = run_tumble(lambda attitude: readings()[attitude.name])
-    save_mounting(tmp_path / "m.toml", outcome.mounting, outcome.section)
-    assert_allclose(load_mounting(tmp_path / "m.toml").rotation, outcome.mounting.rotation)
-
-
 def spoilt(change):
     """A reader of a sensor whose driver changes what it reads."""
     return lambda attitude: StillReading(change(readings()[attitude.name].force), None)
@@ -74,10 +68,7 @@ def spoilt(change):
     [
         (lambda y: -y, "on its sides: wrong sign"),
         (lambda y: y[[1, 0, 2]], "on its sides: wrong axes: x reads +y, y reads +x, z reads +z"),
-        (lambda y: y[[1, 2, 0]], "on its sides: wrong axes"),
         (lambda y: y / 9.80665, "seem to be in g"),
-        (lambda y: y * 100.0, "seem to be in cm/s2"),
-        (lambda y: y * 0.001, "takes gravity away"),
     ],
 )
 def test_a_driver_that_is_wrong_is_named(change, said):
@@ -92,13 +83,6 @@ def test_a_base_that_was_tilted_the_other_way_is_told():
 
     outcome = run_tumble(read)
     assert any("was it tilted as told" in fault for fault in outcome.faults), outcome.faults
-
-
-def test_sides_that_were_left_out_are_named():
-    def read(attitude):
-        return readings()["+z up" if attitude.name in ("-z up", "slanted 2", "slanted 3") else attitude.name]
-
-    assert any("no reading with -z up" in fault for fault in run_tumble(read).faults)
 
 
 R = Rotation.from_euler("XYZ", [0.3, -0.2, 1.0]).as_matrix()  # R_base_imu
@@ -170,9 +154,6 @@ SWAP = np.eye(3)[[1, 0, 2]]
     [
         (np.eye(3), np.eye(3), ""),
         (np.eye(3), -np.eye(3), "its x, y, z seem to be -x,-y,-z"),
-        (np.eye(3), np.diag([-1.0, 1.0, 1.0]), "its x, y, z seem to be -x,y,z"),
-        (np.eye(3), SWAP, "its x, y, z seem to be y,x"),
-        (np.eye(3), np.degrees(np.eye(3)), "it seems to be in deg/s"),
         (np.eye(3), np.diag([1.0, -1.0, -1.0]), "its x, y, z seem to be x,-y,-z"),  # half of NED
         (np.diag([1.0, -1.0, -1.0]), np.eye(3), "its x, y, z seem to be x,-y,-z"),
         (np.eye(3), 2.5 * np.eye(3), "times as far as it says"),
@@ -209,7 +190,7 @@ def test_the_turns_of_a_tumble_by_hand_check_the_gyroscope(rate: Floats | float,
     assert right.rate is not None
     late = round(100 * rate) if isinstance(rate, float) else 0
     rates = np.roll(right.rate, late, axis=0) if isinstance(rate, float) else right.rate @ rate.T
-    feed = ReplayFeed(ImuRecording(right.time, right.force, rates))
+    feed = replay_feed(ImuRecording(right.time, right.force, rates))
 
     def read(attitude: Attitude) -> StillReading:
         feed.wait(3.5 * ATTITUDES.index(attitude) + 0.2 - feed.now())  # a person presses Enter
@@ -272,44 +253,40 @@ def test_a_deck_that_was_recorded_is_live_with_a_ships_rules_and_not_with_a_tabl
     assert catenary(*line, "table").json["faults"]["magnitude"] > 100
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_imu_of_a_bag_is_read_by_its_stamps(tmp_path: Path, kind: Kind) -> None:
+def imu_bag(path: Path, kind: Kind, absent: str = "") -> Path:
+    """A bag of 20 readings, of which the covariance says that one quantity is not measured."""
+
     def message(k: int) -> Message:
         def make(store: Any, head: Any) -> Any:
             vector, turn = (store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"])
-            nine = np.zeros(9)
-            rate, force = vector(0.1, 0.0, 0.01 * k), vector(0.5, float(k), 9.8)
-            return store.types["sensor_msgs/msg/Imu"](head, turn(0.0, 0.0, 0.0, 1.0), nine, rate, nine, force, nine)
+            nine, none = np.zeros(9), np.r_[-1.0, np.zeros(8)]
+            force, rate = (none if name == absent else nine for name in ("linear_acceleration", "angular_velocity"))
+            turning, pulled = vector(0.1, 0.0, 0.01 * k), vector(0.5, float(k), 9.8)
+            return store.types["sensor_msgs/msg/Imu"](
+                head, turn(0.0, 0.0, 0.0, 1.0), nine, turning, rate, pulled, force
+            )
 
         return 0.02 * k, "/imu", make
 
-    bag = write_bag(tmp_path / "imu", kind, {"/imu": "sensor_msgs/msg/Imu"}, [message(k) for k in range(20)])
-    found = read_imu(bag)
+    return write_bag(path / "imu", kind, {"/imu": "sensor_msgs/msg/Imu"}, [message(k) for k in range(20)])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_imu_of_a_bag_is_read_by_its_stamps_and_what_it_does_not_measure_left_out(
+    tmp_path: Path, kind: Kind
+) -> None:
+    found = read_imu(imu_bag(tmp_path, kind))
     assert_allclose(found.time, 0.02 * np.arange(20), atol=1e-9)
     assert_allclose(found.force[:, 1], np.arange(20))
     assert found.rate is not None
     assert_allclose(found.rate[:, 2], 0.01 * np.arange(20))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("absent", ["linear_acceleration", "angular_velocity"])
-def test_what_an_imu_says_that_it_does_not_measure_is_left_out(tmp_path: Path, kind: Kind, absent: str) -> None:
-    def make(store: Any, head: Any) -> Any:
-        vector, turn = (store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"])
-        nine, none = np.zeros(9), np.r_[-1.0, np.zeros(8)]
-        force, rate = (none if name == absent else nine for name in ("linear_acceleration", "angular_velocity"))
-        zero, up = vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 9.8)
-        return store.types["sensor_msgs/msg/Imu"](head, turn(0.0, 0.0, 0.0, 1.0), nine, zero, rate, up, force)
-
-    messages: list[Message] = [(0.02 * k, "/imu", make) for k in range(20)]
-    bag = write_bag(tmp_path / "imu", kind, {"/imu": "sensor_msgs/msg/Imu"}, messages)
-    if absent == "angular_velocity":
-        found = read_imu(bag)
-        assert found.rate is None
-        assert any("measure no angular velocity" in note for note in found.notes)
-    else:
-        with pytest.raises(FileFormatError, match=r"20 messages say .covariance -1. that they measure no acceleration"):
-            read_imu(bag)
+    (tmp_path / "no rates").mkdir()
+    found = read_imu(imu_bag(tmp_path / "no rates", kind, "angular_velocity"))
+    assert found.rate is None
+    assert any("measure no angular velocity" in note for note in found.notes)
+    (tmp_path / "no force").mkdir()
+    with pytest.raises(FileFormatError, match=r"20 messages say .covariance -1. that they measure no acceleration"):
+        read_imu(imu_bag(tmp_path / "no force", kind, "linear_acceleration"))
 
 
 def test_recordings_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:

@@ -70,10 +70,9 @@ class Conditions:
         roll, pitch = np.deg2rad(self.base_tilt_deg or LEVEL_BASE)
         start = FixedBase(float(roll), float(pitch))
         rocks = tuple(_wave("--rock", text) for text in self.rock)
-        moves = [_wave("--heave", text, "z") for text in self.heave]
-        moves += [_wave("--surge", text, "x") for text in self.surge]
-        moves += [_wave("--sway", text, "y") for text in self.sway]
-        return SwayingBase(rocks, tuple(moves), start) if rocks or moves else start
+        along = ("--heave", self.heave, "z"), ("--surge", self.surge, "x"), ("--sway", self.sway, "y")
+        moves = tuple(_wave(option, text, axis) for option, texts, axis in along for text in texts)
+        return SwayingBase(rocks, moves, start) if rocks or moves else start
 
     def arm(self, robot: str, description: DescriptionOptions) -> "SimulatedArm":
         """Return the robot on its base."""

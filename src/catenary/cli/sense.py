@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
+    from catenary.simulation.sensors import SensorModel
     from catenary.workflows.sense import Feed, SenseSummary, StillReading
     from catenary.workflows.tumble import Attitude, TumbleOutcome
 
@@ -92,7 +93,10 @@ def sense(
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import MAILBOX, Mailbox
-    from catenary.workflows.sense import SETTLE, ReplayFeed, serial_feed
+    from catenary.simulation.base_motion import FixedBase
+    from catenary.simulation.sensors import SimulatedSensor
+    from catenary.workflows.sense import SETTLE, replay_feed, serial_feed, simulated_feed
+    from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
 
     require_one(port=port, simulated=simulated, replay=replaying.replay)
     out = out or Path("mounting.toml")
@@ -102,14 +106,18 @@ def sense(
     by_tf = None if bag is None else partial(recorded_pose, bag)
     told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
     recording = replaying.recording(reading, tumble=tumble)
-    if recording is not None and tumble:
-        _calibrate(recording, replaying, told, out, as_json)
+    model = _simulated_model(told, 200.0 if rate is None else rate)
+    if simulated:
+        told = model.mounting
+    if tumble and recording is not None:
+        _conclude_tumble(_calibrated(recording, replaying, told), out, as_json)
         return
-    hertz = 200.0 if rate is None else rate
-    feed: Feed | None
+    if tumble and simulated:
+        _conclude_tumble(run_tumble(simulated_reader(model, seed=seed), start=told), out, as_json)
+        return
     with ExitStack() as stack:
         if recording is not None:
-            feed, left = ReplayFeed(recording), recording.duration - SETTLE
+            feed, left = replay_feed(recording), recording.duration - SETTLE
             duration = left if duration is None else min(duration, left)
         elif port is not None:
             size = 100 * MAILBOX if tumble else MAILBOX  # the turns of a tumble are kept while nobody reads
@@ -118,33 +126,23 @@ def sense(
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             feed, told = serial_feed(device), device.with_ranges(told)
         else:
-            feed, told = _simulated(told, None if tumble else base_tilt_deg or LEVEL_BASE, hertz, seed)
-        if tumble or feed is None:
-            _tumble(feed, told, hertz, seed, out, as_json)
+            base = FixedBase(*map(math.radians, base_tilt_deg or LEVEL_BASE))
+            sensor = SimulatedSensor(base, Mailbox(), model, seed=seed)
+            feed = simulated_feed(sensor, paced=sys.stdout.isatty())
+        if tumble:
+            print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
+            _conclude_tumble(run_tumble(_by_hand(feed), start=told, taken=feed.taken), out, as_json)
         else:
             _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration, as_json)
 
 
-def _simulated(
-    told: "Mounting", tilt_deg: tuple[float, float] | None, rate: float, seed: int
-) -> "tuple[Feed | None, Mounting]":
-    """Return a simulated sensor, of which what is told of the mounting is true; no feed for a tumble: many sensors."""
-    from catenary.sensing.vector import Mailbox
-    from catenary.simulation.base_motion import FixedBase
-    from catenary.simulation.sensors import SensorModel, SimulatedSensor
-    from catenary.workflows.sense import SimulatedFeed
+def _simulated_model(told: "Mounting", rate: float) -> "SensorModel":
+    """Return a simulated sensor, of which what is told of the mounting is true."""
+    from catenary.simulation.sensors import SensorModel
 
-    model = SensorModel(rate)
-    told = replace(
-        told,
-        acceleration_range=min(told.acceleration_range, model.mounting.acceleration_range),
-        rate_range=min(told.rate_range, model.mounting.rate_range),
-    )
-    if tilt_deg is None:
-        return None, told
-    base = FixedBase(math.radians(tilt_deg[0]), math.radians(tilt_deg[1]))
-    sensor = SimulatedSensor(base, Mailbox(), replace(model, mounting=told), seed=seed)
-    return SimulatedFeed(sensor, paced=sys.stdout.isatty()), told
+    own = SensorModel(rate).mounting
+    ranges = {name: min(getattr(told, name), getattr(own, name)) for name in ("acceleration_range", "rate_range")}
+    return SensorModel(rate, mounting=replace(told, **ranges))
 
 
 def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_json: bool) -> None:
@@ -224,27 +222,16 @@ def _in_words(summary: "SenseSummary") -> list[Any]:
     return [*lines, facts, line, nothing]
 
 
-def _calibrate(recording: "ImuRecording", options: ReplayOptions, told: "Mounting", out: Path, as_json: bool) -> None:
+def _calibrated(recording: "ImuRecording", options: ReplayOptions, told: "Mounting") -> "TumbleOutcome":
     from catenary.robots.catalog import load_robot
     from catenary.workflows.tumble import calibrate_replay, read_orientations
 
     model = None if options.robot is None else load_robot(options.robot)
     if model is not None:
         told = replace(told, base=options.frame or model.tip)
-    up = read_orientations(options.orientations or Path(), model, options.frame)
-    _conclude_tumble(calibrate_replay(recording, up, start=told), out, as_json)
-
-
-def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out: Path, as_json: bool) -> None:
-    from catenary.simulation.sensors import SensorModel
-    from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
-
-    if feed is None:
-        outcome = run_tumble(simulated_reader(SensorModel(rate, mounting=start), seed=seed), start=start)
-    else:
-        print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
-        outcome = run_tumble(_by_hand(feed), start=start, taken=feed.taken)
-    _conclude_tumble(outcome, out, as_json)
+    return calibrate_replay(
+        recording, read_orientations(options.orientations or Path(), model, options.frame), start=told
+    )
 
 
 def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":

@@ -86,14 +86,13 @@ class ElasticPD:
         gravity, omega, alpha = gravity_and_rates(state, self.gravity)
         at_reference = self._holding_torque(reference.q, gravity, omega, alpha)
         wind_up = at_reference / self.stiffness
-        tau = self.pd.torque(state, reference._replace(q=reference.q + wind_up))
+        feedback = self.pd.torque(state, reference._replace(q=reference.q + wind_up))
         if self.compensation == "constant":
             self.feedforward[:] = at_reference
         else:
             q = state.q - wind_up if self.compensation == "biased" else state.q
             self.feedforward[:] = self._holding_torque(q, gravity, omega, alpha)
-        tau += self.feedforward
-        return tau
+        return feedback + self.feedforward
 
 
 class StiffnessMargin(NamedTuple):

@@ -48,10 +48,9 @@ class GravityPD:
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return torques (n,) [Nm|N]; NaN where something that they depend on is."""
-        tau = self.pd.torque(state, reference)
+        feedback = self.pd.torque(state, reference)
         self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
-        tau += self.feedforward
-        return tau
+        return feedback + self.feedforward
 
 
 class GravityHold:
@@ -99,7 +98,6 @@ class EstimatedGravityPD:
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity depends on it."""
-        tau = self.pd.torque(state, reference)
+        feedback = self.pd.torque(state, reference)
         self.feedforward[:] = self.estimator.follow(state, reference.q)
-        tau += self.feedforward
-        return tau
+        return feedback + self.feedforward

@@ -230,7 +230,9 @@ def run_loop(
                     clock.start()
         finished = True
         if controller is not None:
-            _hand_over(plant, finite.held)
+            q = plant.measured_js().q  # where the robot holds, without the controller
+            if not hold(plant, np.where(np.isfinite(q), q, finite.held)):
+                plant.state_command("pause")
         return report()
     except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
         finished = False
@@ -272,10 +274,3 @@ def _require_near(
             )
     at_calibrated: Flags = corrected <= reported
     return at_calibrated
-
-
-def _hand_over(plant: Plant, last: Floats) -> None:
-    """Let the robot hold where it is, without the controller; at `last` (n,) [rad|m] where that is not finite."""
-    q = plant.measured_js().q
-    if not hold(plant, np.where(np.isfinite(q), q, last)):
-        plant.state_command("pause")

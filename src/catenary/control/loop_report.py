@@ -5,6 +5,7 @@ ICRA 2014: RMS of desired minus sensed joint position, and RMS of the PD term ov
 when the model is right and beyond 100 % when the PD fights it.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
@@ -101,24 +102,21 @@ class GravityTally:
     """Counts what a source of gravity says over the ticks of a run."""
 
     def __init__(self) -> None:
-        self._counts: dict[tuple[ReadingStatus, Fault], int] = {}
+        self._counts: Counter[tuple[ReadingStatus, Fault]] = Counter()
         self._largest_age = float("nan")
 
     def add(self, reading: GravityReading) -> None:
         """Count a tick."""
-        key = reading.status, reading.faults
-        self._counts[key] = self._counts.get(key, 0) + 1
+        self._counts[reading.status, reading.faults] += 1
         if isfinite(reading.age) and not reading.age <= self._largest_age:
             self._largest_age = reading.age
 
     def report(self) -> GravityReport:
         """Return what was counted."""
-        ticks: dict[str, int] = {}
-        faults: dict[Fault, int] = {}
+        ticks, faults = Counter[str](), Counter[Fault]()
         for (status, shown), count in self._counts.items():
-            ticks[status.value] = ticks.get(status.value, 0) + count
-            for fault in shown:
-                faults[fault] = faults.get(fault, 0) + count
+            ticks[status.value] += count
+            faults.update(dict.fromkeys(shown, count))
         return GravityReport(
             ticks=ticks,
             faults={fault.names[0]: count for fault, count in faults.items()},

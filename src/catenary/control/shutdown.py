@@ -35,9 +35,10 @@ class FiniteTicks:
                 self._in_a_row = 0
                 self._lost[:] = 0
             return
-        bad_q = ~np.isfinite(q)
+        bad_q, asked = ~np.isfinite(q), np.zeros(len(q)) if tau is None else tau
         self.held = np.where(bad_q, self.held, q)
-        self._lost += bad_q, np.zeros_like(bad_q) if tau is None else _not_finite(tau, len(q))
+        # a torque that is missing is as good as NaN
+        self._lost += bad_q, ~np.isfinite(np.append(asked, np.full(len(q), np.nan))[: len(q)])
         self._in_a_row += 1
         if self._in_a_row >= self._limit:
             raise NotFiniteError(
@@ -101,9 +102,3 @@ def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
                 error.add_note(f"{name} the robot failed: {why}")
     if interrupt is not None:
         raise interrupt from error
-
-
-def _not_finite(tau: Floats, n: int) -> np.ndarray:
-    """Return which of n torques are not finite; one that is missing is as good as NaN."""
-    bad: np.ndarray = ~np.isfinite(np.append(tau, np.full(n, np.nan))[:n])
-    return bad

@@ -16,6 +16,7 @@ begin while one does, by its name; a served robot refuses the second one too, an
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import closing
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +28,7 @@ from catenary.crtk.message_values import Stamps, command_message, joint_state_me
 from catenary.crtk.message_values import operating_state as operating_state_of
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import find_topic
-from catenary.crtk.transport import Latest, Publisher
+from catenary.crtk.transport import Publisher
 from catenary.errors import NotReadyError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
 
@@ -48,6 +49,8 @@ _CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
 class CrtkClient(CrtkReader):
     """One arm of a robot that speaks CRTK, read and commanded; a state older than `stale_after` is TransportError."""
 
+    _obeys = True
+
     def _begin(self) -> None:
         """Prepare to command; nothing is sent."""
         self._stamps = Stamps(self.transport.clock)
@@ -55,10 +58,11 @@ class CrtkClient(CrtkReader):
         self._arrived = False  # whether the robot's setpoint has been at the goal
         self._sent = False  # whether a command went out in this tick
         self._publishers: dict[str, Publisher] = {}
+        kept = self._open.enter_context
         for verb in ("servo_jp", "state_command", *(("servo_jf",) if self.dialect == "crtk" else ())):
             topic = find_topic(self.dialect, verb, self.arm, self.namespace)
-            self._publishers[verb] = self.transport.publisher(topic.name, topic.type)
-        self._others = OtherCommanders(self.transport, self.dialect, self.arm, self.namespace)
+            self._publishers[verb] = kept(closing(self.transport.publisher(topic.name, topic.type)))
+        self._others = kept(closing(OtherCommanders(self.transport, self.dialect, self.arm, self.namespace)))
 
     def require_free(self) -> None:
         """Listen a third of a second whether another program moves the arm; raise RobotHeldError, by its name."""
@@ -164,14 +168,6 @@ class CrtkClient(CrtkReader):
     def _setpoint(self) -> Floats:
         return self._position(self._latest["setpoint_js"].message())
 
-    def close(self) -> None:
-        """End its topics; the transport stays open."""
-        for publisher in getattr(self, "_publishers", {}).values():
-            publisher.close()
-        if hasattr(self, "_others"):
-            self._others.close()
-        super().close()
-
     def _missing(self) -> list[str]:
         """Say which topics lack messages or a listener."""
         faults = super()._missing()
@@ -181,6 +177,3 @@ class CrtkClient(CrtkReader):
             if not listeners - {self.transport.name}:  # this client listens to who else commands
                 faults.append(f"{topic}: nobody listens")
         return faults
-
-    def _needed(self) -> list[Latest]:
-        return [*self._latest.values()]

@@ -121,11 +121,7 @@ class Subscription:
         self._decode = decode
         self._waiting: deque[Arrival] = deque()  # not decoded yet
         self._closed = False
-        self._leave: Callable[[], None] | None = None
-
-    def on_close(self, leave: Callable[[], None]) -> None:
-        """Have `leave` called, once, when the subscription is closed; transports call this."""
-        self._leave = leave
+        self.leave: Callable[[], None] | None = None  # of its transport, called once when it is closed
 
     def has_room_for(self, size: int) -> bool:
         """Return whether it takes messages of so many bytes; one that it does not take is counted."""
@@ -194,7 +190,7 @@ class Subscription:
             self._closed = True
             self._waiting.clear()
             self._came.notify_all()
-            leave, self._leave = self._leave, None
+            leave, self.leave = self.leave, None
         if leave is not None:
             leave()
 

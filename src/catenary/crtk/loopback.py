@@ -49,12 +49,6 @@ class LoopbackNetwork:
             found = self.topics[name] = _LocalTopic(current_name(type_name))
         return found
 
-    def forget(self, name: str) -> None:
-        """Remove a transport with its services."""
-        with self.lock:
-            self.transports.pop(name, None)
-            self.services = {key: one for key, one in self.services.items() if one.transport.name != name}
-
 
 class LoopbackPublisher(Publisher):
     """Publisher of one transport on one topic; a message goes straight into the subscriptions, which count."""
@@ -173,5 +167,8 @@ class Loopback(Transport):
         """Leave the network."""
         if not self.inbox.closed:
             self._end_topics()
-            self.network.forget(self.name)
+            with self.network.lock:
+                self.network.transports.pop(self.name, None)
+                services = self.network.services.items()
+                self.network.services = {key: one for key, one in services if one.transport is not self}
         super().close()

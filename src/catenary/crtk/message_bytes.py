@@ -9,6 +9,7 @@ definitions; numbers that follow one another go through one `struct`. rosbags re
 import struct
 from collections.abc import Callable
 from functools import cache, lru_cache
+from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -36,13 +37,14 @@ class Encoding(NamedTuple):
 
     ros: int
     front: bytes
+    end: bytes  # of a text, counted with it
     align: int  # the largest alignment
     time: str  # how `struct` writes seconds and nanoseconds
     duration: str
 
 
-ROS1 = Encoding(1, b"", 1, "II", "ii")
-CDR = Encoding(2, b"\0\1\0\0", 8, "iI", "iI")  # little-endian, no options
+ROS1 = Encoding(1, b"", b"", 1, "II", "ii")
+CDR = Encoding(2, b"\0\1\0\0", b"\0", 8, "iI", "iI")  # little-endian, no options
 
 
 class Codec(NamedTuple):
@@ -118,16 +120,13 @@ def _fields_writer(listed: tuple[Field, ...], encoding: Encoding) -> _Write:
         return _placeholder if encoding is CDR else lambda parts, at, values: at
     steps: list[_Write] = []
     first = 0
-    while first < len(listed):
-        last = first
-        while last < len(listed) and _is_number(listed[last]):
-            last += 1
-        if last > first:
-            steps.append(_numbers_writer(listed[first:last], first, len(listed), encoding))
+    for are_numbers, grouped in groupby(listed, _is_number):
+        run = tuple(grouped)
+        if are_numbers:
+            steps.append(_numbers_writer(run, first, len(listed), encoding))
         else:
-            last += 1
-            steps.append(_at_place(first, _value_writer(listed[first], encoding)))
-        first = last
+            steps += [_at_place(first + k, _value_writer(field, encoding)) for k, field in enumerate(run)]
+        first += len(run)
     if len(steps) == 1:
         return steps[0]
 
@@ -176,15 +175,12 @@ def _layout(run: tuple[Field, ...], encoding: Encoding, at: int) -> str:
     """Return the letters of `struct` for numbers and times that begin at a place, with the gaps before them."""
     letters, place = "<", at
     for field in run:
-        size = 4 if field.type in TIMES else np.dtype(NUMBERS[field.type]).itemsize
+        kind = None if field.type in TIMES else np.dtype(NUMBERS[field.type])
+        size = 4 if kind is None else kind.itemsize
         gap = -place % min(size, encoding.align)
-        letters += "x" * gap + (getattr(encoding, field.type) if field.type in TIMES else _letter(field))
-        place += gap + (_TIME if field.type in TIMES else size)
+        letters += "x" * gap + (getattr(encoding, field.type) if kind is None else kind.char.translate(_EIGHT_BYTES))
+        place += gap + (_TIME if kind is None else size)
     return letters
-
-
-def _letter(field: Field) -> str:
-    return "?" if field.type == "bool" else np.dtype(NUMBERS[field.type]).char.translate(_EIGHT_BYTES)
 
 
 def _value_writer(field: Field, encoding: Encoding) -> _Write:
@@ -197,16 +193,14 @@ def _value_writer(field: Field, encoding: Encoding) -> _Write:
 
 
 def _write_text(parts: list[bytes], at: int, text: str, encoding: Encoding) -> int:
-    data = text.encode()
-    if encoding is ROS1:
-        parts.append(_COUNT.pack(len(data)) + data)
-    else:
-        parts.append(b"%b%b%b\0" % (_ZEROS[-at % 4], _COUNT.pack(len(data) + 1), data))
-    return at + len(parts[-1])
+    data = text.encode() + encoding.end
+    at = _write_count(parts, at, len(data), encoding)
+    parts.append(data)
+    return at + len(data)
 
 
 def _write_count(parts: list[bytes], at: int, count: int, encoding: Encoding) -> int:
-    parts.append(_COUNT.pack(count) if encoding is ROS1 else _ZEROS[-at % 4] + _COUNT.pack(count))
+    parts.append(_ZEROS[-at % min(_COUNT.size, encoding.align)] + _COUNT.pack(count))
     return at + len(parts[-1])
 
 

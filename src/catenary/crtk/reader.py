@@ -9,6 +9,7 @@ hold a loop up: its silence shows in `measured_js`, which refuses a state older 
 """
 
 from collections.abc import Mapping
+from contextlib import ExitStack, closing
 from typing import Self
 
 import numpy as np
@@ -76,6 +77,7 @@ class CrtkReader(NeverMoved):
     """One arm of a robot that speaks CRTK, over any transport; arrays are in the order of `joint_names`."""
 
     why_not = "this robot is only read"
+    _obeys = False  # so that setpoints have to come
 
     def __init__(
         self,
@@ -104,26 +106,27 @@ class CrtkReader(NeverMoved):
         self.period, self.stale_after, self.simulated = period, stale_after, simulated
         self._origin: int | None = None  # [ns] stamp of the first state
         self._is_silent = False
+        self._open = ExitStack()  # closes what it has begun
         self._latest: dict[str, Latest] = {}
         self._state: RavenTelemetry | None = None
-        self._diagnostics: Latest | None = None
         # what is in front of the arm's commands, /arm1 or /PSM1: by it /diagnostics names the arm
         self.command_place = find_topic(dialect, "setpoint_js", arm, namespace).name.rpartition("/")[0]
         self._gravity: PublishedGravity | None = None
         self._tracker: Latest | None = None
         # of telemetry: raven_state's fields, and encoders that were published when this began
         self.columns: tuple[Column, ...] = ()
+        kept = self._open.enter_context
         try:
             for verb in _READS:
                 topic = find_topic(dialect, verb, arm, namespace)
-                self._latest[verb] = Latest(transport, topic.name, topic.type)
+                self._latest[verb] = kept(closing(Latest(transport, topic.name, topic.type)))
             if dialect == "raven":
-                self._state = RavenTelemetry(transport, arm, stale_after)
+                self._state = kept(closing(RavenTelemetry(transport, arm, stale_after)))
                 self.columns = self._state.columns
             elif namespace is not None:
-                self._tracker = Latest(transport, f"/{namespace.strip('/')}/{TRACKER}", JOINT_STATE)
-            self._diagnostics = Latest(transport, DIAGNOSTICS, DIAGNOSTICS_TYPE)
-            self._gravity = None if gravity is None else PublishedGravity(transport, gravity)
+                self._tracker = kept(closing(Latest(transport, f"/{namespace.strip('/')}/{TRACKER}", JOINT_STATE)))
+            self._diagnostics = kept(closing(Latest(transport, DIAGNOSTICS, DIAGNOSTICS_TYPE)))
+            self._gravity = None if gravity is None else kept(closing(PublishedGravity(transport, gravity)))
             self._begin()
             self._connect(connect_timeout)
             self._position(self._latest["measured_js"].message())  # refuses other joints here and now
@@ -187,10 +190,9 @@ class CrtkReader(NeverMoved):
     @property
     def fault_reason(self) -> str:
         """Why the arm is in FAULT, as /diagnostics tells; empty where nobody tells."""
-        message = None if self._diagnostics is None else self._diagnostics.message()
-        place = self.command_place
+        message = self._diagnostics.message()
         for status in () if message is None else message.status:
-            if status.hardware_id == place and status.message.startswith("FAULT: "):
+            if status.hardware_id == self.command_place and status.message.startswith("FAULT: "):
                 return str(status.message.removeprefix("FAULT: "))
         return ""
 
@@ -229,9 +231,7 @@ class CrtkReader(NeverMoved):
 
     def close(self) -> None:
         """End its topics; the transport stays open."""
-        for part in (*self._latest.values(), self._state, self._diagnostics, self._gravity, self._tracker):
-            if part is not None:
-                part.close()
+        self._open.close()
 
     def __enter__(self) -> Self:
         return self
@@ -272,18 +272,15 @@ class CrtkReader(NeverMoved):
 
     def _missing(self) -> list[str]:
         """Say which topics lack messages."""
-        faults = [self._silence(latest) for latest in self._needed() if latest.message() is None]
+        verbs = _READS if self._obeys else ("measured_js",) if self._state else ("measured_js", "operating_state")
+        needed = [self._latest[verb] for verb in verbs]
+        faults = [self._silence(latest) for latest in needed if latest.message() is None]
         measured = self._latest["measured_js"].message()
         if measured is not None and not np.isfinite(measured.position).all():
             faults.append(f"{self._latest['measured_js'].topic}: holds NaN or infinity")
         if self._state is not None and self._state.message() is None:
             faults.append(self._silence(self._state.latest))
         return faults
-
-    def _needed(self) -> list[Latest]:
-        """Return what has to have come, beside raven_state."""
-        verbs = ("measured_js", "operating_state") if self._state is None else ("measured_js",)
-        return [self._latest[verb] for verb in verbs]
 
     def _silence(self, latest: Latest) -> str:
         """Say who is expected to send on a topic of which nothing came."""

@@ -295,7 +295,7 @@ class Transport(ABC):
             elif found.type_name != subscription.type_name:
                 raise other_type(topic, type_name, found.type_name)
             found.add(subscription)
-        subscription.on_close(lambda: self._unsubscribe(topic, subscription))
+        subscription.leave = lambda: self._unsubscribe(topic, subscription)
 
     def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
         with self._heard_lock:

@@ -8,7 +8,9 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import reduce
+from operator import xor
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,10 +50,7 @@ class BoardSample(NamedTuple):
 
 def checksum(body: str) -> str:
     """Return the exclusive or of all characters between $ and *, as NMEA 0183 has it: two hexadecimal digits."""
-    value = 0
-    for character in body:
-        value ^= ord(character)
-    return f"{value:02X}"
+    return f"{reduce(xor, map(ord, body), 0):02X}"
 
 
 def parse_line(line: str) -> Hello | BoardSample:
@@ -116,22 +115,15 @@ class BoardClock:
 
     def stamp(self, micros: int, arrival: float) -> float:
         """Return a sample's time [s] on the host's clock, from the board's [us], modulo 2^32, and its arrival [s]."""
-        if self._last is None:
-            self._begin(arrival)
+        step = 0.0 if self._last is None else (micros - self._last) % WRAP * 1e-6
+        if self._last is None or step > RESTART:  # back, or far ahead
+            self.restarts += self._last is not None
+            self._elapsed, self._offset = 0.0, arrival
         else:
-            step = (micros - self._last) % WRAP * 1e-6
-            if step > RESTART:  # back, or far ahead
-                self.restarts += 1
-                self._begin(arrival)
-            else:
-                self._elapsed += step
-                self._offset = min(self._offset + DRIFT * step, arrival - self._elapsed)
+            self._elapsed += step
+            self._offset = min(self._offset + DRIFT * step, arrival - self._elapsed)
         self._last = micros
         return self._offset + self._elapsed
-
-    def _begin(self, arrival: float) -> None:
-        self._elapsed = 0.0
-        self._offset = arrival
 
 
 ASK = b"?\n"  # the board answers with a hello
@@ -183,12 +175,12 @@ class SerialAccelerometer(SerialBoard):
     def with_ranges(self, mounting: Mounting) -> Mounting:
         """Return the mounting with the board's ranges where it states none."""
         hello = self.wait_ready(0.0)
-        if math.isinf(mounting.acceleration_range):
-            end = hello.acceleration_range * ACCELERATION_UNITS[hello.acceleration_unit]
-            mounting = replace(mounting, acceleration_range=end)
-        if math.isinf(mounting.rate_range) and hello.has_gyroscope and hello.rate_range > 0.0:
-            mounting = replace(mounting, rate_range=hello.rate_range * RATE_UNITS[hello.rate_unit])
-        return mounting if mounting.sensor else replace(mounting, sensor=hello.sensor)
+        ends = {
+            "acceleration_range": hello.acceleration_range * ACCELERATION_UNITS[hello.acceleration_unit],
+            "rate_range": hello.rate_range * RATE_UNITS[hello.rate_unit],  # 0 for none
+        }
+        unsaid: dict[str, Any] = {k: end for k, end in ends.items() if end > 0.0 and math.isinf(getattr(mounting, k))}
+        return replace(mounting, sensor=mounting.sensor or hello.sensor, **unsaid)
 
     def _on_gone(self) -> None:
         self.counts.unplugged += 1

@@ -59,8 +59,8 @@ LONGEST = 60.0  # [s]
 # beyond its farthest by a push into the stop, cables give way and the joint creeps back by as much
 REST = 100.0  # counts from the farthest, within which a joint stands at its stop: 0.45 deg, 0.5 mm
 TOGETHER = 0.2  # [s] for which all joints stand at their stops at once: the robot waits so long to register
-TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)  # [rad, rad, m] that a joint must come towards its stop
-BEYOND = TRAVEL  # past a stop, which then was none
+# [rad, rad, m] that a joint must come towards its stop; one that goes as far past it shows that it was none
+TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)
 
 
 class Registration:
@@ -77,7 +77,6 @@ class Registration:
         self.reason = "not registered: home the robot"  # why there is none
         self._told: bool | None = None  # whether the robot homes; None: nobody tells
         self._travel = np.array(TRAVEL) * rig.counts
-        self._beyond = np.array(BEYOND) * rig.counts
         self._clear()
 
     @property
@@ -117,7 +116,7 @@ class Registration:
         """Take a good row of counts (3,), at a time [s]."""
         toward = counts * self._rig.side
         if self.zero is not None:
-            past = toward - self.zero * self._rig.side > self._beyond
+            past = toward - self.zero * self._rig.side > self._travel
             if past.any():
                 which = ", ".join(name for name, is_past in zip(JOINTS, past, strict=True) if is_past)
                 self.lose(f"{which} went past what was taken for the stop")

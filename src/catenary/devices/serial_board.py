@@ -4,6 +4,7 @@ import logging
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Self
 
 import serial
@@ -94,10 +95,8 @@ class SerialBoard(ABC):
     def _drop(self) -> None:
         line, self._line = self._line, None
         if line is not None:
-            try:
+            with suppress(OSError):
                 line.close()
-            except OSError as error:
-                _log.debug("%s: closing: %s", self.port, error)
 
     def _run(self) -> None:
         splitter = LineSplitter()

@@ -29,23 +29,13 @@ from catenary.gravity.gravity_regressor import (
 from catenary.gravity.symbols import (
     Expression,
     NamedSymbol,
-    expression_latex,
     expression_text,
     mass_expression,
     moment_expression,
     monomials,
     symbols_of,
 )
-from catenary.gravity.written_terms import (
-    SHORT,
-    SharedTerms,
-    Terms,
-    mass_entries,
-    moment_entries,
-    scaled,
-    sum_of,
-    terms_text,
-)
+from catenary.gravity.written_terms import SHORT, Terms, Written, WrittenTerms, sum_of, terms_text
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel
@@ -157,7 +147,7 @@ class CompactRegressor:
         """Return the regressor on a level base, its entries of more than three terms, and its parameters, for LaTeX.
 
         Entries that take more than 64 terms on the way are written in terms that they share, gamma and u, which stand
-        before them (`SharedTerms`).
+        before them (`WrittenTerms`).
         """
         rows = r" \\ ".join(" & ".join(row) for row in self.entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
@@ -170,20 +160,21 @@ class CompactRegressor:
             for c, terms in enumerate(row, 1)
             if terms is None or len(terms) > SHORT
         ]
-        lines += [f"s_{{{k + 1}}} = {expression_latex(e)}" for k, e in enumerate(self.expressions)]
+        lines += [f"s_{{{k + 1}}} = {expression_text(e, latex=True)}" for k, e in enumerate(self.expressions)]
         return "\n".join(lines)
 
     def written(self, gravity: ArrayLike) -> tuple[list[list[Terms]], dict[str, Terms]]:
         """Return the entries (n, p) under a constant gravity (3,), and by name terms that the longest share."""
         down = as_array("gravity", gravity, (3,))
-        shared = SharedTerms(self.model, down)
+        shared = WrittenTerms(self.model, down, shared=True)
         table: list[list[Terms]] = []
         for r, entries in enumerate(self._terms(down)):
-            written = [
-                reduce(sum_of, [shared.entry(r, *self.columns[k]) for k in self._of(c)]) if terms is None else terms
-                for c, terms in enumerate(entries)
-            ]
-            table.append(written)
+            table.append([])
+            for c, terms in enumerate(entries):
+                if terms is None:
+                    terms = reduce(sum_of, [shared.entry(r, *self.columns[k]) for k in self._of(c)])
+                    assert terms is not None  # names keep it short
+                table[-1].append(terms)
         return table, shared.definitions
 
     def __str__(self) -> str:
@@ -202,20 +193,15 @@ class CompactRegressor:
         """Return which columns are merged in one."""
         return [k for k, target in enumerate(self.targets) if target == column]
 
-    def _terms(self, gravity: Floats) -> list[list[Terms | None]]:
+    def _terms(self, gravity: Floats) -> list[list[Written]]:
         """Return the entries under a constant gravity as sums of products, (n, p); None for what is too long."""
-        columns = []
-        for c in range(len(self.expressions)):
-            # merged masses have one expression but several columns: their sum would be long
-            own = [self.columns[k] for k in self._of(c)]
-            link, along = own[0]
-            column: list[Terms | None] = [None] * self.model.n
-            if len(own) == 1 and along == CARRIED_MASS:
-                column = mass_entries(self.model, link, gravity)
-            elif len(own) == 1:
-                column = moment_entries(self.model, link, np.eye(3)[along], gravity)
-            columns.append(column)
-        return [[column[r] for column in columns] for r in range(self.model.n)]
+        whole = WrittenTerms(self.model, gravity)
+        # merged masses have one expression but several columns: their sum would be long
+        lone = {c: self.columns[own[0]] for c in range(len(self.expressions)) if len(own := self._of(c)) == 1}
+        return [
+            [whole.entry(r, *lone[c]) if c in lone else None for c in range(len(self.expressions))]
+            for r in range(self.model.n)
+        ]
 
 
 def compact_regressor(model: RobotModel) -> CompactRegressor:
@@ -235,40 +221,31 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     wanted = [RegressorColumn(j, a) for j in range(n) for a in range(3)]
     wanted += [RegressorColumn(j, CARRIED_MASS) for j in prismatic]
     effects = _effects(model, wanted)
-    merged: dict[frozenset[tuple[str, int]], int] = {}
-    expressions: list[Expression] = []
-    units: list[str] = []
-    sources: list[list[int]] = []
+    merged: dict[frozenset[tuple[str, int]], tuple[Expression, str, list[int]]] = {}  # with unit and sources
     zeros: list[int] = []
     ineffective: list[str] = []
     columns: list[RegressorColumn] = []
     targets: list[int] = []
     for (link, along), effect in zip(wanted, effects, strict=True):
         if along == CARRIED_MASS:
-            expression = mass_expression(model, link)
+            expression, unit = mass_expression(model, link), "kg"
             places = [3 * n * (n + 1) + prismatic.index(link)]
         else:
-            expression = moment_expression(model, link, along)
+            expression, unit = moment_expression(model, link, along), "kg m"
             carriers = [k for k in range(n) if link in carried_links(tree, k)]
             places = [3 * (n + 1) * k + 3 * (link + 1) + along for k in carriers]
         if not expression:
             zeros += places
-            continue
-        if not effect:
+        elif not effect:
             ineffective.append(expression_text(expression))
-            continue
-        key = monomials(expression)
-        if key not in merged:
-            merged[key] = len(expressions)
-            expressions.append(expression)
-            units.append("kg" if along == CARRIED_MASS else "kg m")
-            sources.append([])
-        sources[merged[key]] += places
-        columns.append(RegressorColumn(link, along))
-        targets.append(merged[key])
-    merged_in = tuple(tuple(entries) for entries in sources)
+        else:
+            key = monomials(expression)
+            merged.setdefault(key, (expression, unit, []))[2].extend(places)
+            columns.append(RegressorColumn(link, along))
+            targets.append(list(merged).index(key))
+    expressions, units, sources = zip(*merged.values(), strict=True) if merged else ((), (), ())
     return CompactRegressor(
-        model, tuple(expressions), tuple(units), tuple(columns), tuple(targets), merged_in, tuple(zeros),
+        model, expressions, units, tuple(columns), tuple(targets), tuple(map(tuple, sources)), tuple(zeros),
         tuple(ineffective),
     )  # fmt: skip
 
@@ -348,10 +325,10 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
     table, shared = regressor.written(gravity)
     rows: list[Terms] = []
     for entries in table:
-        total: Terms = {}
-        for value, terms in zip(regressor.parameters(), entries, strict=True):
-            total = sum_of(total, scaled(terms, float(value)), most=None)
-        rows.append(total)
+        rows.append({})
+        for value, terms in zip(regressor.parameters().tolist(), entries, strict=True):
+            for atoms, factor in terms.items():
+                rows[-1][atoms] = rows[-1].get(atoms, 0.0) + factor * value
     sizes = [abs(value) for terms in rows for value in terms.values()]
     least = LEAST * max(sizes, default=0.0)
     lines = [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]

@@ -176,13 +176,9 @@ class GravityEstimator(EstimatedGravity):
 
 
 def _as_omega(omega: ArrayLike, n: int) -> Floats:
-    shape = np.shape(omega)
-    if shape == ():
-        matrix = float(as_array("omega", omega, ())) * np.eye(n)
-    elif len(shape) == 1:
-        matrix = np.diag(as_array("omega", omega, (n,)))
-    else:
-        matrix = as_array("omega", omega, (n, n))
+    is_whole = np.ndim(omega) == 2
+    matrix = as_array("omega", omega if is_whole else one_for_all(omega, n), (n, n) if is_whole else (n,))
+    matrix = matrix if is_whole else np.diag(matrix)
     if not np.allclose(matrix, matrix.T) or not (np.linalg.eigvalsh(matrix) > 0.0).all():
         raise InputError(f"omega: expected a symmetric positive definite matrix, got {matrix.tolist()}")
     return np.ascontiguousarray(matrix)

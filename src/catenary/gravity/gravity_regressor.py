@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
@@ -91,14 +91,11 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
     tree = model.tree
     n = len(tree.parent)
     moment, mass = carried(tree)
-    values: list[float] = []
-    for k in range(n):
-        beyond = carried_links(tree, k)
-        for j in range(-1, n):
-            values += list(moment[j]) if j in beyond else [0.0] * 3
-    values += mass[tree.prismatic].tolist()
+    moments = carries(tree)[:, :, None] * moment
+    values = np.concatenate([np.zeros((n, 1, 3)), moments], axis=1).ravel()
+    values = np.append(values, mass[tree.prismatic])
     units = ("kg m",) * (3 * n * (n + 1)) + ("kg",) * int(tree.prismatic.sum())
-    return GravityParameters(np.array(values), full_labels(model), units)
+    return GravityParameters(values, full_labels(model), units)
 
 
 def full_labels(model: RobotModel) -> tuple[str, ...]:
@@ -163,6 +160,12 @@ def carried_links(tree: Tree, joint: int) -> set[int]:
     return links
 
 
+def carries(tree: Tree) -> NDArray[np.bool_]:
+    """Return which joints carry which links, (n, n)."""
+    joints = range(len(tree.parent))
+    return np.array([[link in carried_links(tree, joint) for link in joints] for joint in joints])
+
+
 def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:
     """Return a parameter vector as an array."""
     array = as_array(name, values, (len(labels),), finite=False)
@@ -189,9 +192,8 @@ def _placed(model: RobotModel, q: Floats, gravity: Floats) -> _Placed:
 
 def _columns(model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, arm: _Placed) -> Floats:
     n = len(model.tree.parent)
-    carries = np.array([[link in carried_links(model.tree, joint) for link in range(n)] for joint in range(n)])
     # (n_tree, n, n_tree) of a coordinate in what a joint holds of a link; 0 if it carries it not
-    shares = model.coupling[:, :, None] * carries.reshape(n, 1, n)
+    shares = model.coupling[:, :, None] * carries(model.tree).reshape(n, 1, n)
     # (N, n, n_tree, 3) of every link's first moment along the axes of its frame
     moments = np.einsum("krj,Nkjb->Nrjb", shares, np.einsum("Nka,Njab->Nkjb", arm.pull, arm.rotation))
     out = np.empty((*q.shape, len(columns)))

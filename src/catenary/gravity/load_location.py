@@ -101,11 +101,11 @@ class LoadHypotheses:
             mass, *moment = self._sizes * body
             carriers.append(CarrierBelief(frame, share, float(mass), self._sizes[0] * deviation, np.array(moment)))
         carriers.sort(key=lambda one: -one.probability)
-        joint = None
-        if len(likely([one.frame for one in carriers], [one.probability for one in carriers])) > 1:
-            pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
-            joint = telling_joint(self._regressor, pair, q, gravity, noise)
-        return LoadBeliefs(none, tuple(carriers), joint)
+        found = LoadBeliefs(none, tuple(carriers))
+        if len(found.likely) < 2:
+            return found
+        pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
+        return found._replace(telling_joint=telling_joint(self._regressor, pair, q, gravity, noise))
 
     def shares(self, beforehand: float | None = None) -> list[float]:
         """Return the probability of no load, and of a load on each frame; see `beliefs`."""

@@ -38,7 +38,11 @@ def mass_doubts(model: RobotModel, *, described: RobotModel | None = None) -> tu
     while bare.without_payload is not None:
         bare = bare.without_payload
     bodies = [doubt for link in range(len(bare.link_names)) for doubt in _of_link(bare, link)]
-    return (*bodies, *_of_sum(model, described), *_of_efforts(model))
+    own = 0.0 if described is None or described.missing_inertia else float(described.tree.mass.sum())
+    total = float(model.tree.mass.sum())
+    if own > 0.0 and not LIGHTER < total / own < HEAVIER:
+        bodies.append(f"moving mass {total:.4g} kg, {total / own:.2g} times the {own:.4g} kg of the robot's file")
+    return (*bodies, *_of_efforts(model))
 
 
 def _of_link(model: RobotModel, link: int) -> list[str]:
@@ -68,14 +72,6 @@ def _beside(model: RobotModel, link: int, point: Floats) -> tuple[float, float]:
     between = [(start, end) for k, start in enumerate(ends) for end in ends[: k + 1]]
     length = max(float(np.linalg.norm(end - start)) for start, end in between)
     return length, min(distance_to_segment(point, start, end) for start, end in between)
-
-
-def _of_sum(model: RobotModel, described: RobotModel | None) -> list[str]:
-    own = 0.0 if described is None or described.missing_inertia else float(described.tree.mass.sum())
-    total = float(model.tree.mass.sum())
-    if own == 0.0 or LIGHTER < total / own < HEAVIER:
-        return []
-    return [f"moving mass {total:.4g} kg, {total / own:.2g} times the {own:.4g} kg of the robot's file"]
 
 
 def _of_efforts(model: RobotModel) -> list[str]:

@@ -8,6 +8,7 @@ that steps of zero length and the masses of links declared massless are zero.
 """
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -58,19 +59,15 @@ def monomials(expression: Expression) -> frozenset[tuple[str, int]]:
     return frozenset((product.length, link) for product in expression for link in product.masses)
 
 
-def expression_text(expression: Expression) -> str:
+def expression_text(expression: Expression, *, latex: bool = False) -> str:
     """Write an expression as the paper does: l1 (m2+m3) + lg1 m1."""
-    return " + ".join(_product_text(product) for product in expression) or "0"
-
-
-def expression_latex(expression: Expression) -> str:
-    """Write an expression for LaTeX."""
     parts = []
     for length, masses in expression:
         name, index = length.rstrip("0123456789,xyz"), length.lstrip("lg")
-        head = "" if not length else f"l_{{g{index}}} " if name == "lg" else f"l_{{{index}}} "
-        total = "+".join(f"m_{{{word}}}" if word != "..." else r"\dots" for word in _mass_words(masses))
-        parts.append(head + (f"({total})" if head and len(masses) > 1 else total))
+        symbol = length if not latex else f"l_{{{'g' if name == 'lg' else ''}{index}}}"
+        total = "+".join((f"m_{{{word}}}" if latex else f"m{word}") for word in _mass_words(masses))
+        total = total.replace("m_{...}" if latex else "m...", r"\dots" if latex else "...")
+        parts.append(f"{symbol} ({total})" if length and len(masses) > 1 else f"{symbol} {total}" if length else total)
     return " + ".join(parts) or "0"
 
 
@@ -85,23 +82,16 @@ def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str
         )
         for link in massive
     }
-    for child in range(len(model.link_names)):
-        for axis in range(3):
-            step = float(model.tree.origin[child, axis])
-            if model.tree.parent[child] < 0 or abs(step) <= NO_LENGTH:
-                continue
-            if (name := _step_name(model, child, axis)) in used:
-                parent = model.link_names[model.tree.parent[child]]
-                table[name] = NamedSymbol(
-                    f"from {parent} to {model.link_names[child]}, along {'xyz'[axis]} of {parent} [m]", step
-                )
-    for link in range(len(model.link_names)):
-        for axis in range(3):
-            if model.axes_of_com[link, axis] and (name := _com_name(model, link, axis)) in used:
-                table[name] = NamedSymbol(
-                    f"centre of mass of {model.link_names[link]}, along {'xyz'[axis]} [m]",
-                    float(model.tree.com[link, axis]) if known else None,
-                )
+    for child, axis in np.ndindex(len(model.link_names), 3):
+        step, above = float(model.tree.origin[child, axis]), int(model.tree.parent[child])
+        if above >= 0 and abs(step) > NO_LENGTH and (name := _step_name(model, child, axis)) in used:
+            parent = model.link_names[above]
+            meaning = f"from {parent} to {model.link_names[child]}, along {'xyz'[axis]} of {parent} [m]"
+            table[name] = NamedSymbol(meaning, step)
+    for link, axis in np.ndindex(len(model.link_names), 3):
+        if model.axes_of_com[link, axis] and (name := _com_name(model, link, axis)) in used:
+            meaning = f"centre of mass of {model.link_names[link]}, along {'xyz'[axis]} [m]"
+            table[name] = NamedSymbol(meaning, float(model.tree.com[link, axis]) if known else None)
     return table
 
 
@@ -126,22 +116,7 @@ def _com_name(model: RobotModel, link: int, axis: int) -> str:
     return f"lg{link + 1}{'xyz'[axis] if model.axes_of_com[link].sum() > 1 else ''}"
 
 
-def _product_text(product: Product) -> str:
-    total = "+".join(word if word == "..." else f"m{word}" for word in _mass_words(product.masses))
-    if not product.length:
-        return total
-    return f"{product.length} ({total})" if len(product.masses) > 1 else f"{product.length} {total}"
-
-
 def _mass_words(masses: tuple[int, ...]) -> list[str]:
     """Number the masses from 1; of more than four in a row, the first and the last."""
-    words: list[str] = []
-    k = 0
-    while k < len(masses):
-        end = k
-        while end + 1 < len(masses) and masses[end + 1] == masses[end] + 1:
-            end += 1
-        run = [str(link + 1) for link in masses[k : end + 1]]
-        words += [run[0], "...", run[-1]] if len(run) > 4 else run
-        k = end + 1
-    return words
+    runs = [[str(link + 1) for _, link in run] for _, run in groupby(enumerate(masses), lambda pair: pair[1] - pair[0])]
+    return [word for run in runs for word in ([run[0], "...", run[-1]] if len(run) > 4 else run)]

@@ -1,15 +1,13 @@
 """Entries of the gravity regressor written out: sums of products of sines and cosines, such as c1 c23 - 0.5 s1.
 
-Between a joint k and a link j it carries lie turns about axes, with constant rotations between them. Joints with
-parallel axes in a row make one turn, by the sum of their angles, and a turn leaves its own axis alone. So an entry
--gravity . (z_k x e), e an axis of frame j, is the product of gravity turned as far as the turn that joint k belongs
-to, and of e turned back as far as there: each sine and cosine comes at most once in a term, and like terms cancel.
-
-Entries that are too long are written in terms that several share, `SharedTerms`.
+Before a link lie turns about axes, with constant rotations between them. Joints with parallel axes in a row make one
+turn, by the sum of their angles, and a turn leaves its own axis alone. So gravity is turned on from turn to turn, and
+what each joint adds where its turn starts, z x gravity: each sine and cosine comes at most once in a term, and like
+terms cancel. Sums that are too long are left out, or written in terms that several share and that have names.
 """
 
 from functools import reduce
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,29 +22,17 @@ ROUNDING = 1e-12
 # "c", "s" or "q" of a sum of factors times coordinates; without factors a name
 Atom = tuple[str, tuple[tuple[int, float], ...]]
 Terms = dict[tuple[Atom, ...], float]  # product of atoms, in order -> coefficient
-SymbolicVector = tuple[Terms, Terms, Terms]
-Written = TypeVar("Written", Terms, SymbolicVector)
+Written = Terms | None  # None for what is too long
+SymbolicVector = tuple[Written, Written, Written]
+Angle = tuple[Floats, float]  # (n,) factors of the coordinates, offset [rad]
 
 
-class TooLongError(Exception):
-    """An entry has too many terms on the way."""
-
-
-class Turn(NamedTuple):
-    """A rotation about a constant axis, after a constant rotation of the frame."""
-
-    before: Floats  # (3, 3)
-    axis: Floats  # (3,)
-    angle: tuple[Floats, float]  # (n,) factors of the coordinates, offset [rad]
-
-
-def turned(turn: Turn, v: SymbolicVector, *, back: bool) -> SymbolicVector:
-    """Turn a vector by Rodrigues' formula, u u.v + c (v - u u.v) + s u x v, or back."""
-    u = turn.axis
-    factors, offset = turn.angle
-    along = times(np.outer(u, u), v)
-    across = times(np.eye(3) - np.outer(u, u), v)
-    sideways = crossed(-u if back else u, v)
+def turned_back(axis: Floats, angle: Angle, v: SymbolicVector) -> SymbolicVector:
+    """Turn a vector back about an axis u (3,) by Rodrigues' formula, u u.v + c (v - u u.v) - s u x v."""
+    factors, offset = angle
+    along = times(np.outer(axis, axis), v)
+    across = times(np.eye(3) - np.outer(axis, axis), v)
+    sideways = crossed(-axis, v)
     cosine, sine = np.cos(offset), np.sin(offset)
     moving = bool(np.abs(factors).max(initial=0.0) > ROUNDING)
     c, (s, sign) = angle_atom("c", factors)[0], angle_atom("s", factors)
@@ -79,7 +65,7 @@ def times(matrix: Floats, v: SymbolicVector) -> SymbolicVector:
     return x, y, z
 
 
-def weighted(weights: Floats, v: SymbolicVector) -> Terms:
+def weighted(weights: Floats, v: SymbolicVector) -> Written:
     """Return the scalar product of numbers (3,) and a vector."""
     return reduce(sum_of, (scaled(terms, float(weight)) for weight, terms in zip(weights, v, strict=True)))
 
@@ -89,37 +75,24 @@ def crossed(a: Floats, v: SymbolicVector) -> SymbolicVector:
     return times(np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]]), v)
 
 
-def dotted(a: SymbolicVector, b: SymbolicVector) -> Terms:
-    """Return a . b, multiplied out."""
-    total: Terms = {}
-    for k in range(3):
-        for left, x in a[k].items():
-            for right, y in b[k].items():
-                product = tuple(sorted(left + right))
-                total[product] = total.get(product, 0.0) + x * y
-                if len(total) > MOST:
-                    raise TooLongError
-    return cleaned(total)
-
-
-def sum_of(a: Terms, b: Terms, *, most: int | None = MOST) -> Terms:
+def sum_of(a: Written, b: Written) -> Written:
     """Add two sums."""
-    total = dict(a)
-    for atoms, value in b.items():
-        total[atoms] = total.get(atoms, 0.0) + value
-    if most is not None and len(total) > most:
-        raise TooLongError
-    return cleaned(total)
+    if a is None or b is None:
+        return None
+    total = cleaned(a | {atoms: a.get(atoms, 0.0) + value for atoms, value in b.items()})
+    return total if len(total) <= MOST else None
 
 
-def scaled(terms: Terms, factor: float) -> Terms:
+def scaled(terms: Written, factor: float) -> Written:
     """Return a number times a sum."""
-    return cleaned({atoms: factor * value for atoms, value in terms.items()})
+    if abs(factor) <= ROUNDING:
+        return {}
+    return terms and cleaned({atoms: factor * value for atoms, value in terms.items()})
 
 
-def multiplied(terms: Terms, atom: Atom) -> Terms:
+def multiplied(terms: Written, atom: Atom) -> Written:
     """Return a sum times an atom."""
-    return {tuple(sorted((*atoms, atom))): value for atoms, value in terms.items()}
+    return terms and {tuple(sorted((*atoms, atom))): value for atoms, value in terms.items()}
 
 
 def cleaned(terms: Terms) -> Terms:
@@ -163,164 +136,85 @@ def _angle_text(factors: tuple[tuple[int, float], ...], *, latex: bool) -> str:
     return text
 
 
-class Way(NamedTuple):
-    """The way from the base to one link."""
+class Turn(NamedTuple):
+    """The last turn before a link's frame."""
 
-    turns: list[Turn]
-    end: Floats  # (3, 3) constant rotation after the last turn
-    joints: dict[int, tuple[int, Floats]]  # joint -> its turn (-1 before the first), and its axis there
+    first: int  # joint that begins it; -1 before any
+    joints: tuple[tuple[int, float], ...]  # that turn so, and the signs of their axes
+    angle: Angle
+    after: Floats  # (3, 3) constant rotation behind it
 
 
-def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) -> list[Terms | None]:
-    """Write what a first moment along an axis (3,) of a link asks of each coordinate; None for what is too long.
+class WrittenTerms:
+    """What masses and first moments of a robot's links ask of its coordinates under a constant gravity.
 
-    gravity (3,) is a constant, such as (0, 0, -1) for a level base, in units of the free fall.
+    Where they are `shared`, the parts of what turns on have names, `definitions`, and nothing is too long.
     """
-    way = way_to(model, link)
-    down = _before_turns(way, constant_vector(gravity), of_base=True)
-    seen = _before_turns(way, constant_vector(way.end @ axis), of_base=False)
-    entries: list[Terms | None] = []
-    for row in range(model.n):
-        total: Terms = {}
-        try:
-            for joint, (turn, z) in way.joints.items():
-                weight = float(model.coupling[joint, row])
-                if weight != 0.0 and not model.tree.prismatic[joint]:  # -weight gravity . (z x e)
-                    held = dotted(_short(down[turn]), crossed(z, _short(seen[turn])))
-                    total = sum_of(total, scaled(held, -weight))
-            entries.append(total)
-        except TooLongError:
-            entries.append(None)
-    return entries
 
-
-def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | None]:
-    """Write what the mass that a prismatic joint carries asks of each coordinate; None for what is too long."""
-    axis, way = model.tree.axis[link], way_to(model, link)
-    down, slides = constant_vector(gravity), constant_vector(way.end @ axis)
-    ahead = [*_before_turns(way, down, of_base=True), down][0]  # where the first turn, if any, starts from
-    seen = [*_before_turns(way, slides, of_base=False), slides][0]
-    entries: list[Terms | None] = []
-    for row, moment in enumerate(moment_entries(model, link, axis, gravity)):
-        try:
-            own = dotted(_short(ahead), _short(seen)) if model.coupling[link, row] else {}
-            entries.append(_of_mass(model, row, link, _short(moment), own))
-        except TooLongError:
-            entries.append(None)
-    return entries
-
-
-def _of_mass(model: RobotModel, row: int, link: int, arm: Terms, own: Terms) -> Terms:
-    """Return what a joint's mass asks of a coordinate, by what a moment along its axis asks, and gravity along that."""
-    x, sign = angle_atom("q", model.coupling[link])
-    turning = sum_of(scaled(multiplied(arm, x), sign), scaled(arm, float(model.offset[link])))
-    return sum_of(turning, scaled(own, -float(model.coupling[link, row])))
-
-
-def _short(written: Written | None) -> Written:
-    """Return what could be written out."""
-    if written is None:
-        raise TooLongError
-    return written
-
-
-def way_to(model: RobotModel, link: int) -> Way:
-    """Return the way from the base to a link; joints with parallel axes in a row make one turn."""
-    tree = model.tree
-    path = [link]
-    while tree.parent[path[0]] >= 0:
-        path.insert(0, int(tree.parent[path[0]]))
-    turns: list[Turn] = []
-    joints: dict[int, tuple[int, Floats]] = {}
-    constant = np.eye(3)
-    for i in path:
-        constant = constant @ tree.rotation[i]
-        z = constant @ tree.axis[i]
-        if tree.prismatic[i]:
-            joints[i] = (len(turns) - 1, z)
-            continue
-        angle = (np.array(model.coupling[i]), float(model.offset[i]))
-        if turns and np.linalg.norm(np.cross(turns[-1].axis, z)) < 1e-9:
-            before, axis, (factors, offset) = turns[-1]
-            sign = 1.0 if axis @ z > 0.0 else -1.0
-            turns[-1] = Turn(before, axis, (factors + sign * angle[0], offset + sign * angle[1]))
-            joints[i] = (len(turns) - 1, sign * axis)
-        else:
-            turns.append(Turn(constant, tree.axis[i], angle))
-            constant = np.eye(3)
-            joints[i] = (len(turns) - 1, tree.axis[i])
-    return Way(turns, constant, joints)
-
-
-def _before_turns(way: Way, v: SymbolicVector, *, of_base: bool) -> list[SymbolicVector | None]:
-    """Return a vector of the base, or of the way's end, in the frame that each turn starts from; None if too long."""
-    out: list[SymbolicVector | None] = [None] * len(way.turns)
-    try:
-        for k in range(len(out))[:: 1 if of_base else -1]:
-            turn = way.turns[k]
-            out[k] = here = times(turn.before.T, v) if of_base else turned(turn, v, back=False)
-            v = turned(turn, here, back=True) if of_base else times(turn.before, here)
-    except TooLongError:
-        pass
-    return out
-
-
-class SharedTerms:
-    """Vectors of a robot under one gravity, each part of them written once, in `definitions`."""
-
-    def __init__(self, model: RobotModel, gravity: Floats) -> None:
-        """Take a robot, and gravity (3,), a constant."""
+    def __init__(self, model: RobotModel, gravity: Floats, *, shared: bool = False) -> None:
+        """Take a robot, and gravity (3,), such as (0, 0, -1) for a level base, in units of the free fall."""
         self.definitions: dict[str, Terms] = {}  # by name, each in terms of names before it
-        self._model = model
-        self._base = constant_vector(gravity)
-        self._gravity: dict[int, SymbolicVector] = {}
-        self._moments: dict[tuple[int, int], SymbolicVector] = {}
+        self._model, self._gravity, self._shared = model, constant_vector(gravity), shared
+        self._ahead: dict[tuple[int | None, int], SymbolicVector] = {}
+        self._turns = {-1: Turn(-1, (), (np.zeros(model.n), 0.0), np.eye(3))}
+        for link in range(len(model.tree.parent)):
+            self._turns[link] = self._turn_before(link)
 
-    def entry(self, row: int, link: int, along: int) -> Terms:
-        """Return what a first moment along an axis of a link, or the mass its joint carries, asks of a coordinate."""
-        moment = self._moment(row, link)
+    def entry(self, row: int, link: int, along: int) -> Written:
+        """Write what a first moment along an axis of a link, or the mass its joint carries, asks of a coordinate."""
+        moment = self.seen_from(link, row)
         if along != CARRIED_MASS:
             return moment[along]
-        axis = self._model.tree.axis[link]
-        return _of_mass(self._model, row, link, weighted(axis, moment), weighted(axis, self._gravity_at(link)))
+        # the joint moves the mass along its axis, and gravity pulls along that
+        axis, weight = self._model.tree.axis[link], float(self._model.coupling[link, row])
+        arm, (x, sign) = weighted(axis, moment), angle_atom("q", self._model.coupling[link])
+        turning = sum_of(scaled(multiplied(arm, x), sign), scaled(arm, float(self._model.offset[link])))
+        return sum_of(turning, scaled(weighted(axis, self.seen_from(link)), -weight))
 
-    def _gravity_at(self, link: int) -> SymbolicVector:
-        if link < 0:
-            return self._base
-        if link not in self._gravity:
-            parent = self._gravity_at(int(self._model.tree.parent[link]))
-            self._gravity[link] = self._named(rf"\gamma_{{{link + 1},%s}}", self._seen_from(link, parent))
-        return self._gravity[link]
+    def seen_from(self, link: int, row: int | None = None) -> SymbolicVector:
+        """Return gravity in a link's frame, or what a first moment along each axis there asks of a coordinate."""
+        first, joints, angle, after = self._turns[link]
+        vector = self._before_turn(first, row)
+        if first < 0:
+            return times(after.T, vector)
+        axis = self._model.tree.axis[first]
+        if row is not None:
+            weight = sum(sign * float(self._model.coupling[joint, row]) for joint, sign in joints)
+            own = crossed(weight * axis, self._before_turn(first))
+            x, y, z = (sum_of(a, b) for a, b in zip(vector, own, strict=True))
+            vector = x, y, z
+        return times(after.T, turned_back(axis, angle, vector))
 
-    def _moment(self, row: int, link: int) -> SymbolicVector:
-        if link < 0:
-            return {}, {}, {}
-        if (row, link) not in self._moments:
-            tree, weight = self._model.tree, float(self._model.coupling[link, row])
-            vector = self._seen_from(link, self._moment(row, int(tree.parent[link])))
-            if weight != 0.0 and not tree.prismatic[link]:
-                own = crossed(tree.axis[link], self._gravity_at(link))
-                x, y, z = (sum_of(a, scaled(b, weight)) for a, b in zip(vector, own, strict=True))
-                vector = x, y, z
-            self._moments[row, link] = self._named(f"u_{{{row + 1},{link + 1},%s}}", vector)
-        return self._moments[row, link]
+    def _before_turn(self, first: int, row: int | None = None) -> SymbolicVector:
+        """Return gravity, or what it asks of a coordinate by joints before, in the frame that a turn starts from."""
+        if first < 0:
+            return self._gravity if row is None else ({}, {}, {})
+        if (row, first) not in self._ahead:
+            tree = self._model.tree
+            vector = times(tree.rotation[first].T, self.seen_from(int(tree.parent[first]), row))
+            name = rf"\gamma_{{{first + 1},%s}}" if row is None else f"u_{{{row + 1},{first + 1},%s}}"
+            self._ahead[row, first] = self._named(name, vector) if self._shared else vector
+        return self._ahead[row, first]
 
-    def _seen_from(self, link: int, vector: SymbolicVector) -> SymbolicVector:
-        """Return a vector of the parent's frame in a link's own."""
+    def _turn_before(self, link: int) -> Turn:
         tree = self._model.tree
-        here = times(tree.rotation[link].T, vector)
+        first, joints, angle, after = last = self._turns[int(tree.parent[link])]
+        after = after @ tree.rotation[link]
         if tree.prismatic[link]:
-            return here
-        angle = np.array(self._model.coupling[link]), float(self._model.offset[link])
-        return turned(Turn(np.eye(3), tree.axis[link], angle), here, back=True)
+            return last._replace(after=after)
+        own, z = (np.array(self._model.coupling[link]), float(self._model.offset[link])), after @ tree.axis[link]
+        if first < 0 or np.linalg.norm(np.cross(tree.axis[first], z)) >= 1e-9:
+            return Turn(link, ((link, 1.0),), own, np.eye(3))
+        sign = 1.0 if tree.axis[first] @ z > 0.0 else -1.0
+        whole = angle[0] + sign * own[0], angle[1] + sign * own[1]
+        return Turn(first, (*joints, (link, sign)), whole, after)
 
     def _named(self, name: str, vector: SymbolicVector) -> SymbolicVector:
         """Give each part of a vector that has several terms a name."""
-        parts: list[Terms] = []
+        parts: list[Written] = []
         for letter, terms in zip("xyz", vector, strict=True):
-            if len(terms) > 1:
+            if terms is not None and len(terms) > 1:
                 self.definitions[name % letter] = terms
-                parts.append({((name % letter, ()),): 1.0})  # an atom that stands for what is written elsewhere
-            else:
-                parts.append(terms)
+                terms = {((name % letter, ()),): 1.0}  # an atom that stands for what is written elsewhere
+            parts.append(terms)
         return parts[0], parts[1], parts[2]

@@ -103,11 +103,8 @@ class CalibratedTopics:
         kinematics, weight = _robots(client, gravity_torque=gravity_torque)
         self._tool = ToolPose(kinematics, names)
         self._child = "calibrated_tool" if client.dialect == "raven" else None
-        types = {
-            "measured_js": JOINT_STATE,
-            "measured_cp": TRANSFORM if client.dialect == "raven" else POSE,
-            "is_valid": _BOOL,
-        }
+        pose = POSE if self._child is None else TRANSFORM
+        types = {"measured_js": JOINT_STATE, "measured_cp": pose, "is_valid": _BOOL}
         if model.intervals is not None:
             types["interval"] = JOINT_STATE
         self._gravity = None if weight is None else gravity_kernel(weight)

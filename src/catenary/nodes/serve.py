@@ -142,19 +142,13 @@ def _plants(serving: Serving) -> dict[str, Plant]:
 def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
     kind = PSM if serving.is_psm else KINDS[ROBOT[name]]
     tool = ToolPose(load_robot(kind.whole), plant.joint_names)
-    weight = (
-        gravity_kernel(load_psm().loaded_model())
-        if kind is PSM
-        else _gravity_torque(kind.robot, len(plant.joint_names))
-    )
+    if kind is PSM:
+        weight: GravityTorque = gravity_kernel(load_psm().loaded_model())
+        per_actuator = joints_per_actuator(cast(PsmPlant, plant).firmware)
+    else:
+        weight, per_actuator = _gravity_torque(kind.robot, len(plant.joint_names)), None
     return ServedArm(
-        plant,
-        serving.dialect,
-        reports,
-        arm=name,
-        tool=tool,
-        gravity_torque=weight,
-        joints_per_actuator=joints_per_actuator(cast(PsmPlant, plant).firmware) if kind is PSM else None,
+        plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=weight, joints_per_actuator=per_actuator
     )
 
 
@@ -274,9 +268,7 @@ class ParkedArm(NeverMoved):
         state = self._state
         return state._replace(q=state.q.copy(), qd=state.qd.copy(), tau=state.tau.copy())
 
-    def setpoint_js(self) -> JointState:
-        """Where it stands."""
-        return self.measured_js()
+    setpoint_js = measured_js
 
     def operating_state(self) -> OperatingState:
         """Disabled."""

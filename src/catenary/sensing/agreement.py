@@ -87,12 +87,6 @@ class Agreement(NamedTuple):
     beaten: float = 0.0  # what it leaves unexplained, of what other axes or another unit leave
 
 
-def axes_text(matrix: Floats) -> str:
-    """Return an order of axes (3, 3) as options have it: which of the sensor's gives x, y and z, as x,-y,-z."""
-    columns = np.argmax(np.abs(matrix), axis=1)
-    return ",".join(("-" if matrix[i, j] < 0.0 else "") + "xyz"[j] for i, j in enumerate(columns))
-
-
 def integrated(times: Floats, rates: Floats) -> Floats:
     """Return the integral of rates (M, 3) [rad/s] at times (M,) [s] since the first, (M, 3) [rad]."""
     steps = 0.5 * np.diff(times)[:, None] * (rates[1:] + rates[:-1])
@@ -170,8 +164,8 @@ def judge(
     best = int(np.argmax(alike))
     explained = left[best] < _EXPLAINS * min(firm, moved) and left[best] < 2.0 * off + 0.1 * limit
     if best > 0 and explained and firm - left[best] > limit:
-        way, unit = _CANDIDATES[best]
-        return Agreement(_kind(way, unit), agrees=False, remedy=_remedy(way, unit), readings=alike)
+        kind, remedy = _mended(*_CANDIDATES[best])
+        return Agreement(kind, agrees=False, remedy=remedy, readings=alike)
     unmended = hanging if scale < _LEAST_SCALE else loose
     is_off &= 1.0 / _MOST_SCALE < abs(scale) < _MOST_SCALE
     noise = _NOISE * span
@@ -333,12 +327,10 @@ def _left_by(found: Floats, free: slice, cost: Floats) -> Floats:
     return left
 
 
-def _kind(way: Floats, unit: float) -> Fault:
-    if unit != 1.0:
-        return Fault.RATE_UNIT
-    return Fault.RATE_SIGN if (np.abs(way) == np.eye(3)).all() else Fault.RATE_AXES
-
-
-def _remedy(way: Floats, unit: float) -> str:
-    axes = "" if (way == np.eye(3)).all() else f"its x, y, z seem to be {axes_text(way)}"
-    return ", and ".join(filter(None, (_UNITS[unit], axes)))
+def _mended(way: Floats, unit: float) -> tuple[Fault, str]:
+    """Return what is wrong with a gyroscope that other axes or another unit explain, and what mends it."""
+    kind = Fault.RATE_SIGN if (np.abs(way) == np.eye(3)).all() else Fault.RATE_AXES
+    # as options have it: which of the sensor's axes gives x, y and z
+    order = ",".join(("-" if row.sum() < 0.0 else "") + "xyz"[int(np.abs(row).argmax())] for row in way)
+    axes = "" if (way == np.eye(3)).all() else f"its x, y, z seem to be {order}"
+    return Fault.RATE_UNIT if unit != 1.0 else kind, ", and ".join(filter(None, (_UNITS[unit], axes)))

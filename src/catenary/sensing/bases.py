@@ -38,6 +38,20 @@ class BaseSpectrum:
                 f"base spectrum: expected 0 < slowest_hz <= fastest_hz, got {self.slowest_hz} and {self.fastest_hz}"
             )
 
+    @property
+    def attitude_time(self) -> float:
+        """Time over which the direction of `fade` is averaged [s]: a period of the slowest motion."""
+        return 2.0 if self.slow_acceleration == 0.0 else max(2.0, 1.0 / self.slowest_hz)
+
+    @property
+    def cutoff_hz(self) -> float:
+        """Cut-off that distorts the fastest motion by less than half a percent.
+
+        A parabola over a window w shows a sine of frequency f within 0.3 % and 0.4 degrees where f w is 0.15
+        (DelayFreeFilter).
+        """
+        return min(_MAX_CUTOFF_HZ, max(_MIN_CUTOFF_HZ, CUTOFF_BY_WINDOW * self.rocking_hz / 0.15))
+
 
 # ours; the ship's are those of seas of 0.05 to 0.3 Hz and 3 m/s2 with 25 degrees of roll, the vehicle's of roads
 BASES: dict[str, BaseSpectrum] = {
@@ -93,19 +107,3 @@ def rules_for(
     if unknown:
         raise InputError(f"sensor rules: no rule {', '.join(unknown)}; there are {', '.join(vars(rules))}")
     return replace(rules, **(changes or {}))  # type: ignore[arg-type]  # confirm and stuck_samples count
-
-
-def attitude_time_for(base: str | BaseSpectrum) -> float:
-    """Return the time over which the direction of `fade` is averaged [s]: a period of the slowest motion."""
-    spectrum = base_spectrum(base)
-    return 2.0 if spectrum.slow_acceleration == 0.0 else max(2.0, 1.0 / spectrum.slowest_hz)
-
-
-def cutoff_for(base: str | BaseSpectrum) -> float:
-    """Return a cut-off [Hz] that distorts a base's fastest motion by less than half a percent.
-
-    A parabola over a window w shows a sine of frequency f within 0.3 % and 0.4 degrees where f w is 0.15
-    (DelayFreeFilter).
-    """
-    wanted = CUTOFF_BY_WINDOW * base_spectrum(base).rocking_hz / 0.15
-    return min(_MAX_CUTOFF_HZ, max(_MIN_CUTOFF_HZ, wanted))

@@ -216,8 +216,12 @@ class GravityCheck:
             self.reference = self.reference - dt * cross(rate, self.reference)
         # after a fault the prediction is old: gravity as last believed is what to come back to
         wanted = expected if self._bad == 0 else self.reference
-        off = norm(gravity - wanted) if self._bad > 0 else min(step, norm(gravity - wanted))
-        if fault is Fault.NONE and off <= max_step + self._moved_on(stamp):
+        off, moved_on = norm(gravity - wanted), 0.0
+        if self._bad == 0:
+            off = min(step, off)
+        else:  # by slow accelerations since it was last believed
+            moved_on = min(rules.slow_acceleration, rules.slow_jerk * (stamp - self._bad_since))
+        if fault is Fault.NONE and off <= max_step + moved_on:
             self._good += 1
             if self._bad > self.FEW and self._good < rules.confirm:
                 return self._fault  # one good sample may be luck
@@ -243,12 +247,6 @@ class GravityCheck:
             fault = Fault.SPIKE if self._bad <= self.FEW else Fault.JUMP
         self._fault = fault
         return fault
-
-    def _moved_on(self, stamp: float) -> float:
-        """Return how far gravity may be from what was last believed, by slow accelerations since [m/s2]."""
-        if self._bad == 0:
-            return 0.0
-        return min(self._rules.slow_acceleration, self._rules.slow_jerk * (stamp - self._bad_since))
 
     def _believe(self, gravity: Floats) -> Fault:
         self._bad, self._jump_since = 0, math.inf

@@ -48,14 +48,13 @@ class SmoothTransfer:
     def __init__(self, follow: Floats, recover: Floats) -> None:
         """Take the rates of each of the targets (k,), per second."""
         self._follow, self._recover = follow[:, None], recover[:, None]
-        self._target, self._offset = np.zeros((len(follow), 3)), np.zeros((len(follow), 3))
-        self._begun = False
+        self._offset = np.zeros((len(follow), 3))
+        self._target: Floats | None = None
 
     def follow(self, targets: Floats, dt: float, *, changed: bool) -> Floats:
         """Return outputs (k, 3), dt [s] after the last; `changed` when targets come from elsewhere than before."""
-        if not self._begun:
-            self._target, self._offset = targets.copy(), np.zeros_like(targets)
-            self._begun = True
+        if self._target is None:
+            self._target, self._offset = targets, np.zeros_like(targets)
         moved = targets - self._target
         allowed = np.zeros_like(self._follow) if changed else self._follow * dt
         self._offset -= moved * _share_beyond(allowed, moved)
@@ -71,7 +70,7 @@ class SmoothTransfer:
 
     def restart(self) -> None:
         """Take the next targets as they are."""
-        self._begun = False
+        self._target = None
 
 
 def _share_beyond(allowed: Floats, vectors: Floats) -> Floats:

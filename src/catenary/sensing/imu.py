@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Callable
+from functools import reduce
+from operator import or_
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.sensing.agreement import LEAN, AgreementWatch
-from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, rules_for
+from catenary.sensing.bases import BaseSpectrum, base_spectrum, rules_for
 from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules, norm
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import FALLBACKS, SlowAttitude, SmoothTransfer
@@ -92,8 +94,9 @@ class SensedGravity:
             raise InputError(
                 f"stale_after {stale_after}, age_limit {age_limit}: expected 0 < stale_after <= age_limit [s]"
             )
-        attitude = attitude_time_for(mounted_on) if attitude_time is None else attitude_time
-        cutoff = cutoff_for(mounted_on) if cutoff_hz is None else cutoff_hz
+        spectrum = base_spectrum(mounted_on)
+        attitude = spectrum.attitude_time if attitude_time is None else attitude_time
+        cutoff = spectrum.cutoff_hz if cutoff_hz is None else cutoff_hz
         for name, value in (("attitude_time", attitude), ("start_limit", start_limit)):
             if not 0.0 < value < math.inf:
                 raise InputError(f"{name}: expected more than 0 s, got {value}")
@@ -351,10 +354,7 @@ class SensedGravity:
         return cross(alpha, p) + cross(omega, cross(omega, p))
 
     def _faults(self, time: float, status: ReadingStatus) -> Fault:
-        faults = Fault.NONE
-        for fault, seen in self._seen.items():
-            if time - seen <= _MEMORY:
-                faults |= fault
+        faults = reduce(or_, (fault for fault, seen in self._seen.items() if time - seen <= _MEMORY), Fault.NONE)
         silent = time - self._heard > self._stale_after
         if status is not ReadingStatus.LIVE and silent and time - self._first_time > self._stale_after:
             faults |= Fault.NOTHING_RECEIVED if self._heard == -math.inf else Fault.INTERRUPTED

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import create_model
 
 from catenary.arrays import Floats, as_array, frozen
 from catenary.config import Settings, load_toml
@@ -91,34 +92,21 @@ class Mounting:
         return replace(self, rotation=rotation @ self.rotation, position=place, base=model.base)
 
 
-class SensorSection(Settings):
-    """Name and ranges of the sensor."""
-
-    name: str = ""
-    range_m_s2: float = np.inf
-    range_rad_s: float = np.inf
-
-
-class AccelerometerSection(Settings):
-    """Errors of the accelerometer."""
-
-    bias_m_s2: Vector = _ZERO
-    scale: Vector = (1.0, 1.0, 1.0)
-
-
-class GyroscopeSection(Settings):
-    """Errors of the gyroscope."""
-
-    bias_rad_s: Vector = _ZERO
-    checked: bool = False
-
-
-class MountingSection(Settings):
-    """Place and rotation of the sensor."""
-
-    rotation: tuple[Vector, Vector, Vector]  # R_base_imu, by rows
-    position_m: Vector = _ZERO
-    base: str = "base"
+# the file, by section and key: what of the mounting stands there, its type, and its default
+_PLACES: dict[str, dict[str, tuple[str, Any, Any]]] = {
+    "sensor": {
+        "name": ("sensor", str, ""),
+        "range_m_s2": ("acceleration_range", float, np.inf),
+        "range_rad_s": ("rate_range", float, np.inf),
+    },
+    "accelerometer": {"bias_m_s2": ("bias", Vector, _ZERO), "scale": ("scale", Vector, (1.0, 1.0, 1.0))},
+    "gyroscope": {"bias_rad_s": ("rate_bias", Vector, _ZERO), "checked": ("checked", bool, False)},
+    "mounting": {
+        "rotation": ("rotation", tuple[Vector, Vector, Vector], ...),  # R_base_imu, by rows
+        "position_m": ("position", Vector, _ZERO),
+        "base": ("base", str, "base"),
+    },
+}
 
 
 class TumbleSection(Settings):
@@ -129,46 +117,36 @@ class TumbleSection(Settings):
     rotation_residual_deg: float | None = None
 
 
-class MountingFile(Settings):
-    """A mounting file."""
+def _file_schema() -> type[Settings]:
+    sections: dict[str, Any] = {"tumble": (TumbleSection | None, None)}
+    for name, keys in _PLACES.items():
+        fields: dict[str, Any] = {key: place[1:] for key, place in keys.items()}
+        section = create_model(name, __base__=Settings, **fields)
+        sections[name] = section, ... if name == "mounting" else section()
+    return create_model("MountingFile", __base__=Settings, **sections)
 
-    sensor: SensorSection = SensorSection()
-    accelerometer: AccelerometerSection = AccelerometerSection()
-    gyroscope: GyroscopeSection = GyroscopeSection()
-    mounting: MountingSection
-    tumble: TumbleSection | None = None
+
+_SCHEMA = _file_schema()
 
 
 def load_mounting(path: Path | str) -> Mounting:
     """Read a mounting file."""
-    content = load_toml(Path(path), MountingFile)
+    content = load_toml(Path(path), _SCHEMA).model_dump()
+    told = {place[0]: content[section][key] for section, keys in _PLACES.items() for key, place in keys.items()}
     try:
-        return Mounting(
-            rotation=np.array(content.mounting.rotation), position=np.array(content.mounting.position_m),
-            bias=np.array(content.accelerometer.bias_m_s2), scale=np.array(content.accelerometer.scale),
-            rate_bias=np.array(content.gyroscope.bias_rad_s), checked=content.gyroscope.checked,
-            acceleration_range=content.sensor.range_m_s2, rate_range=content.sensor.range_rad_s,
-            sensor=content.sensor.name, base=content.mounting.base,
-        )  # fmt: skip
+        return Mounting(**told)
     except InputError as error:
         raise ConfigError(f"{path}: {error}") from error
 
 
 def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | None = None) -> None:
-    """Write a mounting file, which appears whole or not at all."""
-    m = mounting
-    ranges = [value if np.isfinite(value) else None for value in (m.acceleration_range, m.rate_range)]
-    sections: dict[str, dict[str, Any]] = {
-        "sensor": {"name": m.sensor, "range_m_s2": ranges[0], "range_rad_s": ranges[1]},
-        "accelerometer": {"bias_m_s2": m.bias, "scale": m.scale},
-        "gyroscope": {"bias_rad_s": m.rate_bias, "checked": m.checked},
-        "mounting": {"rotation": m.rotation, "position_m": m.position, "base": m.base},
-        "tumble": {} if tumble is None else tumble.model_dump(),
-    }
+    """Write a mounting file, which appears whole or not at all; ranges that are infinite are left out."""
+    sections = {s: {key: getattr(mounting, of[0]) for key, of in keys.items()} for s, keys in _PLACES.items()}
+    sections["tumble"] = {} if tumble is None else tumble.model_dump(exclude_none=True)
     text = HEAD
     for name, values in sections.items():
-        known = {key: value for key, value in values.items() if value is not None}
-        text += f"\n[{name}]\n" if known else ""
-        for key, value in known.items():  # of these kinds TOML is as JSON
-            text += f"{key} = {json.dumps(np.asarray(value).tolist(), ensure_ascii=False)}\n".replace("\x7f", " ")
+        text += f"\n[{name}]\n" if values else ""
+        for key, value in values.items():  # of these kinds TOML is as JSON
+            if not (isinstance(value, float) and np.isinf(value)):
+                text += f"{key} = {json.dumps(np.asarray(value).tolist(), ensure_ascii=False)}\n".replace("\x7f", " ")
     write_atomically(Path(path), text.encode())

@@ -1,6 +1,6 @@
 """Bias, scale and mounting of an accelerometer, from readings at rest: in unknown attitudes, or in known ones."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,15 +23,16 @@ _ALIGNED = 30.0  # [deg] between what was expected and what was found
 
 
 @dataclass(frozen=True)
-class Tumble:
-    """Bias and scale found by a tumble: true = (reading - bias) / scale."""
+class SensorFit:
+    """Errors of an accelerometer by rests: reading = scale (R^T up g) + bias."""
 
     bias: Floats  # (3,) [m/s2]
-    scale: Floats  # (3,)
-    # [m/s2] RMS of corrected lengths less standard gravity; NaN of six readings: none is left
-    residual: float
-    missing: tuple[str, ...]  # sides of the sensor that never were up
+    scale: Floats  # (3,) ones where they were not fitted
+    residual: float  # [m/s2] RMS of what is left, of lengths or of readings; NaN where nothing is
     faults: tuple[str, ...]  # why the numbers must not be used
+    missing: tuple[str, ...] = ()  # sides of the sensor that never were up
+    # (3, 3) from the sensor's axes to those that up was told in, where it was
+    rotation: Floats = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Alignment:
     faults: tuple[str, ...]
 
 
-def fit_tumble(readings: ArrayLike) -> Tumble:
+def fit_tumble(readings: ArrayLike) -> SensorFit:
     """Fit bias and scale of an accelerometer to readings at rest in unknown attitudes.
 
     Minimises sum_i (|(y_i - b) / s| - g)^2 over bias b and scale s, both (3,): at rest specific force has gravity's
@@ -62,7 +63,7 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
     if missing:
         faults.append(f"too little spread: no reading with {', '.join(missing)}")
     if faults:
-        return Tumble(np.zeros(3), np.ones(3), float("nan"), missing, tuple(faults))
+        return SensorFit(np.zeros(3), np.ones(3), float("nan"), tuple(faults), missing)
 
     def off(p: Floats) -> Floats:
         lengths: Floats = np.linalg.norm((y - p[:3]) / p[3:], axis=1)
@@ -78,7 +79,7 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
         )
     if residual > _GOOD:
         faults.append(f"residual {residual:.3f} m/s2, expected below {_GOOD:g}: it was moved during a reading")
-    return Tumble(bias, scale, residual, missing, tuple(faults))
+    return SensorFit(bias, scale, residual, tuple(faults), missing)
 
 
 def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = None) -> Alignment:
@@ -105,15 +106,14 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
     rotation: Floats = U @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ Vt
     residual = float(np.degrees(np.sqrt(np.mean(_between(told, force @ rotation.T) ** 2))))
     faults: list[str] = []
-    if mirrored and sizes[2] > _FLAT * sizes[0]:
-        orthogonal = U @ Vt  # the mirror that fits
-        if _rotation_deg(-orthogonal @ rough.T) <= _ALIGNED:
-            faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
-        else:
-            faults.append(f"wrong axes: {_axes_text(rough.T @ orthogonal)}: not right-handed")
-    elif np.mean(np.sum(told * (force @ rough.T), axis=1)) < -0.5:
-        # two directions cannot show a mirror, but all of them upside down do
+    shows_mirror, orthogonal = mirrored and sizes[2] > _FLAT * sizes[0], U @ Vt  # the mirror that fits
+    # two directions cannot show a mirror, but all of them upside down do
+    upside_down = np.mean(np.sum(told * (force @ rough.T), axis=1)) < -0.5
+    wrong_sign = _rotation_deg(-orthogonal @ rough.T) <= _ALIGNED if shows_mirror else upside_down
+    if wrong_sign:
         faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
+    elif shows_mirror:
+        faults.append(f"wrong axes: {_axes_text(rough.T @ orthogonal)}: not right-handed")
     elif expected is not None and _rotation_deg(rotation @ rough.T) > _ALIGNED:
         faults.append(
             f"wrong axes: {_axes_text(rough.T @ rotation)}: turned by {_rotation_deg(rotation @ rough.T):.0f} deg "
@@ -185,18 +185,7 @@ SCALED = 9  # from which on scale is fitted too
 _SPREAD = 0.05  # least share of a direction that the orientations must differ in, of the largest
 
 
-@dataclass(frozen=True)
-class OrientationFit:
-    """Errors of a sensor by rests in known orientations: reading = scale (R^T up g) + bias."""
-
-    rotation: Floats  # (3, 3) from the sensor's axes to those that up was told in
-    bias: Floats  # (3,) [m/s2]
-    scale: Floats  # (3,) ones where they were not fitted
-    residual: float  # [m/s2] RMS of what is left of a reading
-    faults: tuple[str, ...]  # why the numbers must not be used
-
-
-def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
+def fit_orientations(readings: ArrayLike, up: ArrayLike) -> SensorFit:
     """Fit rotation and bias, from nine orientations on scale too, to means at rest in known orientations.
 
     Minimises sum_i |s (R^T up_i g) + b - y_i|^2, beginning at Kabsch's rotation without bias. Without scale it is 1.
@@ -209,7 +198,7 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
         raise InputError(f"orientations: expected at least {FEWEST_KNOWN} rests, got {len(y)}")
     told = told / np.linalg.norm(told, axis=1, keepdims=True)
     if faults := [*length_faults(y), *_mirror_faults(y, told)]:
-        return OrientationFit(np.eye(3), np.zeros(3), np.ones(3), float("nan"), tuple(faults))
+        return SensorFit(np.zeros(3), np.ones(3), float("nan"), tuple(faults))
     spread = np.linalg.svd(told - told.mean(axis=0), compute_uv=False)
     if spread[1] < _SPREAD * np.sqrt(len(y)):
         raise InputError("orientations: up moved along one line at most: tilt about two axes, by 10 degrees or more")
@@ -231,4 +220,4 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
         ]
     rotation: Floats = Rotation.from_rotvec(best.x[:3]).as_matrix()
     scale = best.x[6:9] if with_scale else np.ones(3)
-    return OrientationFit(rotation, best.x[3:6], scale, residual, tuple(faults))
+    return SensorFit(best.x[3:6], scale, residual, tuple(faults), rotation=rotation)

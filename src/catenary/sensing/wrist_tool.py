@@ -74,9 +74,9 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
             rank=int(np.linalg.matrix_rank(X.reshape(-1, 10), tol=float(np.sqrt(count)) * TILTED * size / 3.0)),
             n_base=10,
         )
-    parts = {"force": (slice(0, 3), [0, 4, 5, 6], forces), "torque": (slice(3, 6), [1, 2, 3, 7, 8, 9], torques)}
+    parts = (slice(0, 3), [0, 4, 5, 6], forces), (slice(3, 6), [1, 2, 3, 7, 8, 9], torques)
     found, covariance, rms = np.zeros(10), np.zeros((10, 10)), []
-    for rows, columns, readings in parts.values():  # no number is in both
+    for rows, columns, readings in parts:  # no number is in both
         A, y = X[:, rows][:, :, columns].reshape(-1, len(columns)), readings.ravel()
         found[columns] = np.linalg.lstsq(A, y, rcond=None)[0]
         left = y - A @ found[columns]

@@ -175,14 +175,6 @@ def imu_reading(samples: BaseSamples) -> tuple[Floats, Floats]:
 CHANGE = 1.5  # [s] from one attitude to the next
 
 
-class AngleNow(NamedTuple):
-    """An angle with its rate and acceleration; numbers or arrays [rad, rad/s, rad/s2]."""
-
-    angle: Floats
-    rate: Floats
-    change: Floats
-
-
 @dataclass(frozen=True)
 class SteeredAngle:
     """An angle on its way to `goal`, with a rocking added: polynomial(t - start) + amplitude sin(w (t - start)).
@@ -198,8 +190,8 @@ class SteeredAngle:
     # the polynomial's angle, rate, acceleration at the start
     first: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def at(self, times: ArrayLike) -> AngleNow:
-        """Return the angle at times (N,) [s]; before the start it is as at the start."""
+    def at(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return angle, rate and acceleration (N,) at times (N,) [s]; before the start they are as at the start."""
         since = np.maximum(np.asarray(times, dtype=float) - self.start, 0.0)
         x = np.minimum(since, CHANGE) / CHANGE
         p, v, a = self.first[0], self.first[1] * CHANGE, self.first[2] * CHANGE**2
@@ -212,14 +204,14 @@ class SteeredAngle:
         change = (a + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / CHANGE**2
         w = 2.0 * np.pi * self.frequency
         swing, swung = self.amplitude * np.sin(w * since), self.amplitude * np.cos(w * since)
-        return AngleNow(angle + swing, rate + w * swung, change - w * w * swing)
+        return angle + swing, rate + w * swung, change - w * w * swing
 
     def toward(self, time: float, goal: float, amplitude: float = 0.0, frequency: float = 0.0) -> SteeredAngle:
         """Return the angle from a time [s] on, on its way to another goal and rocking; nothing leaps."""
-        now = self.at([time])
+        (angle,), (rate,), (change,) = self.at([time])
         w = 2.0 * np.pi * frequency
         # the new rocking begins in its middle, at full rate: the polynomial takes up the difference
-        first = float(now.angle[0]), float(now.rate[0]) - amplitude * w, float(now.change[0])
+        first = float(angle), float(rate) - amplitude * w, float(change)
         return SteeredAngle(goal, amplitude, frequency, time, first)
 
 

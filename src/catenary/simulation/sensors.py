@@ -134,17 +134,12 @@ class SimulatedSensor:
         gravity, (omega, alpha, linear) = base.gravity[0], base.motion[0]
         p = mounting.position
         force = linear + np.cross(alpha, p) + np.cross(omega, np.cross(omega, p)) - gravity
-        readings = [
-            (
-                Kind.SPECIFIC_FORCE,
-                mounting.scale * (mounting.rotation.T @ force) + mounting.bias,
-                (model.noise, model.resolution, mounting.acceleration_range),
-            )
-        ]
+        read = mounting.scale * (mounting.rotation.T @ force) + mounting.bias
+        readings = [(Kind.SPECIFIC_FORCE, read, model.noise, model.resolution, mounting.acceleration_range)]
         if model.has_gyroscope:
             rate = mounting.rotation.T @ omega + mounting.rate_bias
-            readings.append((Kind.ANGULAR_RATE, rate, (model.rate_noise, model.rate_resolution, mounting.rate_range)))
-        for kind, true, (noise, resolution, end) in readings:
+            readings.append((Kind.ANGULAR_RATE, rate, model.rate_noise, model.rate_resolution, mounting.rate_range))
+        for kind, true, noise, resolution, end in readings:
             # white noise of that density, up to half the sampling rate
             vector = true + noise * math.sqrt(0.5 * model.rate_hz) * self._rng.standard_normal(3)
             self._send(stamp, vector, kind, resolution, end)

@@ -1,6 +1,7 @@
 """Watch a gravity sensor, live, simulated or recorded, and report what it measured and what was wrong."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -23,69 +24,56 @@ STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a chea
 
 @dataclass
 class Feed:
-    """Source of samples, and the clock that stamps them [s]: this machine's, unless a kind of source has its own."""
+    """Source of samples, and the clock that stamps them [s]: this machine's, or that of what delivers them."""
 
     mailbox: Mailbox  # where samples arrive
     has_gyroscope: bool = False  # angular rates are among them
     link: Callable[[], dict[str, Any]] = dict  # counts them on their line
+    deliver: Callable[[float], None] | None = None  # brings those up to a time [s]; None: they come by themselves
+    paced: bool = False  # what is delivered comes in real time
     taken: list[SensorSample] = field(default_factory=list)  # by `read_still`, also between its readings
+    delivered: float = 0.0  # [s]
 
     def now(self) -> float:
         """Return the time [s]."""
-        return time.monotonic()
+        return time.monotonic() if self.deliver is None else self.delivered
 
     def wait(self, seconds: float) -> None:
-        """Let time pass."""
-        time.sleep(seconds)
-
-
-class SimulatedFeed(Feed):
-    """A simulated sensor, in its own time or, when paced, in real time."""
-
-    def __init__(self, sensor: SimulatedSensor, *, paced: bool = False) -> None:
-        super().__init__(sensor.mailbox, has_gyroscope=sensor.model.has_gyroscope)
-        self._sensor, self._paced, self._time = sensor, paced, 0.0
-
-    def now(self) -> float:
-        """Return the simulated time [s]."""
-        return self._time
-
-    def wait(self, seconds: float) -> None:
-        """Let time pass, and the sensor take its samples."""
-        self._time += seconds
-        self._sensor.advance(self._time)
-        if self._paced:
+        """Let time pass, and samples come."""
+        if self.deliver is not None:
+            self.delivered += seconds
+            self.deliver(self.delivered)
+        if self.deliver is None or self.paced:
             time.sleep(seconds)
 
 
-class ReplayFeed(Feed):
-    """A recording as a sensor that sends its samples at the times of their stamps, as fast as they are asked for."""
+def simulated_feed(sensor: SimulatedSensor, *, paced: bool = False) -> Feed:
+    """Return the samples of a simulated sensor, in its own time or, when paced, in real time."""
+    return Feed(sensor.mailbox, sensor.model.has_gyroscope, deliver=sensor.advance, paced=paced)
 
-    def __init__(self, recording: ImuRecording) -> None:
-        super().__init__(Mailbox(), has_gyroscope=recording.rate is not None)
-        self._recording, self._time, self._next = recording, 0.0, 0
-        # a stamp that goes back arrives when it was recorded, behind those before it
-        self._arrival = np.maximum.accumulate(recording.time)
 
-    def now(self) -> float:
-        """Return the recording's time [s]."""
-        return self._time
+def replay_feed(recording: ImuRecording) -> Feed:
+    """Return a recording's samples, which come at the times of their stamps, as fast as they are asked for."""
+    mailbox, rate = Mailbox(), recording.rate
+    # a stamp that goes back arrives when it was recorded, behind those before it
+    arrival = np.maximum.accumulate(recording.time)
+    left = deque(range(len(arrival)))
 
-    def wait(self, seconds: float) -> None:
-        """Let time pass, and the samples of that time come."""
-        self._time += seconds
-        r, last = self._recording, int(np.searchsorted(self._arrival, self._time, side="right"))
-        for k in range(self._next, last):
-            if r.rate is not None:
-                self.mailbox.put(float(r.time[k]), r.rate[k], Kind.ANGULAR_RATE)
-            self.mailbox.put(float(r.time[k]), r.force[k], Kind.SPECIFIC_FORCE)
-        self._next = last
+    def deliver(now: float) -> None:
+        while left and arrival[left[0]] <= now:
+            k = left.popleft()
+            stamp = float(recording.time[k])
+            if rate is not None:
+                mailbox.put(stamp, rate[k], Kind.ANGULAR_RATE)
+            mailbox.put(stamp, recording.force[k], Kind.SPECIFIC_FORCE)
+
+    return Feed(mailbox, rate is not None, deliver=deliver)
 
 
 def serial_feed(device: SerialAccelerometer) -> Feed:
     """Return the samples of a board on a serial line that has said what it is."""
     angular = device.hello is not None and device.hello.has_gyroscope
-    return Feed(device.mailbox, has_gyroscope=angular, link=lambda: asdict(device.counts))
+    return Feed(device.mailbox, angular, link=lambda: asdict(device.counts))
 
 
 @dataclass(frozen=True)
@@ -108,7 +96,7 @@ class SenseSummary:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in SI and degrees where the name says so."""
-        roll, pitch = tilt_of(self.reading.gravity)
+        angles = np.degrees([*tilt_of(self.reading.gravity), tilt_angle(self.reading.gravity)]).tolist()
         return {
             "duration_s": self.duration,
             "status": self.reading.status.value,
@@ -116,11 +104,7 @@ class SenseSummary:
             "gravity": self.reading.gravity,
             "magnitude": float(np.linalg.norm(self.reading.gravity)),
             "age_s": self.reading.age,
-            "tilt_deg": {
-                "roll": np.degrees(roll),
-                "pitch": np.degrees(pitch),
-                "from_level": np.degrees(tilt_angle(self.reading.gravity)),
-            },
+            "tilt_deg": dict(zip(("roll", "pitch", "from_level"), angles, strict=True)),
             "angular_velocity": self.reading.base_rates[0],
             "angular_acceleration": self.reading.base_rates[1],
             "mean": self.mean,
@@ -194,9 +178,7 @@ def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> S
     """Wait until the sensor is still for a while, and return its means."""
     _take_all(feed)  # from before
     begin, noise = feed.now(), np.full(3, np.nan)
-    forces: list[Floats] = []
-    rates: list[Floats] = []
-    start = begin
+    forces, rates, start = list[Floats](), list[Floats](), begin
     while feed.now() - begin < patience:
         feed.wait(0.02)
         for sample in _take_all(feed):

@@ -19,12 +19,12 @@ from catenary.sensing.agreement import accelerations, compare, integrated
 from catenary.sensing.checks import Fault, SensorRules
 from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import align, fit_orientations, fit_tumble, level_and_tilts
+from catenary.sensing.tumble import SensorFit, align, fit_orientations, fit_tumble, level_and_tilts
 from catenary.sensing.vector import Kind, Mailbox, SensorSample, tilt_of, tilted_gravity
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import STANDARD_GRAVITY
-from catenary.workflows.sense import STILL, SimulatedFeed, StillReading, read_still
+from catenary.workflows.sense import STILL, StillReading, read_still, simulated_feed
 
 BLOCK = 0.25  # [s] over which a recorded sensor is still or not
 SHORTEST = 1.0  # [s] of a rest
@@ -105,20 +105,21 @@ def run_tumble(
     checked = False
     if not faults and taken:
         faults, checked = check_gyroscope(_as_recording(taken))
-    known = replace(start, rotation=alignment.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
-    return _outcome(known, list(readings.values()), faults, fit.residual, alignment.residual_deg)
+    fit = replace(fit, rotation=alignment.rotation, faults=tuple(faults))
+    return _outcome(start, list(readings.values()), fit, alignment.residual_deg, checked=checked)
 
 
 def _outcome(
-    mounting: Mounting, still: list[StillReading], faults: list[str], residual: float, degrees: float | None = None
+    start: Mounting, still: list[StillReading], fit: SensorFit, degrees: float | None = None, *, checked: bool = False
 ) -> TumbleOutcome:
-    """Return a mounting, with the rates at rest as the gyroscope's bias, and how well it is known."""
+    """Return a mounting as it was fitted, with the rates at rest as the gyroscope's bias, and how well it is known."""
     rates = [s.rate for s in still if s.rate is not None]
+    known = replace(start, rotation=fit.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
     section = TumbleSection(
-        readings=len(still), residual_m_s2=None if np.isnan(residual) else residual, rotation_residual_deg=degrees
-    )
-    known = replace(mounting, rate_bias=np.mean(rates, axis=0)) if rates else mounting
-    return TumbleOutcome(known, section, tuple(faults))
+        readings=len(still), residual_m_s2=None if np.isnan(fit.residual) else fit.residual,
+        rotation_residual_deg=degrees,
+    )  # fmt: skip
+    return TumbleOutcome(replace(known, rate_bias=np.mean(rates, axis=0)) if rates else known, section, fit.faults)
 
 
 def _as_recording(taken: Sequence[SensorSample]) -> ImuRecording:
@@ -142,7 +143,7 @@ def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude
             gravity = model.mounting.rotation @ gravity
         number = [s.name for s in ATTITUDES].index(attitude.name)
         sensor = SimulatedSensor(FixedBase(*tilt_of(gravity)), Mailbox(), model, seed=seed + number)
-        return read_still(SimulatedFeed(sensor))
+        return read_still(simulated_feed(sensor))
 
     return read
 
@@ -164,29 +165,21 @@ def rests(recording: ImuRecording) -> list[StillReading]:
 
 def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
     """Return the rows of each piece of a second or more in which a sensor stood still."""
-    found: list[NDArray[np.intp]] = []
-    rows: list[int] = []
-    numbers = np.floor(recording.time / BLOCK).astype(int)
-
-    def close() -> None:
-        if rows and recording.time[rows[-1]] - recording.time[rows[0]] >= SHORTEST - BLOCK:
-            found.append(np.array(rows))
-        rows.clear()
-
+    time, numbers = recording.time, np.floor(recording.time / BLOCK).astype(int)
+    found: list[list[int]] = [[]]
     for number in np.unique(numbers):
-        if rows and numbers[rows[-1]] < number - 1:
-            close()
         here = np.flatnonzero(numbers == number).tolist()
-        force = recording.force[here]
+        force, rows = recording.force[here], found[-1]
         still = len(here) >= 3 and np.isfinite(force).all() and (np.std(force, axis=0) <= STILL).all()
-        if not still:
-            close()
-            continue
-        if rows and np.abs(force.mean(axis=0) - recording.force[rows].mean(axis=0)).max() > STILL:
-            close()
-        rows += here
-    close()
-    return found
+        if rows and (
+            not still
+            or numbers[rows[-1]] < number - 1
+            or np.abs(force.mean(axis=0) - recording.force[rows].mean(axis=0)).max() > STILL
+        ):
+            found.append([])
+        if still:
+            found[-1] += here
+    return [np.array(rows) for rows in found if rows and time[rows[-1]] - time[rows[0]] >= SHORTEST - BLOCK]
 
 
 def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
@@ -219,10 +212,9 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _
         )
     fit = fit_orientations([s.force for s in still], up)
     if np.isnan(fit.residual):
-        return _outcome(start, still, list(fit.faults), fit.residual)
+        return _outcome(start, still, replace(fit, rotation=start.rotation, bias=start.bias, scale=start.scale))
     wrong, checked = check_gyroscope(recording)
-    known = replace(start, rotation=fit.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
-    return _outcome(known, still, [*fit.faults, *wrong], fit.residual)
+    return _outcome(start, still, replace(fit, faults=(*fit.faults, *wrong)), checked=checked)
 
 
 def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:

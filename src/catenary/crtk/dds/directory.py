@@ -48,14 +48,6 @@ def profile(quality: Quality, depth: int, user_data: str = "") -> Qos:
     return Qos(*policies)
 
 
-def quality_of(qos: Qos) -> Quality:
-    """Return what a peer offers or asks for, as DDS's discovery tells."""
-    return Quality(
-        isinstance(qos[Policy.Reliability], Policy.Reliability.Reliable),
-        qos[Policy.Durability] not in (None, Policy.Durability.Volatile),
-    )
-
-
 Gid = bytes  # 16 of them
 
 
@@ -70,11 +62,6 @@ def discovery_types(gid_bytes: int) -> tuple[Any, Any, Any]:
 
 def _struct(name: str, **members: Any) -> Any:
     return make_idl_struct(f"{name}_", f"rmw_dds_common::msg::dds_::{name}_", members)
-
-
-def discovery_profile(depth: int = 1) -> Qos:
-    """Return the policies of `ros_discovery_info`; a reader keeps more than one, since programs are not told apart."""
-    return profile(Quality(is_latched=True), depth)
 
 
 def presence(
@@ -128,7 +115,7 @@ class Directory:
         """Take in what is new; return the ends of topics that have come."""
         came: list[Endpoint] = []
         for reader, known in zip(self._ends, (self.publications, self.subscriptions), strict=True):
-            for sample in _taken(reader):
+            for sample in taken(reader):
                 self.changes += 1
                 handle = sample.sample_info.instance_handle % HANDLES
                 if not sample.sample_info.valid_data:
@@ -136,7 +123,7 @@ class Directory:
                 elif handle not in known:
                     known[handle] = _endpoint(sample)
                     came.append(known[handle])
-        for told in _taken(self._discovery):
+        for told in taken(self._discovery):
             if told.sample_info.valid_data:
                 self.changes += 1
                 self._nodes[bytes(told.gid.data)[:16]] = {
@@ -172,7 +159,8 @@ class Directory:
         return tuple(sorted({self.node(end) for end in ends}))
 
 
-def _taken(reader: DataReader[Any]) -> Iterator[Any]:
+def taken(reader: DataReader[Any]) -> Iterator[Any]:
+    """Return all that a reader has."""
     while True:
         samples = reader.take(MANY)
         yield from samples
@@ -181,6 +169,7 @@ def _taken(reader: DataReader[Any]) -> Iterator[Any]:
 
 
 def _endpoint(sample: Any) -> Endpoint:
-    return Endpoint(
-        sample.key.bytes, sample.participant_key.bytes, sample.topic_name, sample.type_name, quality_of(sample.qos)
-    )
+    reliability, durability = sample.qos[Policy.Reliability], sample.qos[Policy.Durability]
+    is_reliable = isinstance(reliability, Policy.Reliability.Reliable)
+    quality = Quality(is_reliable, durability not in (None, Policy.Durability.Volatile))
+    return Endpoint(sample.key.bytes, sample.participant_key.bytes, sample.topic_name, sample.type_name, quality)

@@ -25,17 +25,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from catenary.crtk.dds.directory import (
-    HANDLES,
-    MANY,
-    Directory,
-    Endpoint,
-    Quality,
-    discovery_profile,
-    discovery_types,
-    presence,
-    profile,
-)
+from catenary.crtk.dds.directory import HANDLES, MANY, Directory, Endpoint, Quality, discovery_types, presence, profile
 from catenary.crtk.dds.types import DISCOVERY, Distribution
 from catenary.errors import InputError, TransportError
 
@@ -138,10 +128,10 @@ class Program:
             self._participant = DomainParticipant(enter_domain(), Qos(Policy.Userdata(b"enclave=/;")))
             self.gid: bytes = self._participant.guid.bytes
             topic = Topic(self._participant, DISCOVERY, discovery_types(distribution.gid)[-1])
-            self._presence = DataWriter(self._participant, topic, discovery_profile())
-            self.directory = Directory(
-                self._participant, DataReader(self._participant, topic, discovery_profile(MANY)), (self.gid, self.node)
-            )
+            self._presence = DataWriter(self._participant, topic, profile(Quality(is_latched=True), 1))
+            # more than one of them is kept, since programs are not told apart
+            told = DataReader(self._participant, topic, profile(Quality(is_latched=True), MANY))
+            self.directory = Directory(self._participant, told, (self.gid, self.node))
             self._waitset = WaitSet(self._participant)
         except DDSException as error:
             raise TransportError(f"DDS: {error}") from error
@@ -156,31 +146,25 @@ class Program:
     def writer(self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str) -> DataWriter[Any]:
         """Begin to publish; `end` ends it."""
         with self.lock:
-            topic = self._topic(dds_name, kind)
-            made = DataWriter(self._participant, topic, profile(quality, depth, user_data))
-            self._ends[made] = made.guid.bytes
-            self._tell()
+            made = DataWriter(self._participant, self._topic(dds_name, kind), profile(quality, depth, user_data))
+            self._begin(made)
         return made
 
     def reader(
-        self,
-        dds_name: str,
-        kind: Any,
-        quality: Quality,
-        depth: int,
-        user_data: str,
-        taker: Callable[[DataReader[Any]], None],
+        self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str, taker: Callable[[Any], None]
     ) -> DataReader[Any]:
-        """Begin to receive: `taker` takes, in the receiver's thread; `end` ends it."""
+        """Begin to receive: `taker` takes from the reader, in the receiver's thread; `end` ends it."""
         with self.lock:
-            topic = self._topic(dds_name, kind)
-            made = DataReader(self._participant, topic, profile(quality, depth, user_data))
+            made = DataReader(self._participant, self._topic(dds_name, kind), profile(quality, depth, user_data))
             made.set_status_mask(DDSStatus.DataAvailable)
-            self._ends[made] = made.guid.bytes
             self._takers[id(made)] = lambda: taker(made)
             self._waitset.attach(made)
-            self._tell()
+            self._begin(made)
         return made
+
+    def _begin(self, made: Any) -> None:
+        self._ends[made] = made.guid.bytes
+        self._tell()
 
     def end(self, reader_or_writer: Any) -> None:
         """End a reader or a writer, which DDS does when nobody refers to it any more; the caller then must not."""

@@ -16,7 +16,7 @@ from cyclonedds.sub import DataReader
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
-from catenary.crtk.dds.directory import MANY, Endpoint, Quality
+from catenary.crtk.dds.directory import Endpoint, Quality, taken
 from catenary.crtk.dds.program import Program
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
 from catenary.crtk.inbox import UNTAKEN, Origin
@@ -77,13 +77,9 @@ class ListenedTopic(HeardTopic):
             )
 
     def _take(self, quality: Quality, reader: DataReader[Any]) -> None:
-        while True:
-            samples = reader.take(MANY)
-            for sample in samples:
-                if sample.sample_info.valid_data:
-                    self._receive(sample, quality)
-            if len(samples) < MANY:
-                return
+        for sample in taken(reader):
+            if sample.sample_info.valid_data:
+                self._receive(sample, quality)
 
     def _receive(self, sample: Raw, quality: Quality) -> None:
         info = sample.sample_info

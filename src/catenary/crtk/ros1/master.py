@@ -123,19 +123,14 @@ class Master:
         if isinstance(result, Exception):
             if uri != self.uri:
                 raise TransportError(f"node at {uri} does not answer: {result}") from result
-            raise no_master(uri, result) from result
+            raise TransportError(
+                f"no ROS master at {uri} ({result}). Start one with roscore, or set ROS_MASTER_URI to that of the "
+                "robot, and ROS_IP to this machine's address as the robot sees it"
+            ) from result
         code, text, value = result
         if code != 1:
             raise Refused(f"{method}: {text}")
         return value
-
-
-def no_master(uri: str, reason: Exception) -> TransportError:
-    """Error to raise when there is no master."""
-    return TransportError(
-        f"no ROS master at {uri} ({reason}). Start one with roscore, or set ROS_MASTER_URI to that of the robot, "
-        "and ROS_IP to this machine's address as the robot sees it"
-    )
 
 
 def bound_to_all(environment: Mapping[str, str]) -> str | None:

@@ -12,7 +12,6 @@ import atexit
 import logging
 import os
 import threading
-import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from typing import Any
@@ -70,10 +69,6 @@ _node: "Node | None" = None
 class Node:
     """This process's node: its topics and services, and what it knows of its master."""
 
-    # who sends to a subscriber, for those that import no rospy
-    publishers = staticmethod(peers.publishers)
-    publisher_uri = staticmethod(peers.publisher_uri)
-
     def __init__(self, name: str, uri: str) -> None:
         """Start it; see `node`."""
         caller = f"{os.environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
@@ -102,42 +97,31 @@ class Node:
         self.uri: str = rospy.get_node_uri()
         self.up = True
         self.on_shutdown: Callable[[], None] = lambda: None
-        self._publishers: dict[str, Any] = {}  # rospy's, by topic
-        self._subscribers: dict[str, Any] = {}
-        self._services: dict[str, Any] = {}
+        self._publishers: dict[str, peers.RosPublisher] = {}  # by topic
+        self._topics: dict[str, peers.RosTopic] = {}
+        self.services: dict[str, Any] = {}  # rospy's
         self.listed: Mapping[str, frozenset[str]] = {}  # who publishes each topic, when the master was last asked
         self._incomplete: frozenset[str] = frozenset()  # topics with publishers that were not connected
         rospy.on_shutdown(lambda: self.on_shutdown())
         atexit.register(_end)
         threading.Thread(target=self._watch, name="ROS master watch", daemon=True).start()
 
-    def publish(self, topic: str, type_name: str, *, queue: int, latch: bool) -> tuple[Any, peers.Peers]:
-        """Begin to publish by a `rospy.Publisher`, which `end` ends; messages are given to the peers."""
-        to = peers.Peers(queue, latch=latch)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SyntaxWarning)  # rospy recommends a queue; see peers.py
-            made = rospy.Publisher(topic, raw_class(type_name), to, tcp_nodelay=True, latch=latch, queue_size=None)
-        to.watch(made)
+    def publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> peers.RosPublisher:
+        """Begin to publish."""
+        end = partial(self._forget, self._publishers)
+        made = peers.RosPublisher(topic, type_name, raw_class(type_name), end, latch=latch, queue=queue)
         self._publishers[topic] = made
-        return made, to
-
-    def subscribe(
-        self, topic: str, type_name: str, callback: Callable[[Any], None], takes: Callable[[int], bool]
-    ) -> Any:
-        """Begin to receive by a `rospy.Subscriber`, which `end` ends; `callback` and `takes` run in rospy's threads."""
-        peers.take_up_to(topic, takes)
-        made = rospy.Subscriber(topic, raw_class(type_name), callback, tcp_nodelay=True)
-        self._subscribers[topic] = made
         return made
 
-    def end(self, publisher_or_subscriber: Any) -> None:
-        """End a topic."""
-        topic = publisher_or_subscriber.resolved_name
-        listed = self._publishers if isinstance(publisher_or_subscriber, rospy.Publisher) else self._subscribers
-        listed.pop(topic, None)
-        if listed is self._subscribers:
-            peers.take_up_to(topic, None)
-        self._tell(publisher_or_subscriber.unregister)
+    def topic(self, topic: str, type_name: str, steady: Callable[[], int]) -> peers.RosTopic:
+        """Begin to receive."""
+        end = partial(self._forget, self._topics)
+        made = self._topics[topic] = peers.RosTopic(topic, type_name, raw_class(type_name), end, steady)
+        return made
+
+    def _forget(self, listed: dict[str, Any], ros: Any) -> None:
+        listed.pop(ros.resolved_name, None)
+        self._tell(ros.unregister)
 
     def serve(self, name: str, type_name: str, answer: Callable[[bytes], bytes]) -> None:
         """Offer a service by a `rospy.Service`; `answer` runs in rospy's threads, and its error is the caller's."""
@@ -149,7 +133,7 @@ class Node:
             except Exception as error:
                 raise rospy.ServiceException(str(error)) from error
 
-        self._services[name] = rospy.Service(name, service_class(type_name), handle)
+        self.services[name] = rospy.Service(name, service_class(type_name), handle)
 
     def call(self, name: str, type_name: str, request: bytes) -> bytes:
         """Return a service's answer; rospy waits for it without end."""
@@ -157,9 +141,10 @@ class Node:
         answer: bytes = proxy(raw_class(f"{type_name}Request")(request)).data
         return answer
 
-    def end_service(self, name: str) -> None:
-        """Offer a service no more."""
-        self._tell(self._services.pop(name).shutdown)
+    def end_services(self) -> None:
+        """Offer none any more."""
+        while self.services:
+            self._tell(self.services.popitem()[1].shutdown)
 
     def _tell(self, end: Callable[[], None]) -> None:
         """End something, which tells the master, in a thread: rospy waits without limit, and loses a Ctrl-C then."""
@@ -196,8 +181,8 @@ class Node:
         listed = self.listed = self.master.publisher_names()
         incomplete = frozenset(
             topic
-            for topic, subscriber in list(self._subscribers.items())
-            if not listed.get(topic, frozenset()) <= set(peers.publishers(subscriber))
+            for topic, heard in list(self._topics.items())
+            if not listed.get(topic, frozenset()) <= set(heard.publishers())
         )
         # incomplete at two looks: a publisher that has only just come is being connected
         for topic in incomplete & self._incomplete:
@@ -211,10 +196,10 @@ class Node:
     def _register(self) -> None:
         register = partial(self.master.ask, self.master.uri)
         for topic, publisher in list(self._publishers.items()):
-            register("registerPublisher", topic, publisher.type, self.uri)
-        for topic, subscriber in list(self._subscribers.items()):
-            self._tell_publishers(topic, register("registerSubscriber", topic, subscriber.type, self.uri))
-        for name, service in list(self._services.items()):
+            register("registerPublisher", topic, publisher.ros.type, self.uri)
+        for topic, heard in list(self._topics.items()):
+            self._tell_publishers(topic, register("registerSubscriber", topic, heard.ros.type, self.uri))
+        for name, service in list(self.services.items()):
             register("registerService", name, service.uri, self.uri)
 
 

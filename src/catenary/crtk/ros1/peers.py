@@ -5,20 +5,21 @@ Tried against Debian 12's python3-rospy 1.15.15 and python3-rosgraph 1.15.15, wh
 - `TCPROSServer._tcp_server_callback`: a new peer that says nothing keeps no other out. rospy reads what it says first
   in the thread that accepts peers, for as long as it takes.
 - `read_ros_handshake_header`: what a new peer says first takes 64 KiB at most. rospy keeps as much as it announces.
-- `TCPROSTransportProtocol.read_messages`: a message larger than its topic takes (`take_up_to`) is passed over. Beyond
+- `TCPROSTransportProtocol.read_messages`: a message larger than its topic takes (`_takes`) is passed over. Beyond
   64 MiB it can hardly be one, and the connection is closed; the node connects again. rospy keeps up to 2 GB.
 - `SilenceableXMLRPCRequestHandler.do_POST` and `timeout`: a call of the node takes 64 KiB at most, and 30 s.
 
-`Topic.impl.connections` is only read: the names of peers, and their sockets, into which `Peers` writes, since a
-publisher of a robot at 1 kHz must wait for nobody. With `queue_size=None` rospy's `publish` waits for the slowest peer.
-With `queue_size=N` it does not, but wakes a thread per topic and peer: 14 topics at 1 kHz to one peer then take 1.1
-cores and come at 500 to 780 Hz (without other load, two cores).
+`Topic.impl.connections` is only read: the names of peers, and their sockets, into which `RosPublisher` writes, since
+that of a robot at 1 kHz must wait for nobody. With `queue_size=None` rospy's `publish` waits for the slowest peer. With
+`queue_size=N` it does not, but wakes a thread per topic and peer: 14 topics at 1 kHz to one peer then take 1.1 cores
+and come at 500 to 780 Hz (without other load, two cores).
 """
 
 import select
 import socket
 import struct
 import threading
+import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from io import BytesIO
@@ -30,7 +31,10 @@ import rospy
 from rospy.exceptions import TransportTerminated
 from rospy.impl import tcpros_base
 
+from catenary.crtk.inbox import Origin
+from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import ANY
+from catenary.crtk.transport import HeardTopic, Publisher
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone
 _LENGTH = struct.Struct("<I")  # in front of each message
@@ -66,14 +70,6 @@ def change_rospy() -> None:
             call.send_error(413)
 
     calls.do_POST, calls.timeout = do_post, _PATIENCE
-
-
-def take_up_to(topic: str, takes: Callable[[int], bool] | None) -> None:
-    """Have messages of a topic, by its resolved name, passed over unless `takes` says so of their bytes."""
-    if takes is None:
-        _takes.pop(topic, None)
-    else:
-        _takes[topic] = takes
 
 
 def _pass_over(topic: str, buffer: BytesIO, sock: Any) -> None:
@@ -168,23 +164,24 @@ class _Peer:
             self.connection.close()
 
 
-class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not typed
-    """All peers of one publisher."""
+class RosPublisher(Publisher, rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not typed
+    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
 
-    def __init__(self, size: int, *, latch: bool) -> None:
-        """Let `size` messages wait for each peer; with `latch`, give the last message to each that connects."""
-        super().__init__()
-        self._size, self._latch = size, latch
+    def __init__(
+        self, topic: str, type_name: str, kind: type, end: Callable[[Any], None], *, latch: bool, queue: int
+    ) -> None:
+        """Begin by a `rospy.Publisher` of a kind, which `end` ends; `queue` messages wait for each peer."""
+        super().__init__(topic, type_name)
+        self._queue, self._latch, self._ended = queue, latch, end
         self._last = b""  # message that is latched
         self._peers: tuple[_Peer, ...] = ()
         self._gone: Counter[str] = Counter()  # messages that peers missed which have gone since, by name
-        self._publisher: rospy.Publisher | None = None
         self._lock = threading.Lock()
-
-    def watch(self, publisher: Any) -> None:
-        """Begin; peers that have connected already are found here."""
-        self._publisher = publisher
-        self._look()
+        self.ros: Any = None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # rospy recommends a queue; see above
+            self.ros = rospy.Publisher(topic, kind, self, tcp_nodelay=True, latch=latch, queue_size=None)
+        self._look()  # peers may have connected already
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """Take in a peer that has just connected; rospy calls this."""
@@ -195,24 +192,20 @@ class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not type
         self._look()
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of their nodes."""
-        return tuple(sorted(str(peer.connection.endpoint_id) for peer in self._peers))
-
-    @property
-    def need_messages(self) -> bool:
-        """Return whether a message goes to anybody, now or later."""
-        return self._latch or bool(self._peers)
-
-    @property
     def missed(self) -> Counter[str]:
-        """Messages that peers missed, by their names."""
+        """Messages that slow peers missed, by the peer's name."""
         with self._lock:
             return self._gone + _missed(self._peers)
 
-    def publish(self, message: bytes) -> None:
-        """Send a message to all peers, waiting for none."""
-        frame = _LENGTH.pack(len(message)) + message
+    def subscribers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that listen."""
+        return () if self.is_closed else tuple(sorted(str(peer.connection.endpoint_id) for peer in self._peers))
+
+    def _send(self, message: Message) -> None:
+        if not (self._latch or self._peers):
+            return
+        data = self._encode(message, self._sent)
+        frame = _LENGTH.pack(len(data)) + data
         with self._lock:
             if self._latch:
                 self._last = frame
@@ -220,13 +213,16 @@ class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not type
         for peer in ended:
             peer.connection.close()  # rospy calls `peer_unsubscribe`
 
+    def _end(self) -> None:
+        self._ended(self.ros)
+
     def _look(self) -> None:
-        if self._publisher is None:
+        if self.ros is None:
             return
         with self._lock:
-            connections = _connections(self._publisher)
+            connections = _connections(self.ros)
             known = [peer.connection for peer in self._peers]
-            new = [_Peer(one, self._size, self._lock) for one in connections if one not in known]
+            new = [_Peer(one, self._queue, self._lock) for one in connections if one not in known]
             if self._last:
                 for peer in new:
                     peer.write(self._last)  # where that fails, the next message does too
@@ -234,21 +230,52 @@ class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not type
             self._peers = (*(peer for peer in self._peers if peer.connection in connections), *new)
 
 
+class RosTopic(HeardTopic):
+    """What this process receives of one topic, by a `rospy.Subscriber`."""
+
+    def __init__(
+        self, name: str, type_name: str, kind: type, end: Callable[[Any], None], steady: Callable[[], int]
+    ) -> None:
+        super().__init__(type_name, self._close)
+        self._origins: dict[str, Origin] = {}  # the last one of each publisher
+        self._steady, self._name, self._ended = steady, name, end
+        _takes[name] = self._has_room_for
+        with self._lock:  # a message may come before it is known
+            self.ros: Any = rospy.Subscriber(name, kind, self._receive, tcp_nodelay=True)
+
+    def _close(self) -> None:
+        _takes.pop(self._name, None)
+        self._ended(self.ros)
+
+    def publishers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that it is connected to; a URI where a name is not known yet."""
+        return tuple(sorted(str(one.callerid_pub or one.endpoint_id) for one in _connections(self.ros)))
+
+    def _has_room_for(self, size: int) -> bool:
+        """Return whether a message of so many bytes is for anybody; who has no room for it counts it."""
+        return max((one.has_room_for(size) for one in self.subscriptions), default=True)
+
+    def _receive(self, message: Any) -> None:
+        time = self._steady()
+        with self._lock:
+            # documented: wiki.ros.org/rospy/Overview/Messages
+            self.give(message.data, time, self._origin(message._connection_header))
+
+    def _origin(self, head: dict[str, str]) -> Origin:
+        """Say where a message came from; rospy makes a connection's header anew when it has connected again."""
+        name = head.get("callerid", "")
+        known = self._origins.get(name)
+        if known is None or known.connection is not head:
+            uri = next((str(one.endpoint_id) for one in _connections(self.ros) if one.header is head), "")
+            known = self._origins[name] = Origin(f"{name} {uri}", head, head.get("latching") == "1")
+        return known
+
+
 def _missed(peers: Iterable[_Peer]) -> Counter[str]:
     found: Counter[str] = Counter()
     for peer in peers:
         found[str(peer.connection.endpoint_id)] += peer.overflowed
     return found
-
-
-def publishers(subscriber: Any) -> tuple[str, ...]:
-    """Return the names of the nodes that a subscriber is connected to; a URI where a name is not known yet."""
-    return tuple(sorted(one.callerid_pub or one.endpoint_id for one in _connections(subscriber)))
-
-
-def publisher_uri(subscriber: Any, header: dict[str, str]) -> str:
-    """Return the URI of the node to which a connection with this header was made; empty when it has ended."""
-    return next((str(one.endpoint_id) for one in _connections(subscriber) if one.header is header), "")
 
 
 def _connections(topic: Any) -> list[Any]:

@@ -9,12 +9,10 @@ import importlib
 import importlib.util
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from catenary.crtk.inbox import Origin, Request
-from catenary.crtk.message import Message
+from catenary.crtk.inbox import Request
 from catenary.crtk.ros1.master import master_uri
 from catenary.crtk.transport import Answer, HeardTopic, Publisher, Transport, other_type
 from catenary.errors import MissingPackageError, TransportError
@@ -54,69 +52,6 @@ def _system_python() -> tuple[int, int] | None:
 _open: "Ros1Transport | None" = None  # rospy has one node a process
 
 
-class Ros1Publisher(Publisher):
-    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
-
-    def __init__(self, node: Any, topic: str, type_name: str, latch: bool, queue: int) -> None:
-        super().__init__(topic, type_name)
-        self._node = node
-        self._publisher, self._peers = node.publish(topic, type_name, queue=queue, latch=latch)
-
-    @property
-    def missed(self) -> Mapping[str, int]:
-        """Messages that slow peers missed, by the peer's name."""
-        found: Mapping[str, int] = self._peers.missed
-        return found
-
-    def _send(self, message: Message) -> None:
-        if self._peers.need_messages:
-            self._peers.publish(self._encode(message, self._sent))
-
-    def subscribers(self) -> tuple[str, ...]:
-        """Return the names of the nodes that listen."""
-        names: tuple[str, ...] = () if self.is_closed else self._peers.names
-        return names
-
-    def _end(self) -> None:
-        self._node.end(self._publisher)
-
-
-class _Topic(HeardTopic):
-    """What this process receives of one topic, by a `rospy.Subscriber`."""
-
-    def __init__(self, node: Any, name: str, type_name: str, steady: Callable[[], int]) -> None:
-        super().__init__(type_name, lambda: node.end(self.subscriber))
-        self._origins: dict[str, Origin] = {}  # the last one of each publisher
-        self._node, self._steady = node, steady
-        self.subscriber: Any = None
-        with self._lock:  # a message may come before it is known
-            self.subscriber = node.subscribe(name, type_name, self._receive, self._takes)
-
-    def publishers(self) -> tuple[str, ...]:
-        """Return the names of the nodes that it is connected to."""
-        found: tuple[str, ...] = self._node.publishers(self.subscriber)
-        return found
-
-    def _takes(self, size: int) -> bool:
-        """Return whether a message of so many bytes is for anybody; who has no room for it counts it."""
-        return max((one.has_room_for(size) for one in self.subscriptions), default=True)
-
-    def _receive(self, message: Any) -> None:
-        time = self._steady()
-        with self._lock:
-            # documented: wiki.ros.org/rospy/Overview/Messages
-            self.give(message.data, time, self._origin(message._connection_header))
-
-    def _origin(self, head: dict[str, str]) -> Origin:
-        """Say where a message came from; rospy makes a connection's header anew when it has connected again."""
-        name = head.get("callerid", "")
-        known = self._origins.get(name)
-        if known is None or known.connection is not head:
-            process = f"{name} {self._node.publisher_uri(self.subscriber, head)}"
-            known = self._origins[name] = Origin(process, head, head.get("latching") == "1")
-        return known
-
-
 class Ros1Transport(Transport):
     """This process's ROS 1 node; one at a time, under one name until the process ends."""
 
@@ -128,16 +63,17 @@ class Ros1Transport(Transport):
         if _open is not None:
             raise TransportError(f'this process has the ROS 1 transport "{_open.name}"; close that one first')
         self.node = importlib.import_module("catenary.crtk.ros1.node").node(name, master_uri(uri))
-        self._services: list[str] = []
         self.node.on_shutdown = self.inbox.close
         _open = self
 
-    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Ros1Publisher:
+    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher:
         """Begin to publish; `queue` counts messages beyond what the system's socket holds."""
-        return Ros1Publisher(self.node, topic, type_name, latch, queue)
+        made: Publisher = self.node.publisher(topic, type_name, latch=latch, queue=queue)
+        return made
 
-    def _hear(self, topic: str, type_name: str) -> _Topic:
-        return _Topic(self.node, topic, type_name, self.steady)
+    def _hear(self, topic: str, type_name: str) -> HeardTopic:
+        made: HeardTopic = self.node.topic(topic, type_name, self.steady)
+        return made
 
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse what rospy would only mention in a log, while nothing arrives."""
@@ -149,10 +85,9 @@ class Ros1Transport(Transport):
             raise other_type(topic, type_name, published)
 
     def _serve(self, name: str, type_name: str, answer: Answer) -> None:
-        if name in self._services or self.node.master.service_answers(name):
+        if name in self.node.services or self.node.master.service_answers(name):
             raise TransportError(f"service {name} is offered already")
         self.node.serve(name, type_name, lambda data: self._polled(answer, data))
-        self._services.append(name)
 
     def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
         if self.node.master.service(name) is None:
@@ -188,5 +123,4 @@ class Ros1Transport(Transport):
         if was_shut_down:
             return  # rospy has ended everything
         self._end_topics()
-        for service in self._services:
-            self.node.end_service(service)
+        self.node.end_services()

@@ -8,14 +8,12 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import pose_message, rotation_of
 from catenary.crtk.serving.served_arm import BASE, ServedArm
 from catenary.crtk.serving.tool_forces import FrameOfForces, exerted, jacobian
-from catenary.errors import CatenaryError, LimitError
+from catenary.errors import CatenaryError
 from catenary.plant import JointState
 from catenary.spatial import Pose
 
@@ -145,11 +143,5 @@ def _joints_at(arm: ServedArm, request: Message) -> Floats:
     near = arm.setpoint.q if not len(request.jp) else arm.whole(as_array("jp", request.jp, (n,)))
     goal = Pose(rotation_of(request.cp.orientation), as_array("position", tuple(request.cp.position), (3,)))
     q = arm.tool.joints(arm.unplaced(goal), near)
-    beyond = np.flatnonzero((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9))
-    if len(beyond):
-        j = int(beyond[0])
-        raise LimitError(
-            f'joint "{arm.names[j]}": {q[j]:.6g} {arm.plant.joint_units[j]} outside '
-            f"[{arm.lower[j]:.6g}, {arm.upper[j]:.6g}]"
-        )
+    arm.require_inside(q)
     return q[:n]

@@ -167,28 +167,18 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
 
 def _moved(arm: ServedArm, message: Message) -> Pose:
     """Return the goal of a move_cr: turned and moved from the setpoint, in base axes."""
-    start, (turn, step) = arm.tool.pose(arm.setpoint.q), _step_of(arm, message)
+    start, (step, turn) = arm.tool.pose(arm.setpoint.q), _step_of(arm, message)
     return Pose(rotation_from_vector(turn) @ start.rotation, start.position + step)
 
 
 def _step_of(arm: ServedArm, message: Message) -> Floats:
-    """Return the turn, a rotation vector [rad], and the step [m] of a message, (2, 3) in the arm's own axes."""
+    """Return the step [m] and the turn, a rotation vector [rad], of a message, (2, 3) in the arm's own axes."""
     pose = pose_of(message)
-    return arm.unturned(np.array([rotation_vector(pose.rotation), pose.position]))
-
-
-def _servo_cr(arm: ServedArm, message: Message) -> None:
-    turn, step = _step_of(arm, message)
-    moves.servo_pose_increment(arm, step, turn)
+    return arm.unturned(np.array([pose.position, rotation_vector(pose.rotation)]))
 
 
 def _servo_cv(arm: ServedArm, message: Message) -> None:
     moves.servo_twist(arm, arm.unturned(np.array([message.twist.linear, message.twist.angular])).ravel())
-
-
-def _pose_of(arm: ServedArm, message: Message) -> Pose:
-    """Return the pose of a message in the arm's own base."""
-    return arm.unplaced(pose_of(message))
 
 
 _OBEYED: dict[str, Obey] = {
@@ -196,13 +186,13 @@ _OBEYED: dict[str, Obey] = {
     "servo_jr": lambda arm, message: arm.increment(_increments(arm, message)),
     "servo_jv": lambda arm, message: arm.run_at(_increments(arm, message, "velocity")),
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
-    "servo_cp": lambda arm, message: moves.servo_pose(arm, _pose_of(arm, message)),
-    "servo_cr": _servo_cr,
+    "servo_cp": lambda arm, message: moves.servo_pose(arm, arm.unplaced(pose_of(message))),
+    "servo_cr": lambda arm, message: moves.servo_pose_increment(arm, *_step_of(arm, message)),
     "servo_cv": _servo_cv,
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),
-    "move_cp": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _pose_of(arm, message))),
+    "move_cp": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, arm.unplaced(pose_of(message)))),
     "move_cr": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),

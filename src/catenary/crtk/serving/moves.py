@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.errors import InputError, LimitError
+from catenary.errors import InputError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 from catenary.trajectories.reference import SampledTrajectory, Trajectory
 from catenary.trajectories.smoothed_path import go_to
@@ -26,12 +26,7 @@ _FLAT = 1e-3  # [rad|m] least slope of a way, so that one without any ends too
 
 def joint_move(arm: ServedArm, q: Floats) -> Callable[[], Trajectory]:
     """Move all joints from the setpoint to q (n,), arriving together; what is returned makes the trajectory."""
-    plant = arm.plant
-    for name, unit, value, lower, upper in zip(
-        plant.joint_names, plant.joint_units, q, plant.lower, plant.upper, strict=True
-    ):
-        if not lower - 1e-9 <= value <= upper + 1e-9:
-            raise LimitError(f'joint "{name}": {value:.6g} {unit} outside [{lower:.6g}, {upper:.6g}]')
+    arm.require_inside(q)
     velocity, acceleration = _bounds(arm)
     return partial(go_to, arm.setpoint.q, q, max_velocity=velocity, max_acceleration=acceleration)
 

@@ -123,7 +123,8 @@ class RavenDialect(Dialect):
         """Prepare to publish by publishers; called once, before `publish`."""
         super().begin(publishers)
         for name in (None, *self.arms):  # one robot, one state, whichever arm is asked
-            self._publishers.append((publishers["operating_state", name], self._state_message, self._leader))
+            lazy = publishers["operating_state", name]
+            self._publishers.append((lazy, lambda _, stamp: operating_state_message(self.state, stamp), self._leader))
         self._raven_state = RavenState(self.arms, self._leader.plant.period)
         self._whole, self._joint_states = publishers["ravenstate", None], publishers["joint_states", None]
 
@@ -141,9 +142,6 @@ class RavenDialect(Dialect):
     def state(self) -> OperatingState:
         """Operating state of the whole robot."""
         return robot_state([arm.state for arm in self.arms.values() if arm.machine.can_change])
-
-    def _state_message(self, _: ServedArm, stamp: int) -> Message:
-        return operating_state_message(self.state, stamp)
 
     def settle(self) -> str | None:
         """Stop all arms when one is in FAULT, as the robot's software e-stop does; say which, where it is news."""
@@ -222,14 +220,9 @@ def _grasp_servo_jv(arm: ServedArm, message: Message) -> None:
     arm.increment(arm.jaw_increments(arm.plant.period * velocity))
 
 
-def _servo_cr(arm: ServedArm, message: Message) -> None:
+def _servo_cr(arm: ServedArm, message: Message, share: float = 1.0) -> None:
     pose = _increment_of(message)
-    moves.servo_pose_increment(arm, pose.position, rotation_vector(pose.rotation))
-
-
-def _servo_cv(arm: ServedArm, message: Message) -> None:
-    pose, dt = _increment_of(message), arm.plant.period
-    moves.servo_pose_increment(arm, dt * pose.position, dt * rotation_vector(pose.rotation))
+    moves.servo_pose_increment(arm, share * pose.position, share * rotation_vector(pose.rotation))
 
 
 def _increment_of(message: Message) -> Pose:
@@ -246,7 +239,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_jv": _servo_jv,
     "servo_cp": lambda arm, message: moves.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
-    "servo_cv": _servo_cv,
+    "servo_cv": lambda arm, message: _servo_cr(arm, message, arm.plant.period),
     "grasp_servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "grasp_servo_jv": _grasp_servo_jv,
     "grasp_servo_jp": lambda arm, message: arm.step_towards(arm.joints_at_opening(single_number(message))),

@@ -50,14 +50,8 @@ class Reports:
             del self._fresh[:-20]  # nobody may be asking for them
             _logger.warning("%s", line)
 
-    def count(self, kind: str) -> int:
-        """How often a kind of trouble occurred."""
-        return self.kinds[kind].count if kind in self.kinds else 0
-
     def take_told(self) -> list[tuple[str, str]]:
         """Return what the clients of arms are to be told since the last time, the latest 20."""
-        if not self._told:
-            return []
         told = list(self._told)
         self._told.clear()
         return told

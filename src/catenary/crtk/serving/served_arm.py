@@ -12,7 +12,7 @@ from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_forces import ToolState
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName
-from catenary.errors import CatenaryError, InputError
+from catenary.errors import CatenaryError, InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
@@ -151,13 +151,11 @@ class ServedArm:
         self.tick = 0
         self.reports_time = 0  # [ns] of the tick, for what is reported in it
         self.changes = 0  # times that its state was read
-        self._velocity: Floats | None = None
+        self._doing: Iterator[Floats | None] = iter(())  # where to set it (n,) in each tick, by the command that acts
+        self._is_moving = False  # along a trajectory, or one is being planned
         self._torque: Floats | None = None
         self._pushed: Floats | None = None  # torques (n,) that were asked for in this tick
-        self._until = 0  # tick at which velocity or torque lapse
-        self._wanted: Callable[[], Trajectory] | None = None
-        self._move: tuple[Trajectory, int] | None = None
-        self._plan: Iterator[Trajectory | None] | None = None
+        self._until = 0  # tick at which the torque lapses
         self._jaw_wanted: Callable[[], Trajectory] | None = None
         self._jaw: tuple[Trajectory, int] | None = None  # of a jaw that moves beside the arm
         self._arrived = self._was_moving = False
@@ -176,25 +174,24 @@ class ServedArm:
     def increment(self, dq: Floats) -> None:
         """Move by dq (n,) [rad|m], besides what waits already."""
         if not self.increments:
-            self._give_way()
+            self._do(self._increment())
         self.increments.add(dq, self.tick)
 
     def step_towards(self, q: Floats) -> None:
         """Move one clamped step towards q (n,) [rad|m]."""
         if not self.goal:
-            self._give_way()
+            self._do(self._approach())
         self.goal.add(q)
 
     def go_towards(self, q: Floats) -> None:
         """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed."""
-        self._give_way()
+        self._do(self._approach())
         self.goal.set(q, self.goal.follow)
 
     def run_at(self, qd: Floats) -> None:
         """Move at qd (n,) [rad/s|m/s] for 0.1 s."""
-        velocity = np.clip(qd * self.plant.period, -self.most, self.most)
-        self._give_way()
-        self._velocity, self._until = velocity, self.tick + self.goal.follow
+        step = np.clip(qd * self.plant.period, -self.most, self.most)
+        self._do(self.setpoint.q + step for _ in range(self.goal.follow + 1))
 
     def push_with(self, tau: Floats) -> None:
         """Command torques (n,) for 0.1 s, plus gravity's where asked for; a joint with NaN holds its setpoint."""
@@ -203,7 +200,7 @@ class ServedArm:
         if np.isnan(tau).any() and "servo_jf_of" not in self.plant.supports:
             raise InputError("the arm takes torques of all its joints only")
         if self._torque is None:
-            self._give_way()
+            self._do(self._push())
             self._jaw = self._jaw_wanted = None
         self._torque, self._until = tau, self.tick + self.goal.follow
 
@@ -214,8 +211,11 @@ class ServedArm:
 
     def move(self, make: Callable[[], Trajectory]) -> None:
         """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
-        self._give_way()
-        self._wanted = make
+
+        def way() -> Iterator[Floats]:
+            yield from self._follow(make())
+
+        self._do(way())
 
     def move_jaw(self, make: Callable[[], Trajectory]) -> None:
         """Move the jaw along a trajectory of all joints: beside what the arm does where it is apart, as a dVRK does."""
@@ -226,8 +226,8 @@ class ServedArm:
 
     def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
         """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
-        self._give_way()
-        self._plan = plan
+        self._do(self._follow_planned(plan))
+        self._is_moving = True
 
     def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
         """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off."""
@@ -239,13 +239,13 @@ class ServedArm:
     def hold(self) -> None:
         """Forget all commands and stay."""
         self._jaw = self._jaw_wanted = None
-        self._give_way()
+        self._do(iter(()))
 
-    def _give_way(self) -> None:
+    def _do(self, way: Iterator[Floats | None]) -> None:
         """Forget the arm's commands, for another one; a jaw that moves beside it goes on."""
         self.increments.clear()
         self.goal.clear()
-        self._velocity = self._wanted = self._move = self._plan = None
+        self._doing, self._is_moving = way, False
         if self._torque is not None:
             self._torque = None
             if self.is_ready and self._takes_positions:
@@ -267,6 +267,14 @@ class ServedArm:
         """Return positions (n,) at those that joint states have: a jaw that they leave out stays, or goes on."""
         rest = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
         return np.append(q, rest[len(q) :])
+
+    def require_inside(self, q: Floats) -> None:
+        """Refuse positions (n,) [rad|m] beyond the joints' limits."""
+        for name, unit, value, lower, upper in zip(
+            self.names, self.plant.joint_units, q, self.lower, self.upper, strict=True
+        ):
+            if not lower - 1e-9 <= value <= upper + 1e-9:
+                raise LimitError(f'joint "{name}": {value:.6g} {unit} outside [{lower:.6g}, {upper:.6g}]')
 
     def placed(self, pose: Pose) -> Pose:
         """Return a pose in the arm's base as clients have it: in the frame that they gave it, if they did."""
@@ -326,7 +334,7 @@ class ServedArm:
         # the setpoint's velocity is that of its last step
         self.setpoint_tool = ToolState(self.tool, setpoint.q, self._step_velocity(), self._beyond_weight)
         state = self.plant.operating_state()
-        is_moving = self._move is not None or self._plan is not None or self._jaw is not None
+        is_moving = self._is_moving or self._jaw is not None
         if self._was_moving and not is_moving:
             self.moves_ended, self._arrived = (self.moves_ended[0] + 1, self._arrived), False
         self._was_moving = is_moving
@@ -347,32 +355,44 @@ class ServedArm:
         return velocity
 
     def _act(self) -> None:
-        if self._wanted is not None:
-            self._move, self._wanted = (self._wanted(), self.tick), None
         if self._jaw_wanted is not None:
             self._jaw, self._jaw_wanted = (self._jaw_wanted(), self.tick), None
-        increments = self.increments.next(self.tick)
-        if increments is not None:
-            self._send(self.setpoint.q + increments)
-        elif self._plan is not None:
-            self._plan_on(self._plan)
-        elif self._move is not None:
-            q, has_ended = self._along(*self._move)
-            if self.tool.jaw_is_apart:
-                q[-1] = self.setpoint.q[-1]
+        q = next(self._doing, None)
+        if q is not None:
             self._send(q)
-            if has_ended:
-                self._move, self._arrived = None, True
-        elif self.goal:
-            self._send(self.goal.next(self.setpoint.q))
-        elif self._velocity is not None:
-            self._send(self.setpoint.q + self._velocity)
-            if self.tick >= self._until:
-                self._velocity = None
-        elif self._torque is not None:
-            self._push()
         elif self._jaw is not None:
             self._send(self.setpoint.q)
+
+    def _increment(self) -> Iterator[Floats]:
+        while (increments := self.increments.next(self.tick)) is not None:
+            yield self.setpoint.q + increments
+
+    def _approach(self) -> Iterator[Floats]:
+        while self.goal:
+            yield self.goal.next(self.setpoint.q)
+
+    def _follow(self, trajectory: Trajectory) -> Iterator[Floats]:
+        begin, self._is_moving = self.tick, True
+        while self._is_moving:
+            q, has_ended = self._along(trajectory, begin)
+            if self.tool.jaw_is_apart:
+                q[-1] = self.setpoint.q[-1]
+            if has_ended:
+                self._is_moving, self._arrived = False, True
+            yield q
+
+    def _follow_planned(self, plan: Iterator[Trajectory | None]) -> Iterator[Floats | None]:
+        trajectory = None
+        while trajectory is None:
+            try:
+                trajectory = next(plan)
+            except CatenaryError as error:  # the mechanism cannot follow all the way
+                self._do(iter(()))
+                kind = f"{self.obeys}: refused"
+                self.reports.say(kind, str(error), self.reports_time, to=(self.arm,), each=True)
+                return
+            yield None
+        yield from self._follow(trajectory)
 
     def _along(self, trajectory: Trajectory, begin: int) -> tuple[Floats, bool]:
         """Return where a trajectory that began in a tick is now (n,), and whether it ends there."""
@@ -380,38 +400,23 @@ class ServedArm:
         q = np.array(trajectory(min(time, trajectory.duration)).q)
         return q, time >= max(trajectory.duration, LEAST_BUSY)
 
-    def _plan_on(self, plan: Iterator[Trajectory | None]) -> None:
-        try:
-            trajectory = next(plan)
-        except CatenaryError as error:  # the mechanism cannot follow all the way
-            self._give_way()
-            kind = f"{self.obeys}: refused"
-            self.reports.say(kind, str(error), self.reports_time, to=(self.arm,), each=True)
-            return
-        if trajectory is not None:
-            self._plan, self._move = None, (trajectory, self.tick + 1)
-        elif self._jaw is not None:
-            self._send(self.setpoint.q)
-
-    def _push(self) -> None:
-        assert self._torque is not None
-        if self.tick >= self._until:
-            self._torque = None
-            self._send(self.measured.q)  # the firmware holds where the arm is
-            return
-        tau = self._torque
-        if self.compensates_gravity:
-            tau = tau + self.gravity_torque(self.measured.q, self.measured.gravity)
-        self._pushed = tau
-        q = self.measured.q
-        # a robot that bounds nothing by itself is not pushed farther
-        outward = ((q > self.upper) & (tau > 0.0)) | ((q < self.lower) & (tau < 0.0))
-        tau = np.where(outward, 0.0, tau)
-        held = np.isnan(tau)
-        if held.any():
-            cast(Any, self.plant).servo_jf_of(tau, ~held)  # which it supports
-        else:
-            self.plant.servo_jf(tau)
+    def _push(self) -> Iterator[Floats | None]:
+        while self._torque is not None and self.tick < self._until:
+            tau, q = self._torque, self.measured.q
+            if self.compensates_gravity:
+                tau = tau + self.gravity_torque(q, self.measured.gravity)
+            self._pushed = tau
+            # a robot that bounds nothing by itself is not pushed farther
+            outward = ((q > self.upper) & (tau > 0.0)) | ((q < self.lower) & (tau < 0.0))
+            tau = np.where(outward, 0.0, tau)
+            held = np.isnan(tau)
+            if held.any():
+                cast(Any, self.plant).servo_jf_of(tau, ~held)  # which it supports
+            else:
+                self.plant.servo_jf(tau)
+            yield None
+        self._torque = None
+        yield self.measured.q  # the firmware holds where the arm is
 
     def _report_limits(self, asked: Floats) -> None:
         """Say of torques that did not act as they were asked for where the joint was."""

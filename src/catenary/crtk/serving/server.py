@@ -74,13 +74,8 @@ class Diagnostics:
         level, text = (OK, state.state) if state.is_homed or state.is_busy else (WARN, f"{state.state}, not homed")
         if state.state == "FAULT":
             level, text = ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
-        values = {
-            "state": state.state,
-            "is_homed": str(state.is_homed),
-            "is_busy": str(state.is_busy),
-            "commands refused": str(refused),
-        }
-        pairs = tuple(_KeyValue(key, value) for key, value in values.items())
+        values = {**state._asdict(), "commands refused": refused}
+        pairs = tuple(_KeyValue(key, str(value)) for key, value in values.items())
         return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
 
 
@@ -298,10 +293,9 @@ class Server:
                     self._forget_others(self.arms[topic.arm], now)
                 for name in moved if source.moves else ():
                     self._commanders[name].commands(topic.name, process, now)
-        except CatenaryError as error:  # whatever a client sends, the robot goes on
-            self._refuse(topic, str(error), now)
-        except (ArithmeticError, ValueError, LookupError) as error:  # numbers that nobody foresaw
-            self._refuse(topic, repr(error), now)
+        # whatever a client sends, the robot goes on; also numbers that nobody foresaw
+        except (CatenaryError, ArithmeticError, ValueError, LookupError) as error:
+            self._refuse(topic, str(error) if isinstance(error, CatenaryError) else repr(error), now)
 
     def _arms_of(self, topic: CrtkTopic) -> tuple[ServedArm, ...]:
         """Return the arms that a topic's commands move."""

@@ -101,10 +101,8 @@ class StateMachine:
         return 1 if state.is_busy or not state.is_homed else 3
 
     def _home(self, state: OperatingState) -> str | None:
-        if state.state in ("DISABLED", "FAULT"):
-            refused = self._ask("enable")
-        else:
-            refused = self._ask("resume") if state.state == "PAUSED" else None
+        first: Mapping[StateName, StateCommand] = {"DISABLED": "enable", "FAULT": "enable", "PAUSED": "resume"}
+        refused = self._ask(first[state.state]) if state.state in first else None
         refused = refused or self._ask("home")
         self._homing = refused is None
         return refused

@@ -79,15 +79,10 @@ def jacobian(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_
 
 def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
     """Return force [N] over moment [Nm] (6,) that the tool exerts beyond the arm's weight; zero where not felt."""
-    force, moment = tool.wrench[:3], tool.wrench[3:]
-    if frame is FrameOfForces.BODY:
-        turn = tool.pose.rotation.T
-        return np.concatenate([turn @ force, turn @ moment])
-    if frame is FrameOfForces.SPATIAL:
-        x, y, z = tool.pose.position.tolist()
-        a, b, c = force.tolist()
-        return np.concatenate([force, moment + np.array([y * c - z * b, z * a - x * c, x * b - y * a])])  # p x f
-    return tool.wrench
+    if frame is FrameOfForces.TOOL_IN_BASE_AXES:
+        return tool.wrench
+    # of the same power
+    return np.asarray(np.linalg.solve(_twist_map(tool.pose, frame).T, tool.wrench), dtype=np.float64)
 
 
 def torques_for(tool: ToolState, wrench: Floats, frame: FrameOfForces) -> Floats:

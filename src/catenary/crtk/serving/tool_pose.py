@@ -33,10 +33,10 @@ class ToolPose:
             raise InputError(
                 f'robot "{model.name}": has {model.n} joints, expected {n} as the robot, or one for both its jaws'
             )
-        self._to_model = np.eye(model.n, n)
+        # between the model's joints and the robot's; a jaw's opening is in neither
+        self._to_model, self._from_model = np.eye(model.n, n), np.eye(n, model.n)
         if self.jaws == 2:
-            self._to_model[-1] = 0.0
-            self._to_model[-1, -2:] = -0.5, 0.5
+            self._to_model[-1, -2:], self._from_model[-2:, -1] = (-0.5, 0.5), (-1.0, 1.0)
         self.reach = _reach(model)  # [m] from the base, which the tool never passes
         # poses that `path` finds well within a tick
         self.poses_a_tick = 16 if model.closed_form == "raven2" else 1
@@ -60,11 +60,8 @@ class ToolPose:
 
     def model_torques(self, tau: Floats) -> Floats:
         """Return torques of the model's joints (m,) that do the work of the robot's (n,), the jaws' opening aside."""
-        if not self.has_jaws:
-            return tau
-        if self.jaw_is_apart:
-            return tau[:-1]
-        return np.append(tau[:-2], tau[-1] - tau[-2])
+        torques: Floats = tau @ self._from_model
+        return torques
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws."""
@@ -98,18 +95,15 @@ class ToolPose:
     def prepare(self) -> None:
         """Compile what `path` runs, in the middle of the joints' range, wherever the robot may be."""
         lower, upper = (np.nan_to_num(end, posinf=0.0, neginf=0.0) for end in (self.model.lower, self.model.upper))
-        near: Floats = np.linalg.pinv(self._to_model) @ (0.5 * (lower + upper))
+        near: Floats = self._from_model @ (0.5 * (lower + upper))
         place = self.pose(near)
         self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)
 
     def _with_jaws(self, found: Floats, near: Floats) -> Floats:
         """Return the robot's joints (..., n) at the model's, with the opening of the jaws as in `near`."""
-        if not self.has_jaws:
-            return found
-        if self.jaw_is_apart:
-            return np.concatenate([found, np.full((*found.shape[:-1], 1), near[-1])], axis=-1)
-        half, tool = 0.5 * (near[-2] + near[-1]), found[..., -1:]
-        return np.concatenate([found[..., :-1], half - tool, half + tool], axis=-1)
+        opening = near - self._from_model @ (self._to_model @ near)
+        joints: Floats = found @ self._from_model.T + opening
+        return joints
 
     def in_frame_0(self, pose: Pose) -> Pose:
         """Return a pose of the base in the mechanism's frame 0; the same where it has none."""
