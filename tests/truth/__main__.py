@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.truth.bench import FAILS, Outcome, checked, evaluated, fitted, refreshed, windows
 from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
-from tests.truth.spoilings import SPOILINGS
+from tests.truth.spoilings import NOTHING, SPOILINGS
 
 TABLE = Path(__file__).with_name("table.md")
 REFRESH_SECONDS = 120.0
@@ -26,6 +26,9 @@ def outcomes(only: str) -> Iterator[Outcome]:
                 for try_ in (fitted, evaluated):
                     if re.search(only, f"{COMMANDS[try_]}: {known.name}: {spoiling.name}"):
                         yield try_(known, spoiling, folder)
+            for kind in ("linear", "hysteretic", "neural"):
+                if re.search(only, f"fit: {known.name}, {kind}"):
+                    yield fitted(known, NOTHING, folder, kind)
             for seconds in (120.0, 300.0):
                 if re.search(only, f"check: {known.name}") and windows_of(known, seconds):
                     yield checked(known, seconds, folder)

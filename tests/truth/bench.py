@@ -134,13 +134,15 @@ def _range(low: float, high: float, form: str) -> str:
     return f"{low:{form}}" if low == high else f"{low:{form}} to {high:{form}}"
 
 
-def fitted(known: Known, spoiling: Spoiling, folder: Path) -> Outcome:
+def fitted(known: Known, spoiling: Spoiling, folder: Path, kind: str = "polynomial") -> Outcome:
     """Fit a model to spoilt recordings; hold what it claims of itself against unspoilt ones."""
     case = f"fit: {known.name}: {spoiling.name}"
+    if kind != "polynomial":
+        case = f"fit: {known.name}, {kind}: {spoiling.name}, other kinds"
     paths = written([spoiling.spoil(log) for log in known.logs], folder)
     out = folder / "model.npz"
     robot = ("--robot", known.robot) if known.robot else ()
-    found, said = run("fit", *paths, *robot, "--model", "polynomial", "--out", out)
+    found, said = run("fit", *paths, *robot, "--model", kind, "--out", out)
     if found is None:
         wrong = spoiling is NOTHING
         return Outcome(case, said.splitlines()[0], "", f"{FAILS}: refused" if wrong else REFUSED)

@@ -45,17 +45,27 @@ LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
 
-def estimate_intervals(errors: CrossValidation, *, level: float = 0.9) -> Intervals | None:
+def estimate_intervals(
+    errors: CrossValidation, *, level: float = 0.9, off_path: Floats | float = 0.0
+) -> Intervals | None:
     """Return half-widths for a model from the errors of its cross-validation.
 
     Inside the valid range they are of the rows inside the ranges of the fold's models; outside, of the fixed offset on
-    all rows. Where hardly a block has rows inside, that of the offset counts inside too.
+    all rows. Where hardly a block has rows inside, that of the offset counts inside too. What a model may be wrong by
+    off the path that it learnt from widens them, as an error of normal distribution that depends on no other.
+
+    Args:
+        level: Share of errors that they are to hold.
+        off_path: (n,) RMS of what the model may be wrong by off its path [rad|m].
 
     Returns:
         The half-widths; None where there are too few rows for the level.
     """
+    from scipy.stats import norm
+
     check_level(level)
     block = time_blocks(errors.recording, level=level)
+    more = float(norm.ppf(0.5 + 0.5 * level)) * np.broadcast_to(off_path, errors.after_model.shape[1])
     inside, outside = [], []
     for j in range(errors.after_model.shape[1]):
         known = errors.inside[:, j]
@@ -64,13 +74,18 @@ def estimate_intervals(errors: CrossValidation, *, level: float = 0.9) -> Interv
         if not math.isfinite(far):
             return None
         near = near if math.isfinite(near) else far
-        inside.append(near)
         outside.append(max(near, far))
+        inside.append(min(math.hypot(near, more[j]), outside[-1]))
     return Intervals(level, np.array(inside), np.array(outside))
 
 
 def expected(
-    spread: Sequence[Spread], errors: CrossValidation, fold: Integers, fitted: Floats, intervals: Intervals | None
+    spread: Sequence[Spread],
+    errors: CrossValidation,
+    fold: Integers,
+    fitted: Floats,
+    intervals: Intervals | None,
+    off_path: Floats | float = 0.0,
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
@@ -85,6 +100,7 @@ def expected(
         fold: (N,) block of the cross-validation that each row was left out with.
         fitted: (N, n) errors of the model on the rows that it was fitted to [rad|m].
         intervals: Whose coverage is to be stated; none without.
+        off_path: (n,) as for `estimate_intervals`, in the unit of the spread.
     """
     from scipy.stats import t
 
@@ -96,8 +112,8 @@ def expected(
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
     stated: dict[str, Floats] = {
         "rmse_low": mean * np.minimum(1.0 / times, SEEN * np.minimum(known, 1.0) + 1.0 - SEEN),
-        "rmse_high": mean * times,
-        "rmse_margin": np.maximum(mean * times, offset),
+        "rmse_high": np.hypot(mean * times, off_path),
+        "rmse_margin": np.maximum(np.hypot(mean * times, off_path), offset),
     }
     if intervals is not None:
         held = np.abs(errors.after_model) <= np.where(errors.inside, intervals.inside, intervals.outside)

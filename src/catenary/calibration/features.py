@@ -116,6 +116,14 @@ class FeatureSet:
         return np.arange(len(names)) >= len(names) - len(self.play) - lags
 
     @property
+    def joints(self) -> tuple[str, ...]:
+        """The joint that each feature comes from, F; joints whose friction is coupled are one."""
+        coupled = () if self.friction is None else self.friction.positions
+        names = {position.rpartition(":")[2]: coupled[0].rpartition(":")[2] for position in coupled}
+        found = (signal.rpartition(":")[2] for _, _, signal in self._columns())
+        return tuple(names.get(joint, joint) for joint in found)
+
+    @property
     def averaged(self) -> Flags:
         """Midlines, (F,): means of a torque, which lie close together in training beside the torque itself."""
         first = len(self.signals)

@@ -131,7 +131,8 @@ def _concluded(
     data = data.rows(np.isin(data.places, places))
     everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)
-    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
+    apart = np.zeros_like(model.offset) if validation is None else _off_path(model, data)
+    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage, off_path=apart)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
@@ -148,10 +149,17 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
-        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals)
-        if options.kind == "polynomial":
-            spread, doubts = _off_path(model, data, spread)
-            notes = (*notes, *doubts)
+        more = apart * [DISPLAY[unit][1] for unit in data.joint_units]
+        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, more)
+        doubted = [
+            f"{joint.joint} {far:.3g} {joint.unit}"
+            for joint, far in zip(spread, more.tolist(), strict=True)
+            if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)
+        ]
+        if doubted:
+            told = "where joints meet that its training has apart, models that are as good on it differ by more than"
+            remedy = "record random motion" + ", or take --model linear" * (options.kind == "polynomial")
+            notes = (*notes, f"{told} they err: {', '.join(doubted)}; {remedy}")
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
     card["delays"] = [
@@ -162,35 +170,26 @@ def _concluded(
     return FitResult(model, card, data, spread, held_out, notes, choices, left_out, tuple(logs))
 
 
-def _off_path(
-    model: CalibrationModel, data: CalibrationData, spread: tuple[Spread, ...]
-) -> tuple[tuple[Spread, ...], list[str]]:
-    """Return errors that a polynomial may have off the path it learnt from, and a note where they are larger there.
+def _off_path(model: CalibrationModel, data: CalibrationData) -> Floats:
+    """Return how much more a model may be wrong off the path that it learnt from, within its valid range, (n,) [rad|m].
 
     A linear model of the same rows is nearly as good on the path. How far the two lie apart where joints meet as they
-    stood in different rows, within the valid range, is what neither knows; that much more may be wrong there.
+    stood in different rows is what neither knows. Where joints met all along, as in random motion, it is little.
     """
+    if model.kind == "offset":
+        return np.zeros_like(model.offset)
     linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
-    joints = [name.rpartition(":")[2] for name in model.features.names]  # whose position and torque go together
+    joints = model.features.joints  # whose position, torque and memory go together
     rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(joints)}
     met = np.column_stack([column[rows[joint]] for column, joint in zip(data.X.T, joints, strict=True)])
     met = met[model.inside(met).all(axis=1)]
     if len(met) == 0:
-        return spread, []
+        return np.zeros_like(model.offset)
     here, there = (
         np.mean((model.correction(X, data.q_nominal[: len(X)]) - linear.predict(X)) ** 2, axis=0) for X in (data.X, met)
     )
-    apart = np.sqrt(np.maximum(there - here, 0.0)) * [DISPLAY[unit][1] for unit in data.joint_units]
-    wider, said = [], []
-    for joint, more in zip(spread, apart.tolist(), strict=True):
-        high = math.hypot(joint.rmse_high or 0.0, more)
-        wider.append(replace(joint, rmse_high=high, rmse_margin=max(joint.rmse_margin or 0.0, high)))
-        if more > (joint.rmse_high or 0.0):
-            said.append(f"{joint.joint} {more:.3g} {joint.unit}")
-    told = (
-        "where joints meet that its training has apart, the polynomial and a linear model differ by more than it errs"
-    )
-    return tuple(wider), [f"{told}: {', '.join(said)}; record random motion, or take --model linear"] if said else []
+    apart: Floats = np.sqrt(np.maximum(there - here, 0.0))
+    return apart
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
