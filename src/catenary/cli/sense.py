@@ -90,9 +90,12 @@ def sense(
     """
     from catenary.crtk.transforms import recorded_pose
     from catenary.devices.accelerometer import SerialAccelerometer
+    from catenary.robots.catalog import load_robot
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import MAILBOX, Mailbox
+    from catenary.simulation.sensors import SensorModel
     from catenary.workflows.sense import SETTLE, ReplayFeed, serial_feed
+    from catenary.workflows.tumble import ATTITUDES, calibrate_replay, read_orientations, run_tumble, simulated_reader
 
     require_one(port=port, simulated=simulated, replay=replaying.replay)
     out = out or Path("mounting.toml")
@@ -103,7 +106,11 @@ def sense(
     told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
     recording = replaying.recording(reading, tumble=tumble)
     if recording is not None and tumble:
-        _calibrate(recording, replaying, told, out, as_json)
+        model = None if replaying.robot is None else load_robot(replaying.robot)
+        if model is not None:
+            told = replace(told, base=replaying.frame or model.tip)
+        up = read_orientations(replaying.orientations or Path(), model, replaying.frame)
+        _conclude_tumble(calibrate_replay(recording, up, start=told), out, as_json)
         return
     hertz = 200.0 if rate is None else rate
     feed: Feed | None
@@ -119,8 +126,12 @@ def sense(
             feed, told = serial_feed(device), device.with_ranges(told)
         else:
             feed, told = _simulated(told, None if tumble else base_tilt_deg or LEVEL_BASE, hertz, seed)
-        if tumble or feed is None:
-            _tumble(feed, told, hertz, seed, out, as_json)
+        if feed is None:
+            reader = simulated_reader(SensorModel(hertz, mounting=told), seed=seed)
+            _conclude_tumble(run_tumble(reader, start=told), out, as_json)
+        elif tumble:
+            print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
+            _conclude_tumble(run_tumble(_by_hand(feed), start=told, taken=feed.taken), out, as_json)
         else:
             _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration, as_json)
 
@@ -224,29 +235,6 @@ def _in_words(summary: "SenseSummary") -> list[Any]:
     return [*lines, facts, line, nothing]
 
 
-def _calibrate(recording: "ImuRecording", options: ReplayOptions, told: "Mounting", out: Path, as_json: bool) -> None:
-    from catenary.robots.catalog import load_robot
-    from catenary.workflows.tumble import calibrate_replay, read_orientations
-
-    model = None if options.robot is None else load_robot(options.robot)
-    if model is not None:
-        told = replace(told, base=options.frame or model.tip)
-    up = read_orientations(options.orientations or Path(), model, options.frame)
-    _conclude_tumble(calibrate_replay(recording, up, start=told), out, as_json)
-
-
-def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out: Path, as_json: bool) -> None:
-    from catenary.simulation.sensors import SensorModel
-    from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
-
-    if feed is None:
-        outcome = run_tumble(simulated_reader(SensorModel(rate, mounting=start), seed=seed), start=start)
-    else:
-        print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
-        outcome = run_tumble(_by_hand(feed), start=start, taken=feed.taken)
-    _conclude_tumble(outcome, out, as_json)
-
-
 def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
     from catenary.workflows.sense import read_still
     from catenary.workflows.tumble import ATTITUDES
@@ -254,18 +242,13 @@ def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
     def read(attitude: "Attitude") -> "StillReading":
         which = f"{ATTITUDES.index(attitude) + 1}/{len(ATTITUDES)}"
         print(f"{which} {attitude.instruction}; Enter ", end="", file=sys.stderr, flush=True)
-        if not _enter_pressed():
+        if not sys.stdin.readline():  # its end; Enter is a line
             raise InputError("sense: --tumble needs somebody at the keyboard, and standard input has ended")
         reading = read_still(feed)
         print("   " + " ".join(f"{v:+.3f}" for v in reading.force) + " m/s2", file=sys.stderr)
         return reading
 
     return read
-
-
-def _enter_pressed() -> bool:
-    """Wait for Enter; False at the end of standard input."""
-    return bool(sys.stdin.readline())
 
 
 def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:

@@ -13,8 +13,7 @@ from catenary.arrays import Floats
 from catenary.collision.scene import POSES, Names, scene_of
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.identification.excitation import Excitation, fourier_motion, static_poses
-from catenary.identification.motion_limits import MotionLimits, Room
+from catenary.identification.excitation import Excitation, MotionLimits, Room, fourier_motion, static_poses
 from catenary.plant import Jointed
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
@@ -152,13 +151,8 @@ def _limits(
     return limits, notes
 
 
-def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
-    """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv by its name."""
-    write_motion(path, model, design.time, design.q, design.qd, design.qdd)
-
-
 def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Floats, qdd: Floats) -> None:
-    """Write N rows of a motion as `write_excitation` does."""
+    """Write N rows: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv by its name."""
     if path.suffix.lower() == ".csv":
         named = list(zip(joints.joint_names, joints.joint_units, strict=True))
         kinds = (("q", ""), ("dq", "/s"), ("ddq", "/s2"))
