@@ -17,7 +17,9 @@ from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.calibration.model import CalibrationModel
     from catenary.monitor import Snapshot
+    from catenary.plant import MotionLog
     from catenary.teleop.terminal import RawTerminal
 
 
@@ -106,23 +108,32 @@ def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
 
 def _recording(what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions) -> _Titled:
     """Return a recording of a robot, or a project's."""
-    from catenary.calibration.model_file import load_model
     from catenary.robots.catalog import load_robot
     from catenary.view.replay import Replay, recorded_arm, shown_project
     from catenary.view.shapes import shapes_of
-    from catenary.workflows.calibration_model import recording_for
 
     robot, path = what, log or Path()
     if what is not None and _is_project(what):
         project = shown_project(Path(what))
         robot, path, model = project.robot, log or project.log, model or project.model
-    loaded = None if model is None else load_model(model)[0]
-    recording = recording_for(loaded, path, recordings.reading())
-    print_notes([note for note in recording.notes if note.startswith("corrected")])
+    recording, loaded = _played(path, model, recordings)
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)
     title = str(what if what is not None and log is None else path)
     return title, Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0])
+
+
+def _played(
+    log: Path, model: Path | None, recordings: ModelRecordingOptions
+) -> "tuple[MotionLog, CalibrationModel | None]":
+    """Read a recording, for a model and corrected as its training data if there is one, and the model."""
+    from catenary.calibration.model_file import load_model
+    from catenary.workflows.calibration_model import recording_for
+
+    loaded = None if model is None else load_model(model)[0]
+    played = recording_for(loaded, log, recordings.reading())
+    print_notes([note for note in played.notes if note.startswith("corrected")])
+    return played, loaded
 
 
 def _is_project(what: str) -> bool:
@@ -170,13 +181,9 @@ def monitor(
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
     with ExitStack() as stack:
         if log is not None:
-            from catenary.calibration.model_file import load_model
-            from catenary.workflows.calibration_model import recording_for
             from catenary.workflows.robot.snapshots import watch_log
 
-            loaded = None if model is None else load_model(model)[0]
-            played = recording_for(loaded, log, recordings.reading())
-            print_notes([note for note in played.notes if note.startswith("corrected")])
+            played, loaded = _played(log, model, recordings)
             name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
         else:
             from catenary.workflows.robot.snapshots import watch_robot

@@ -112,9 +112,9 @@ def base_orientation(gravity: ArrayLike) -> Floats:
     felt, down = vector / size, LEVEL / np.linalg.norm(LEVEL)
     axis = np.cross(felt, down)
     sine, cosine = float(np.linalg.norm(axis)), float(felt @ down)
-    if sine < 1e-9:
-        return np.array([1.0, 0.0, 0.0, 0.0] if cosine > 0.0 else [0.0, 1.0, 0.0, 0.0])
-    turn = rotation_from_vector(np.arctan2(sine, cosine) * axis / sine)
+    if sine < 1e-9 and cosine < 0.0:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    turn = rotation_from_vector(np.arctan2(sine, cosine) * axis / max(sine, 1e-300))
     w: Floats = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
     return w if w[0] >= 0.0 else -w
 

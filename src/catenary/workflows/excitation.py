@@ -65,19 +65,11 @@ class DesignedMotion:
         design, scene, checked = self.design, self.limits.scene, self.design.checked
         collisions: dict[str, Any] = {"checked": scene is not None}
         if scene is not None:
-            collisions |= {
-                "shapes": scene.origin,
-                "assumed": scene.assumed,
-                "pairs": len(scene.pairs),
-                "margin_mm": 1000.0 * self.limits.margin,
-            }
-        if checked is not None and checked.clearance is not None:
-            collisions["closest"] = {
-                "pair": list(checked.clearance.pair),
-                "distance_mm": 1000.0 * checked.clearance.distance,
-                "time_s": checked.clearance.time,
-            }
-            collisions["instants"] = checked.clearance.instants
+            collisions |= {"shapes": scene.origin, "assumed": scene.assumed, "pairs": len(scene.pairs)}
+            collisions["margin_mm"] = 1000.0 * self.limits.margin
+        if checked is not None and (found := checked.clearance) is not None:
+            apart = {"distance_mm": 1000.0 * found.distance, "time_s": found.time}
+            collisions |= {"closest": {"pair": list(found.pair), **apart}, "instants": found.instants}
         content: dict[str, Any] = {
             "robot": self.limits.model.name,
             "terms": design.terms,

@@ -90,6 +90,11 @@ class CalibrationResult:
         }
 
 
+def excitation(project: Project) -> tuple[Trajectory, Any]:
+    """Return the motion that a project's robot is trained on, and its description as plain data."""
+    return kind_of(project.settings).excitation()
+
+
 def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
     """Return a random motion of the project's robot, and its description as plain data."""
     seed = [0 if project.settings.seed is None else project.settings.seed, 1, number]
@@ -122,7 +127,7 @@ def calibrate_robot(
     with project:
         progress("home")
         robot.home(project)
-        robot.record(project, TRAIN, *kind_of(project.settings).excitation(), after="home", progress=progress("excite"))
+        robot.record(project, TRAIN, *excitation(project), after="home", progress=progress("excite"))
         test_motion = random_motion(project, 60.0 * project.settings.test_minutes)
         robot.record(project, TEST, *test_motion, after=TRAIN, progress=progress("record the test motion"))
         progress("extract")
