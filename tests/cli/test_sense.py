@@ -1,4 +1,3 @@
-import io
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -64,7 +63,7 @@ def test_a_board_is_read_over_its_port(board: SimulatedBoard):
 
 
 def test_a_tumble_asks_for_all_attitudes_and_refuses_a_board_at_rest(board, tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.StringIO(12 * "\n"))
+    monkeypatch.setattr("catenary.cli.sense._enter_pressed", lambda: True)
     monkeypatch.setattr("catenary.workflows.sense.read_still", partial(read_still, seconds=0.15))
     outcome = catenary("sense", "--port", board.link, "--tumble", "--out", tmp_path / "m.toml")
     assert outcome.code == 2

@@ -242,13 +242,18 @@ def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
     def read(attitude: "Attitude") -> "StillReading":
         which = f"{ATTITUDES.index(attitude) + 1}/{len(ATTITUDES)}"
         print(f"{which} {attitude.instruction}; Enter ", end="", file=sys.stderr, flush=True)
-        if not sys.stdin.readline():  # its end; Enter is a line
+        if not _enter_pressed():
             raise InputError("sense: --tumble needs somebody at the keyboard, and standard input has ended")
         reading = read_still(feed)
         print("   " + " ".join(f"{v:+.3f}" for v in reading.force) + " m/s2", file=sys.stderr)
         return reading
 
     return read
+
+
+def _enter_pressed() -> bool:
+    """Wait for Enter; False at the end of standard input."""
+    return bool(sys.stdin.readline())
 
 
 def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
