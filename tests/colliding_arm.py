@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from catenary.collision.scene import scene_of
-from catenary.identification.fourier_series import series_at_rest
+from catenary.identification.excitation import series_at_rest
 from catenary.robots.catalog import load_robot
 from catenary.robots.geometry import Box, Geometry, shape_on
 from catenary.robots.shapes import capsules_along_links
@@ -34,9 +34,9 @@ def apart(geometry, obstacles=(), model=PANDA):
 def motion(model, seed, amplitude=0.8, period=4.0, centre=None):
     series = series_at_rest(np.random.default_rng(seed).normal(size=(2, 3, model.n)), period)
     largest = np.abs(series.sample(series.grid())[0]).max(axis=0)
-    scaled = series.scaled(amplitude / largest)
+    size = amplitude / largest
     middle = 0.5 * (model.lower + model.upper) if centre is None else centre
-    return type(series)(scaled.a, scaled.b, np.where(np.isfinite(middle), middle, 0.0), period)
+    return type(series)(series.a * size, series.b * size, np.where(np.isfinite(middle), middle, 0.0), period)
 
 
 def write_arm(folder):

@@ -28,9 +28,8 @@ from catenary.control.gravity_pd import GravityHold
 from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
-from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.trials import hold, with_approach
+from catenary.workflows.gravity.trials import HOLD_START, hold, with_approach
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond import tilted_calibration as tilted
 from papers.beyond.bases import BASES, LEVEL_BASE, ROCKING, homed_level, put_on

@@ -29,10 +29,8 @@ from catenary.sensing.vector import Mailbox
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
 from catenary.trajectories.reference import Rest
 from catenary.trajectories.smoothed_path import SmoothedPath
-from catenary.workflows.gravity.controllers import make_controller
-from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.trials import with_approach
+from catenary.workflows.gravity.trials import RAVEN_START, make_controller, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base

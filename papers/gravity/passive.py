@@ -28,10 +28,8 @@ from catenary import CablePlant, Reference, gravity_torque, load_robot, mass_mat
 from catenary.arrays import Floats
 from catenary.control.loop import GravitySource
 from catenary.spatial import LEVEL
-from catenary.workflows.gravity.controllers import make_hold
-from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
-from catenary.workflows.gravity.trials import hold
+from catenary.workflows.gravity.trials import HOLD_START, hold, make_hold
 from papers.claims import Claims, by_count
 from papers.experiment import (
     Case,

@@ -29,9 +29,8 @@ from catenary.control.loop import GravitySource, Tick
 from catenary.control.pd import SplitController
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Rest
-from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.trials import with_approach
+from catenary.workflows.gravity.trials import make_controller, make_hold, with_approach
 from papers.experiment import Case, Outcomes, Result, Scope, run
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base
 from papers.gravity.tracking import gravity_source

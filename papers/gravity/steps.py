@@ -29,10 +29,8 @@ from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.sensors import SimulatedSensor
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
-from catenary.workflows.gravity.controllers import make_controller
-from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.trials import with_approach
+from catenary.workflows.gravity.trials import RAVEN_START, make_controller, with_approach
 from papers.claims import mean_and_spread
 from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledPicture, run
 from papers.figures import COLORS, LABELS, panels

@@ -31,10 +31,8 @@ from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 from catenary.trajectories.cartesian import CYCLES, CartesianSinusoids
 from catenary.trajectories.reference import SampledTrajectory, Trajectory
-from catenary.workflows.gravity.controllers import make_controller
-from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.trials import track
+from catenary.workflows.gravity.trials import RAVEN_START, make_controller, track
 from papers.experiment import Result, run
 from papers.gravity.raven_base import ASIDE, SHOWN, TrueAttitude, ideal_sensor, raven_of_2014, rocking_base, turned_base
 

@@ -140,6 +140,12 @@ def rotation_from_vector(vector: ArrayLike) -> Floats:
     return _rotation_of(cos(0.5 * angle), share * x, share * y, share * z)
 
 
+def angle_between(a: Floats, b: Floats) -> Floats:
+    """Return the angle [rad] between vectors (..., 3), also of nearly parallel ones."""
+    angle: Floats = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    return angle
+
+
 def as_rotation(name: str, values: ArrayLike) -> Floats:
     """Return the values as a proper rotation matrix (3, 3)."""
     matrix = as_array(name, values, (3, 3))

@@ -16,9 +16,8 @@ from catenary.view.page_process import PageProcess
 from catenary.view.shapes import arm_shapes
 from catenary.view.shown import Shown
 from catenary.view.state import ViewState, unknown_state
-from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
-from catenary.workflows.gravity.trials import with_approach
+from catenary.workflows.gravity.trials import make_controller, with_approach
 from tests.benchmarks.measure import Tables, report
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -12,7 +12,7 @@ import pytest
 import simulated_arm
 from catenary.cli.main import main
 from catenary.recording.logs import read_log, write_parquet
-from catenary.reports import calibration
+from catenary.reports import joint_errors
 from catenary.reports.page import Picture
 from catenary.robots.catalog import load_robot
 from command_line import catenary, refusal
@@ -153,7 +153,7 @@ def test_robot_gives_names_and_units(tmp_path: Path) -> None:
 @pytest.fixture
 def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages without pictures, which take seconds to draw."""
-    monkeypatch.setattr(calibration, "joint_picture", lambda *_, **__: Picture("", ""))
+    monkeypatch.setattr(joint_errors, "joint_picture", lambda *_, **__: Picture("", ""))
 
 
 @pytest.mark.usefixtures("_no_pictures")

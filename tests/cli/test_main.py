@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from catenary import __version__
-from catenary.cli.commands import GROUPS, Commands
+from catenary.cli.main import GROUPS, Commands
 from catenary.visible import ClosedOutput, VisibleStream
 from command_line import catenary
 

@@ -1,5 +1,8 @@
 """How an option is declared, read and refused."""
 
+import io
+import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -7,7 +10,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from catenary.cli.main import app
 from catenary.cli.options import Numbers, argument, as_typed, group, numbers, option, require_one, words
+from catenary.cli.terminal import print_json, print_notes, print_result, progress_bar
+from catenary.crtk import network
+from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments, say_ros_arguments
+from catenary.crtk.loopback import Loopback
 from catenary.errors import InputError
 
 
@@ -98,3 +106,83 @@ def test_what_is_no_number_is_refused(text: str) -> None:
 
 def test_words_stand_between_commas() -> None:
     assert words(" rad,, m ,") == ("rad", "m")
+
+
+RUN = CliRunner()
+
+
+@pytest.fixture
+def joined(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, RosArguments]]:
+    """How networks are joined; in truth none is."""
+    seen: list[tuple[str, RosArguments]] = []
+
+    def join(ros: str, name: str) -> Loopback:
+        seen.append((ros, said_ros_arguments()))
+        return Loopback("program")
+
+    monkeypatch.setattr(network, "make_transport", join)
+    return seen
+
+
+def test_a_distribution_and_names_reach_the_network(joined: list[tuple[str, RosArguments]]) -> None:
+    words = "button --ros 2 --ros-distro humble --ros-args -r /silver_button:=/lab/button -r __ns:=/lab"
+    RUN.invoke(app, words.split())
+    assert joined == [("2", RosArguments({"/silver_button": "/lab/button"}, None, "/lab", "humble"))]
+    RUN.invoke(app, ["button", "--ros", "2"])
+    assert joined[1:] == [("2", RosArguments())]  # nothing is left of those before
+
+
+def test_a_command_that_is_on_no_ros_takes_none_of_it() -> None:
+    found = RUN.invoke(app, ["fit", "data.parquet", "--ros-args", "-r", "a:=b"])
+    assert found.exit_code == 2
+    assert "No such option" in found.output
+
+
+@pytest.mark.parametrize("said", [RosArguments(distro="humble"), RosArguments({"/a": "/b"})])
+def test_ros_1_and_none_refuse_what_is_for_ros_2(said: RosArguments) -> None:
+    say_ros_arguments(said)
+    try:
+        for ros in ("1", "none"):
+            with pytest.raises(InputError, match="go with ROS 2"):
+                network.make_transport(ros, "one")
+    finally:
+        say_ros_arguments(RosArguments())
+
+
+def test_what_json_does_not_know_is_null(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({"a": [math.nan, math.inf, -math.inf, 1.5, True, None, "µ"], "b": (1,)})
+    shown = "".join(capsys.readouterr().out.split())
+    assert shown == '{"a":[null,null,null,1.5,true,null,"\\u00b5"],"b":[1]}'
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_long_facts_fill_the_lines_of_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stdout", shown)
+    print_result(False, {}, [("sources", 10 * "seven77 "), ("verdicts", "")])
+    lines = shown.getvalue().split("\n")
+    assert max(map(len, lines)) <= 40
+    assert lines[1].startswith(" " * 12 + "seven77")
+
+
+def test_a_pipe_gets_facts_on_one_line_and_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    print_result(False, {}, [("sources", 30 * "word ")])
+    assert capsys.readouterr().out.count("\n") == 1
+    print_notes(["one", "two"])
+    with progress_bar("fitting") as progress:
+        progress(0.5)
+    assert capsys.readouterr() == ("", "note: one\nnote: two\n")
+
+
+def test_a_progress_bar_in_a_terminal_says_what_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress_bar("fitting") as progress:
+        progress(0.5)
+    assert "fitting" in shown.getvalue()

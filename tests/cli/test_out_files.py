@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import simulated_arm
-from catenary.cli.commands import Commands
+from catenary.cli.main import Commands
 from catenary.cli.out_files import (
     EXCITATION,
     GRAPH,

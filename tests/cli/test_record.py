@@ -8,7 +8,7 @@ from catenary.cli.robot_choice import TerminalGuide
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.logs import read_log
 from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
-from catenary.workflows.robot.followed_file import read_followed_file
+from catenary.workflows.robot.operator_motion import read_followed_file
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback
 

@@ -26,11 +26,11 @@ from catenary.crtk import client
 from catenary.crtk.network import make_transport
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.robot import RosRobot
-from catenary.workflows.robot import recorded_passes
+from catenary.workflows.robot import topic_recorder
 from catenary.workflows.robot.homing import AnswerYes
 from oracles.waves import Waves
 
-recorded_passes.PASS = 1.0
+topic_recorder.PASS = 1.0
 client.CrtkClient.__init__.__kwdefaults__ |= {"stale_after": 2.0, "connect_timeout": 60.0}
 ros, folder = sys.argv[1:]
 project = Project(Path(folder), ProjectSettings(connection=f"ros{ros}"))

@@ -1,29 +1,33 @@
 """Designed poses and motions: what they show and what they keep."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.collision.bodies import box_at, floor_at
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError, LimitError
-from catenary.identification.excitation import fourier_motion, static_poses
-from catenary.identification.motion_limits import MotionLimits, room_of
+from catenary.identification.excitation import MotionLimits, fourier_motion, room_of, series_at_rest, static_poses
+from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
-from colliding_arm import PANDA, apart, capsule_arm
+from colliding_arm import PANDA, apart, capsule_arm, motion
 
 LIMITS = MotionLimits(PANDA, room_of(PANDA), np.array(LEVEL))
 
 
 @pytest.fixture(scope="module")
-def motion():
+def designed():
     return fourier_motion(LIMITS, np.random.default_rng(0), trials=20)
 
 
-def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(motion):
-    assert motion.base.count == 64  # published by Gaz et al. 2019 with friction
-    assert motion.condition < 100.0
+def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(designed):
+    assert designed.base.count == 64  # published by Gaz et al. 2019 with friction
+    assert designed.condition < 100.0
 
 
 def test_a_motion_above_a_floor_stays_there_and_shows_nearly_as_much():
@@ -79,3 +83,105 @@ def test_a_robot_that_stands_in_something_is_refused_by_its_name(monkeypatch, ob
 def test_too_few_poses_are_refused():
     with pytest.raises(InputError, match=r"2 poses cannot show \d+ base parameters: expected 3 or more"):
         static_poses(LIMITS, 2, np.random.default_rng(0))
+
+
+def series(seed, harmonics, period):
+    return series_at_rest(np.random.default_rng(seed).normal(size=(2, harmonics, 3)), period)
+
+
+@given(st.integers(0, 10**6), st.integers(3, 9), st.floats(0.5, 60.0))
+def test_nothing_exceeds_the_bounds_at_any_instant(seed, harmonics, period):
+    one = series(seed, harmonics, period)
+    q, qd, qdd = one.sample(np.random.default_rng(1).uniform(0.0, period, 2000))
+    low, high, fastest = one.extremes()
+    scale = 1e-9 * period
+    assert (q >= low - scale).all()
+    assert (q <= high + scale).all()
+    assert (np.abs(qd) <= fastest + 1e-9).all()
+    assert (np.abs(qdd) <= one.acceleration_bound * (1 + 1e-9)).all()
+    # and the bounds are not far off
+    assert (high - low <= 1.05 * np.ptp(one.sample(np.linspace(0, period, 4000))[0], axis=0)).all()
+
+
+@given(st.integers(0, 10**6), st.integers(3, 9))
+def test_a_series_begins_and_ends_at_rest(seed, harmonics):
+    one = series(seed, harmonics, 10.0)
+    q, qd, qdd = one.sample(np.array([0.0, 10.0]))
+    assert_allclose(qd, 0.0, atol=1e-12)
+    assert_allclose(qdd, 0.0, atol=1e-11)
+    assert_allclose(q[0], q[1], atol=1e-11)
+
+
+ROOM = room_of(PANDA)
+BOUNDS = MotionLimits(PANDA, ROOM, np.array(LEVEL))
+
+
+@given(st.integers(0, 10**6), st.floats(0.02, 1.0), st.floats(0.3, 1.0), st.floats(1.0, 6.0))
+@settings(max_examples=4)
+def test_designed_motions_keep_every_limit_whatever_they_are(seed, slow, weak, brisk):
+    room = room_of(
+        PANDA,
+        velocity=slow * PANDA.velocity_limit,
+        effort=np.maximum(weak * PANDA.effort_limit, [1, 60, 1, 30, 1, 5, 1]),  # what its weight needs
+        acceleration=np.full(7, brisk),
+    )
+    limits = MotionLimits(PANDA, room, np.array(LEVEL))
+    found = fourier_motion(limits, np.random.default_rng(seed), trials=6)
+    q, qd, qdd = found.series.sample(np.linspace(0.0, 10.0, 5000))
+    assert (q >= room.lower).all()
+    assert (q <= room.upper).all()
+    assert (np.abs(qd) <= room.velocity).all()
+    assert (np.abs(qdd) <= room.acceleration).all()
+    torque = np.abs(inverse_dynamics(PANDA, q, qd, qdd, LEVEL))
+    assert (torque <= room.effort).all()
+    assert_allclose(found.checked.torque, (torque / room.effort).max(axis=0), rtol=0.01)  # between a thousand rows
+
+
+@pytest.mark.parametrize(
+    ("room", "said"),
+    [
+        (replace(ROOM, upper=ROOM.lower + 0.5), "q1 exceeds its upper limit"),
+        (replace(ROOM, lower=ROOM.upper - 0.5), "q1 falls below its lower limit"),
+        (replace(ROOM, velocity=np.full(7, 0.1)), "q1 exceeds its limit of velocity"),
+        (replace(ROOM, acceleration=np.full(7, 0.1)), "q1 exceeds its limit of acceleration"),
+        (replace(ROOM, effort=np.full(7, 20.0)), r"q2 needs \d\.\d\d of its torque limit"),
+    ],
+)
+def test_a_motion_that_breaks_a_limit_is_told_which(room, said):
+    path = motion(PANDA, 0)
+    assert BOUNDS.check(path).fault is None
+    fault = replace(BOUNDS, room=room).check(path).fault
+    assert fault is not None
+    assert re.match(said, fault)
+
+
+def test_a_motion_that_hits_something_is_told_what_and_when():
+    limits = replace(BOUNDS, scene=apart(capsule_arm(), [floor_at(0.3)]), margin=0.02)
+    checked = limits.check(motion(PANDA, 0, centre=np.array([0.0, 1.0, 0.0, -1.8, 0.0, 1.8, 0.0]), amplitude=0.6))
+    assert "floor" in checked.clearance.pair
+    assert re.search(r"come within 20 mm: -?\d+\.\d mm at \d\.\d{3} s", checked.fault)
+
+
+def test_poses_whose_weight_cannot_be_held_are_not_free():
+    weak = replace(BOUNDS, room=replace(ROOM, effort=np.full(7, 15.0)))
+    q = np.array([[0, 1.5, 0, -0.5, 0, 1.5, 0], [0, 0, 0, -0.1, 0, 0.1, 0]], dtype=float)
+    assert len(weak.free_poses(q)) == 1  # stretched out it is too heavy, upright it is not
+    assert len(BOUNDS.free_poses(q)) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "said"),
+    [
+        ("panda", {"lower": np.full(7, -3.0)}, "the limits given go beyond the robot's own"),
+        ("panda", {"effort": np.full(7, 1000.0)}, "the limits given go beyond the robot's own"),
+        ("panda", {"velocity": np.zeros(7)}, "a velocity above zero"),
+        ("panda", {"acceleration": np.zeros(7)}, "limits of acceleration and torque above zero"),
+        ("panda", {"upper": np.zeros(6)}, "upper: expected shape (7,)"),
+        ("panda", {"upper": np.full(7, np.nan)}, "no upper limit of q1"),
+        ("dvrk_psm_motors", {}, "no lower limit of q1: give --lower for all 7 joints"),
+    ],
+)
+def test_limits_that_cannot_be_are_refused(name, limits, said):
+    with pytest.raises(InputError) as caught:
+        room_of(load_robot(name), **limits)
+    assert said in str(caught.value)

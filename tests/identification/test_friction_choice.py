@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.actuation_loads import known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.identification.friction_choice import _gain
-from catenary.identification.friction_history import presliding
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
+from catenary.identification.samples import presliding
 from catenary.robots.catalog import load_robot
 from moving_arm import LEVEL, recorded, sinusoids
 

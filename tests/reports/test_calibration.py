@@ -14,7 +14,7 @@ import simulated_arm
 from catenary.calibration.evaluate import Evaluation, Spread, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult
-from catenary.reports import calibration
+from catenary.reports import joint_errors
 from catenary.reports.calibration import MOST_JOINTS, JointGain, headline, recommendation, write_calibration_report
 from catenary.reports.joint_errors import MOST_WINDOWS, error_blocks, error_table, window_blocks, window_table
 from catenary.reports.page import Picture, Table
@@ -87,7 +87,7 @@ def test_table_notes_and_card_stand_on_the_page_with_names_escaped(page: str) ->
 def test_only_simulated_data_are_marked(page: str, result: Result, tmp_path: Path, monkeypatch: Any) -> None:
     mark = "Simulated: no real robot was measured"
     assert mark not in page
-    monkeypatch.setattr(calibration, "joint_picture", lambda *_, **__: Picture("", ""))
+    monkeypatch.setattr(joint_errors, "joint_picture", lambda *_, **__: Picture("", ""))
     assert mark in page_of(*result, tmp_path / "page.html", simulated=True)
 
 

@@ -111,11 +111,7 @@ def test_a_wide_table_is_not_cut_and_a_cell_stays_on_its_line() -> None:
 
 
 def test_a_column_says_what_of_a_record_stands_in_it_and_how() -> None:
-    columns = [
-        page.TableColumn("joint", "name"),
-        page.TableColumn("error [deg]", "error", ".2f"),
-        page.TableColumn("share", lambda joint: 100.0 * joint["share"], ".0f", " %"),
-    ]
+    columns = [("joint", "name"), ("error [deg]", "error:.2f"), ("share", "share:.0f %")]
     records = [{"name": "J1", "error": 1.234, "share": 0.5}, {"name": "J2", "error": None, "share": np.nan}]
     table = page.Table(columns, records)
     assert table.header == ["joint", "error [deg]", "share"]

@@ -1,5 +1,7 @@
 import hashlib
 import re
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import own_base
 from catenary.dynamics.kinematics import relative_pose
-from catenary.errors import FileFormatError, InputError, MissingInertiaError, UnsupportedModelError
+from catenary.errors import FileFormatError, InputError, MissingInertiaError, MissingPackageError, UnsupportedModelError
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf, parse_urdf
@@ -371,3 +373,31 @@ def test_a_rotor_is_reflected_by_the_square_of_its_gear(inside, rotor):
 def test_friction_that_cannot_be_is_refused(inside, words):
     with pytest.raises(FileFormatError, match=re.escape(words)):
         parse_urdf(urdf(joint("j", "root", "a", inside=LIMIT + inside), links=("root", "a")))
+
+
+URDF = """<robot name="expanded"><link name="root"/><link name="a"><inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0"
+iyy="1" iyz="0" izz="1"/></inertial></link><joint name="j" type="continuous"><parent link="root"/><child link="a"/></joint></robot>"""
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacro", None)  # not importable
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text("<robot/>")
+    return path
+
+
+def test_xacro_that_is_not_installed_is_asked_for(file):
+    with pytest.raises(MissingPackageError, match="is a xacro file, and xacro is not installed: pip install xacro"):
+        load_robot(file)
+
+
+def test_the_package_expands_it_or_says_why_not(file, monkeypatch):
+    document = SimpleNamespace(toxml=lambda: URDF)
+    monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file=lambda name: document))
+    made = load_robot(file)
+    assert (made.name, made.joint_names) == ("expanded", ("j",))
+    assert made.sources[0].startswith("arm.urdf.xacro, sha256 ")
+    monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file=lambda name: 1 / 0))
+    with pytest.raises(FileFormatError, match="xacro cannot expand it: division by zero"):
+        load_robot(file)

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
-from catenary.teleop.key_motion import JOINT_SPEED, RAMP, TIMEOUT, TeleopMotion
+from catenary.teleop.driver import JOINT_SPEED, RAMP, TIMEOUT, TeleopMotion
 
 PERIOD = 0.001
 RAVEN = load_robot("raven2")

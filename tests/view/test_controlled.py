@@ -9,7 +9,7 @@ from catenary.crtk.loopback import Loopback
 from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.topic_names import JOINT_STATE, find_topic
 from catenary.errors import RobotHeldError
-from catenary.teleop.key_motion import RAMP, TIMEOUT
+from catenary.teleop.driver import RAMP, TIMEOUT
 from catenary.view.controlled import ControlledArm
 from catenary.view.shapes import arm_shapes
 from catenary.view.shown import NOBODY, Change, ControlTab, HeldControl

@@ -8,11 +8,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from catenary.collision.bodies import floor_at
 from catenary.errors import InputError
-from catenary.identification.motion_limits import room_of
+from catenary.identification.excitation import room_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
-from catenary.workflows.excitation import MotionSurroundings, design_excitation, write_excitation, write_trajectory
-from catenary.workflows.robot.followed_file import read_followed_file
+from catenary.workflows.excitation import MotionSurroundings, design_excitation, write_motion, write_trajectory
+from catenary.workflows.robot.operator_motion import read_followed_file
 from colliding_arm import PANDA
 
 GEOMETRY = load_geometry("panda", PANDA)
@@ -85,8 +85,9 @@ def test_a_trajectory_is_ros_s_message(motion, tmp_path):
 
 
 def test_a_motion_that_was_written_can_be_followed(motion, tmp_path):
+    made = motion.design
     for name in ("motion.npz", "motion.csv"):
-        write_excitation(motion.design, PANDA, tmp_path / name)
+        write_motion(tmp_path / name, PANDA, made.time, made.q, made.qd, made.qdd)
         followed = read_followed_file(tmp_path / name)
         assert followed.joint_names == PANDA.joint_names
         assert followed.joint_units == PANDA.joint_units

@@ -8,21 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from catenary.cli import projects
 from catenary.cli.fit import ROBOT_OF_DATA, ModelOptions
 from catenary.cli.options import AS_JSON, Names, argument, option
 from catenary.cli.out_files import out_path
-from catenary.cli.projects import (
-    ARM_NAMESPACE,
-    BEGUN_FOLDER,
-    FOLDER,
-    HOURS,
-    ExcitationOptions,
-    RobotAccess,
-    open_project,
-    require_project,
-    robot_of,
-    step_progress,
-)
 from catenary.cli.recording_options import ACCEPT, RecordingOptions
 from catenary.cli.robot_choice import SIMULATED_SEED
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
@@ -33,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def extract(
-    project: Path = BEGUN_FOLDER,
+    project: Path = projects.BEGUN_FOLDER,
     bag: str | None = option("ros1|mcap", "Also write bags."),
     columns: Names | None = option("NAME,...", "Further columns of raven_state to keep, or all. [default: none]"),
     as_json: bool = AS_JSON,
@@ -43,23 +32,19 @@ def extract(
     Writes a motion log NAME.parquet for each, and a report. Of an interrupted recording it keeps the
     intact part and reports the loss.
     """
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
 
-    columns_of_topics = [
-        TableColumn("topic", "topic"),
-        TableColumn("messages", "messages"),
-        TableColumn("rate [Hz]", "rate", ".1f"),
-        TableColumn("longest gap [ms]", lambda t: t["longest_gap"] and 1e3 * t["longest_gap"], ".0f"),
-    ]
-    require_project(project)
-    opened = open_project(project, columns=columns)
+    gap = ("longest gap [ms]", lambda t: t["longest_gap"] and f"{1e3 * t['longest_gap']:.0f}")
+    columns_of_topics: list[Column] = ["topic", "messages", ("rate [Hz]", "rate:.1f"), gap]
+    projects.require_project(project)
+    opened = projects.open_project(project, columns=columns)
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
         raise InputError(f"{project}: holds no recordings; run catenary excite first")
     found, failed = dict[str, Any](), dict[str, CatenaryError]()
     for name in names:
-        with step_progress(f"extract {name}"):
+        with progress_bar(f"extract {name}"):
             try:
                 extract_recording(opened, name)
             except CatenaryError as error:
@@ -85,17 +70,17 @@ def extract(
 
 
 def calibrate(
-    arm: ExcitationOptions,
+    arm: projects.ExcitationOptions,
     fitting: ModelOptions,
     recordings: RecordingOptions,
-    access: RobotAccess,
-    project: Path = FOLDER,
+    access: projects.RobotAccess,
+    project: Path = projects.FOLDER,
     train: Sequence[Path] = argument("[DATA...]", "Recordings to train on, in place of a robot.", None),
     test: Sequence[Path] = option("DATA", "Test recording; repeatable.", goes_with="train"),
-    hours: float | None = replace(HOURS, not_with="train"),
+    hours: float | None = replace(projects.HOURS, not_with="train"),
     robot: str | None = ROBOT_OF_DATA,
     accept: Sequence[str] = ACCEPT,
-    namespace: str | None = ARM_NAMESPACE,
+    namespace: str | None = projects.ARM_NAMESPACE,
     as_json: bool = AS_JSON,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
@@ -110,12 +95,12 @@ def calibrate(
     asked, run = fitting.options(seed=0), fitting.run(accept, robot)
     reading = recordings.reading(robot if train else None)
     kind = None if train else robot
-    opened = open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
+    opened = projects.open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
     with opened, _steps() as progress:
         if train:
             result = calibrate_recordings(opened, train, test, reading=reading, asked=asked, run=run, progress=progress)
         else:
-            with robot_of(opened, access, "calibrate") as moved:
+            with projects.robot_of(opened, access, "calibrate") as moved:
                 result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
     _conclude(result, as_json)
 

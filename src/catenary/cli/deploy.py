@@ -8,9 +8,9 @@ import typer
 
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import AS_JSON, argument, option
-from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project, step_progress
+from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project
 from catenary.cli.robot_choice import DIALECT, NODE_NAME
-from catenary.cli.terminal import announce, print_notes, print_result
+from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real
     restore_plant(plant, left if left.is_file() else left_at(opened, "home"))
     plant.state_command("enable")
     motion, _ = random_motion(opened, seconds, 1)
-    with step_progress(f"{seconds:g} s at 1 kHz"):
+    with progress_bar(f"{seconds:g} s at 1 kHz"):
         result = deploy_on_robot(plant, model, motion, real_time=real_time)
     took = None if result.compute_us is None or not real_time else result.compute_us["median"]
     content = plain_data(result)
@@ -133,7 +133,7 @@ def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", secon
 
 
 def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bool) -> None:
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Table
 
     rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
     corrected = (
@@ -146,9 +146,7 @@ def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bo
     if report.latency is not None:
         row = ["arrival to publication [us]", *(f"{1e6 * value:.0f}" for value in report.latency)]
         latency = Table(["", "median", "p99", "p99.9", "largest"], [row], "Latency")
-    columns = [TableColumn("joint"), TableColumn("share", lambda row: 100.0 * row[1], ".1f", " %")]
-    outside = Table(
-        columns, [*zip(report.joint_names, report.outside, strict=True)], "Messages outside the valid range"
-    )
+    shares = [*zip(report.joint_names, report.outside, strict=True)]
+    outside = Table(["joint", ("share", ":.1f %")], shares, "Messages outside the valid range")
     content = {"model": str(model), "arm": arm, **report.as_data()}
     print_result(as_json, content, corrected, silences, latency, outside)

@@ -67,14 +67,9 @@ def recover(
     from catenary.workflows.recover import recover as recover_recording
 
     found = recover_recording(recording, out)
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
 
-    columns = [
-        TableColumn("topic", "topic"),
-        TableColumn("kept", "kept"),
-        TableColumn("lost, about", "lost"),
-        TableColumn("without messages [s]", "seconds", ".2f"),
-    ]
+    columns: list[Column] = ["topic", "kept", ("lost, about", "lost"), ("without messages [s]", "seconds:.2f")]
     table = Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s")
     early = "cut off: the last 0.5 s or so before the end are lost"
     lines = ["whole: nothing to recover, nothing written"]

@@ -205,7 +205,7 @@ def refresh(
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz
     """
     from catenary.calibration.model_file import save_model
-    from catenary.reports.refresh import PROMISE, refresh_table, write_refresh_report
+    from catenary.reports.drift import PROMISE, refresh_table, write_refresh_report
 
     result = held.against().refresh()
     save_model(result.model, result.card, out)

@@ -171,15 +171,13 @@ def gravity(
         "delta": gravity_delta(model, values, gravity),  # for firmware that knows a level base only
         "base": model.base, **({} if told is None else {"vendor": told}),
     }  # fmt: skip
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
 
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
-    columns = [
-        TableColumn("joint"), TableColumn("torque", form=".4f"), TableColumn("level base", form=".4f"),
-        TableColumn("difference", lambda row: row[1] - row[2], "+.4f"), TableColumn("unit", 3),
-    ]  # fmt: skip
-    rows = list(zip(model.joint_names, torques, on_level, units, strict=True))
+    columns: list[Column] = ["joint", ("torque", ":.4f"), ("level base", ":.4f"), ("difference", ":+.4f"), "unit"]
+    apart = [here - there for here, there in zip(torques, on_level, strict=True)]
+    rows = list(zip(model.joint_names, torques, on_level, apart, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if told is None else f"{vendor}: {told['command'] or 'no command'}"
     print_result(as_json, found, Table(columns, rows, title), command_line)
@@ -232,8 +230,7 @@ def track(
     """
     import numpy as np
 
-    from catenary.workflows.gravity.controllers import make_controller
-    from catenary.workflows.gravity.motions import make_motion
+    from catenary.workflows.gravity.trials import make_controller, make_motion
     from catenary.workflows.gravity.trials import track as run
 
     if controller in ("inertia", "computed-torque") and (conditions.kp or conditions.kd):
@@ -272,8 +269,7 @@ def hold(
 
     Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
-    from catenary.workflows.gravity.controllers import make_hold
-    from catenary.workflows.gravity.motions import HOLD_START, start_pose
+    from catenary.workflows.gravity.trials import HOLD_START, make_hold, start_pose
     from catenary.workflows.gravity.trials import hold as run
 
     arm = conditions.arm(robot, description)

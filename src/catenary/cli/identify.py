@@ -1,4 +1,4 @@
-"""catenary identify, identify-cable, payload: an arm's dynamics from recordings of it, and what it carries."""
+"""catenary excitation, identify, identify-cable, payload: a motion that shows an arm's dynamics, and what it tells."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,15 +10,31 @@ from typing import TYPE_CHECKING, Any, cast
 import typer
 
 from catenary.cli.gravity_options import GRAVITY, IMU_READING, gravity_of_reading
-from catenary.cli.options import AS_JSON, REPORT, REQUIRED, Names, Numbers, Triple, argument, option, require_one
-from catenary.cli.out_files import EXTERNAL, NAMED_AS_TYPED, PARAMETERS, URDF
+from catenary.cli.options import (
+    AS_JSON,
+    REPORT,
+    REQUIRED,
+    Names,
+    Numbers,
+    Six,
+    Triple,
+    argument,
+    group,
+    numbers,
+    option,
+    require_one,
+)
+from catenary.cli.out_files import EXCITATION, EXTERNAL, NAMED_AS_TYPED, PARAMETERS, TRAJECTORY, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
-from catenary.cli.terminal import print_page, print_result
+from catenary.cli.robot_options import DescriptionOptions, PayloadOptions
+from catenary.cli.terminal import print_notes, print_page, print_result
 from catenary.errors import InputError
 from catenary.files import card_path
 
 if TYPE_CHECKING:
     from catenary.recording.logs import Reading
+    from catenary.robots.model import RobotModel
+    from catenary.workflows.excitation import MotionSurroundings
 
 Place = tuple[str, float, float, float]
 LOGS = argument("LOG", "Recordings: .parquet, or .npz with q, dq, tau and fs or t (SI); others with --map.")
@@ -136,7 +152,7 @@ def identify_cable(
     """
     from catenary.identification.cable_loops import CableLoop, cable_loops
     from catenary.recording.logs import read_recording
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
     from catenary.verdict.check import verdict
     from catenary.verdict.finding import judge
 
@@ -148,9 +164,9 @@ def identify_cable(
     notes = verdict([log], accept=accept, testing=True, done="identified").notes
     loops, doubts = cable_loops(log)
     notes += judge([(log.name, each) for each in doubts], accept, done="identified")
-    columns = [TableColumn(key, key, ".3g") for key in ("joint", "unit", "following")]
+    columns: list[Column] = ["joint", "unit", ("following", "following:.3g")]
     for key in ("friction", "joint_side", "motor_side", "stiffness", "width"):
-        columns.append(TableColumn(key.replace("_", " "), partial(cell, key=key)))
+        columns.append((key.replace("_", " "), partial(cell, key=key)))
     table = Table(columns, loops, "Cables, in rad and Nm or m and N")
     lines = [f"{loop.joint}: not told: {why}" for loop in loops for why in loop.untold]
     content = {"log": log.name, "joints": [loop._asdict() for loop in loops], "notes": notes}
@@ -215,15 +231,11 @@ def payload(
         moment, off = (", ".join(f"{v:.4f}" for v in each) for each in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
-        from catenary.reports.page import Table, TableColumn
+        from catenary.reports.page import Column, Table
 
-        columns = [
-            TableColumn("link", "link"),
-            TableColumn("probability", "probability", ".2f"),
-            TableColumn("explained", lambda candidate: 100.0 * candidate.explained, ".1f", " %"),
-        ]
         title = "Links that could carry it, and what it would explain of the residual there"
-        parts.append(Table(columns, [best, *result.candidates], title))
+        likely: list[Column] = ["link", ("probability", "probability:.2f"), ("explained", "explained:.1f %")]
+        parts.append(Table(likely, [best, *result.candidates], title))
     print_result(as_json, result.summary(), *parts, notes=result.notes)
 
 
@@ -237,7 +249,7 @@ def _external(
     out: Path,
     as_json: bool,
 ) -> None:
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
     from catenary.workflows.identify import external_torques_of_file
 
     if len(data) != 1:
@@ -246,14 +258,8 @@ def _external(
         data[0], model, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=reading, accept=accept
     )
     found.write(out)
-    columns = [
-        TableColumn("joint", "joint"),
-        TableColumn("largest", "largest", ".3g"),
-        TableColumn("at [s]", "time", ".2f"),
-        TableColumn("95 % within", "half_width", ".3g"),
-        TableColumn("unit", "unit"),
-        TableColumn("beyond", lambda joint: 100.0 * joint.beyond, ".1f", " %"),
-    ]
+    columns: list[Column] = ["joint", ("largest", "largest:.3g"), ("at [s]", "time:.2f")]
+    columns += [("95 % within", "half_width:.3g"), "unit", ("beyond", "beyond:.1f %")]
     title = f"External torques in {found.log}; 5 % lie beyond where nothing touches"
     lines = []
     if (strongest := found.strongest()) is not None:
@@ -268,7 +274,7 @@ def _external(
 
 def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Triple, as_json: bool) -> None:
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.wrist_tool import wrist_tool_of_file
+    from catenary.workflows.identify import wrist_tool_of_file
 
     if len(data) != 1:
         raise InputError(f"--wrist-sensor: expected one table of poses, got {len(data)} files")
@@ -284,3 +290,127 @@ def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Tr
         facts.append((name, f"{shown} {unit}, standard deviations {off}"))
     left = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")
     print_result(as_json, tool._asdict() | {"notes": notes}, [*facts, left], notes=notes)
+
+
+Touching = tuple[str, str]
+Placed = tuple[Path, Numbers]
+_UNCHECKED = "no_collision_check"
+
+
+def _placed_mesh(text: str) -> tuple[Path, Numbers]:
+    name, _, place = text.rpartition("@")
+    return (Path(name), numbers(place, 3)) if name else (Path(text), (0.0, 0.0, 0.0))
+
+
+def _pair(text: str) -> tuple[str, str]:
+    first, _, second = text.partition(":")
+    if not first or not second:
+        raise typer.BadParameter(f"expected two names, such as upper_arm_link:floor, got {text!r}")
+    return first, second
+
+
+@group
+class CollisionOptions:
+    """What stands about the robot, and what its own links look like."""
+
+    floor_m: float | None = option("Z", "Height of the floor in the base frame, z up.", not_with=_UNCHECKED)
+    box: Sequence[Six] = option("X,Y,Z,DX,DY,DZ", "A box's centre and edges, m; repeatable.", not_with=_UNCHECKED)
+    mesh: Sequence[Placed] = option("FILE[@X,Y,Z]", "A mesh in m; repeatable.", read=_placed_mesh, not_with=_UNCHECKED)
+    margin_mm: float = option("MM", "Smallest distance between bodies.", 10.0)
+    link_radius_mm: float | None = option("MM", "Take capsules of this radius along the links as their shapes.")
+    package_dir: Sequence[Path] = option("FOLDER", "ROS package with meshes; repeatable. [default: above the URDF]")
+    may_touch: Sequence[Touching] = option("A:B", "Pair of links or obstacles to ignore; repeatable.", read=_pair)
+    no_collision_check: bool = option(None, "Design without a collision check.", False)
+
+    def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":
+        """Return what a robot must not hit."""
+        from catenary.collision.bodies import box_at, floor_at, mesh_at
+        from catenary.robots.shapes import load_geometry
+        from catenary.workflows.excitation import MotionSurroundings
+
+        if not 0.0 < self.margin_mm <= 1000.0:
+            raise InputError(f"--margin-mm: expected above 0 and at most 1000 mm, got {self.margin_mm:g}")
+        if self.no_collision_check:
+            return MotionSurroundings(None, unchecked="as --no-collision-check says")
+        obstacles = [] if self.floor_m is None else [floor_at(self.floor_m)]
+        obstacles += [box_at(k, place) for k, place in enumerate(self.box, start=1)]
+        obstacles += [mesh_at(name, place) for name, place in self.mesh]
+        radius = None if self.link_radius_mm is None else 1e-3 * self.link_radius_mm
+        return MotionSurroundings(
+            load_geometry(robot, model, packages=self.package_dir, link_radius=radius),
+            tuple(obstacles),
+            1e-3 * self.margin_mm,
+            tuple(self.may_touch),
+            f"{model.name} has no shapes, and no masses that tell how thick its links are: give --link-radius-mm MM",
+        )
+
+
+@group
+class LimitOptions:
+    """Limits to keep, narrower than the robot's own or in their place where it has none."""
+
+    lower: Numbers | None = option("Q,Q,...", "Lower limits to keep, rad and m.")
+    upper: Numbers | None = option("Q,Q,...", "Upper limits to keep, rad and m.")
+    velocity: Numbers | None = option("V,V,...", "Limits of velocity to keep, rad/s and m/s.")
+    acceleration: Numbers | None = option("A,A,...", "Limits of acceleration to keep, rad/s2 and m/s2. [default: none]")
+    effort: Numbers | None = option("T,T,...", "Limits of torque to keep, Nm and N. [default: the robot's]")
+
+
+def excitation(
+    description: DescriptionOptions,
+    carried: PayloadOptions,
+    limits: LimitOptions,
+    collisions: CollisionOptions,
+    robot: str = argument("ROBOT", "Catalogue name or file; needs no inertia."),
+    out: Path = option(
+        "FILE", f"File to write t, q, dq, ddq to, .npz or .csv. {NAMED_AS_TYPED}", REQUIRED, writes=EXCITATION
+    ),
+    trajectory: Path | None = option(
+        "FILE", "Also write a ROS JointTrajectory, .json or .yaml.", writes=TRAJECTORY, not_with="static"
+    ),
+    ros: int = option("1|2", "ROS that --trajectory is for.", 2, goes_with="trajectory"),
+    static: int | None = option("N", "N poses to hold, in place of one period of a Fourier motion.", least=1),
+    period: float = option("S", "Period of the motion.", 10.0, flag="--period-s"),
+    harmonics: int = option("N", "Harmonics of the motion, 3 or more.", 5),
+    rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz"),
+    trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1),
+    gravity: Triple | None = GRAVITY,
+    imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
+    seed: int = option("N", "Seed of everything random.", 0, least=0),
+    as_json: bool = AS_JSON,
+) -> None:
+    """Design a motion to identify an arm from; moves nothing.
+
+    It keeps the arm's limits and hits nothing; --static designs poses to hold.
+
+    Example: catenary excitation panda --floor-m 0 --out motion.csv
+    """
+    import numpy as np
+
+    from catenary.identification.excitation import room_of
+    from catenary.workflows.excitation import design_excitation, write_motion, write_trajectory
+
+    model = carried.on(description.load(robot))
+    given = vars(limits).copy()
+    if static is not None and given["velocity"] is None:
+        given["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
+    room = room_of(model, **given)
+    around = collisions.around(robot, model)
+    result = design_excitation(
+        model, room, around, np.random.default_rng(seed), gravity=np.array(gravity_vector(gravity, imu_reading)),
+        static=static, period=period, harmonics=harmonics, rate=rate, trials=trials,
+    )  # fmt: skip
+    design = result.design
+    write_motion(out, model, design.time, design.q, design.qd, design.qdd)
+    if trajectory is not None:
+        write_trajectory(design, model.joint_names, trajectory, ros=ros)
+    print_notes([note for note in result.notes if not as_json or note.startswith("warning: ")])
+    files = {"file": str(out), **({} if trajectory is None else {"trajectory": str(trajectory)})}
+    what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
+    parts: list[Any] = [
+        f"{model.name}: {len(design.q)} {what}",
+        f"condition: {design.condition:.4g} for {design.base.count} base parameters",
+        *result.kept(),
+    ]
+    lines = [f"{name}: {path}" for name, path in files.items()]
+    print_result(as_json, {**result.summary(), "seed": seed, **files}, *parts, *lines)

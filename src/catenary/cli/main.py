@@ -1,18 +1,124 @@
-"""The catenary command: reads arguments, calls one job, prints, ends with an exit code."""
+"""The catenary command: reads arguments, calls one job, prints, ends with an exit code; the commands by name."""
 
 import contextlib
 import io
 import logging
 import os
 import sys
-from typing import TextIO, cast
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any, TextIO, cast
 
 import typer
+from typer.core import TyperGroup
 
 from catenary import __version__
-from catenary.cli.commands import HELP_NAMES, CommandGroup, InterruptedCommand
-from catenary.cli.signals import exit_code
+from catenary.cli.options import as_typed
+from catenary.cli.signals import exit_code, signals_interrupt
+from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
+from catenary.errors import CatenaryError
 from catenary.visible import ClosedOutput, VisibleStream
+
+# groups in the order in which `catenary --help` lists them; of each command the module with its function
+GROUPS: dict[str, dict[str, str]] = {
+    "Calibrate": {
+        "calibrate": "calibrate", "home": "record", "excite": "record", "record": "record", "extract": "calibrate",
+        "fit": "fit", "evaluate": "fit", "refresh": "fit", "drift": "fit", "deploy": "deploy", "demo": "calibrate",
+    },
+    "Gravity": {"gravity": "gravity", "track": "gravity", "hold": "gravity", "sense": "sense", "gravity-node": "nodes"},
+    "Identify": {
+        "excitation": "identify", "identify": "identify", "identify-cable": "identify", "payload": "identify",
+        "regressor": "robots",
+    },
+    "Move": {
+        "goto": "motion", "random": "motion", "follow": "motion", "teleop": "motion", "serve": "nodes",
+        "button": "nodes", "encoders": "nodes",
+    },
+    "Look": {
+        "monitor": "view", "view": "view", "plot": "robots", "fk": "robots", "ik": "robots", "robots": "robots",
+    },
+    "Files": {"check": "files", "import": "files", "export": "files", "recover": "files"},
+}  # fmt: skip
+_MODULES = {name: module for group in GROUPS.values() for name, module in group.items()}
+HELP_NAMES = {"help_option_names": ["--help", "-h"]}
+# run without arguments; others then show their help
+_COMPLETE = {"home", "teleop", "monitor", "view", "serve", "button", "robots", "demo"}
+
+
+class Commands(Mapping[str, Any]):
+    """Commands by name, each made when it is first looked at."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._made:
+            function = "import_recording" if name == "import" else name.replace("-", "_")
+            app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+            command = getattr(import_module(f"catenary.cli.{_MODULES[name]}"), function)
+            app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(as_typed(command))
+            self._made[name] = typer.main.get_command(app)
+            for each in self._made[name].params:
+                if each.param_type_name == "argument":
+                    each.display_type_rich = lambda ctx: None  # what it is called says what it is
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_MODULES)
+
+    def __len__(self) -> int:
+        return len(_MODULES)
+
+
+class InterruptedCommand(Exception):
+    """Ctrl-C or a signal ended a command; its cause is the KeyboardInterrupt, at which newer typers exit silently."""
+
+
+class CommandGroup(TyperGroup):
+    """The group whose commands these are."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: Any = Commands()
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands under the names of their groups."""
+        width = max(map(len, _MODULES))
+        for title, names in GROUPS.items():
+            with formatter.section(title):
+                limit = formatter.width - 6 - width
+                formatter.write_dl(
+                    [(f"{name:<{width}}", self.commands[name].get_short_help_str(limit)) for name in names]
+                )
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is meant, its name and its arguments; what is behind `--ros-args` is kept for it."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if any(option.name == "ros_distro" for option in (command.params if command else ())):
+            rest, said = split_ros_arguments(rest)
+            say_ros_arguments(parse_ros_arguments(said))
+        return name, command, rest
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; SIGTERM and SIGHUP interrupt it as Ctrl-C does."""
+        try:
+            with signals_interrupt():
+                return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            raise InterruptedCommand from interrupt
+        except ClosedOutput:
+            raise typer.Exit from None  # whoever read our output has seen enough, as `head` does
+        except BrokenPipeError as error:
+            raise CatenaryError("a connection was closed from the other side") from error
+
+    def get_params(self, ctx: Any) -> Any:
+        """Return the group's options, flags False where not given: for None newer typers import pydantic, 0.2 s."""
+        options = super().get_params(ctx)
+        for option in options:
+            if getattr(option, "is_flag", False) and option.default is None:
+                option.default = False
+        return options
+
 
 MOST_SAID = 10_000  # characters of an error: names in it may be as long as a file
 

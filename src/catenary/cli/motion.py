@@ -2,6 +2,8 @@
 
 import sys
 import time
+from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +20,7 @@ from catenary.units import in_words
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.reports.page import Table
+    from catenary.workflows.robot.homing import Homing
     from catenary.workflows.robot.operator_motion import MotionSummary
 
 
@@ -98,8 +101,7 @@ def follow(
     """
     import numpy as np
 
-    from catenary.workflows.robot.followed_file import read_followed_file
-    from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY
+    from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY, read_followed_file
     from catenary.workflows.robot.operator_motion import follow as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
@@ -154,25 +156,27 @@ def _say(
     homed = "" if state.is_homed else ", not homed"
     title = f"{summary.robot}: {done} after {summary.duration:.1f} s; {state.state}{homed}\n"
     late = f"{summary.late_ticks} ticks were late: each delayed the motion by as much"
-    parts = title, _joints(summary, si=si), *_tip(summary, si=si, asked=asked)
+    columns = {"now": summary.q, "largest error": summary.max_error, "rms error": summary.rms_error}
+    columns |= {} if summary.true_error is None else {"true error": summary.true_error}
+    joints = joints_table(summary, columns, "Joints: errors against what was commanded, as reported", 3, si=si)
+    parts = title, joints, *_tip(summary, si=si, asked=asked)
     print_result(as_json, summary.as_data(), *parts, notes=[late] if summary.late_ticks else [])
     if summary.ended_by is not None:
         sys.stdout.flush()
         raise typer.Exit(exit_code(summary.ended_by))
 
 
-def _joints(summary: "MotionSummary", *, si: bool) -> "Table":
+def joints_table(
+    of: "MotionSummary | Homing", columns: "Mapping[str, Floats]", title: str, digits: int, *, si: bool = False
+) -> "Table":
+    """Return columns of numbers [rad|m] of a robot's joints, or of its first, in deg and mm or, with `si`, as such."""
     from catenary.reports.page import Table
 
-    columns = {"now": summary.q, "largest error": summary.max_error, "rms error": summary.rms_error}
-    if summary.true_error is not None:
-        columns["true error"] = summary.true_error
-    rows = []
-    for j, (name, unit) in enumerate(zip(summary.joint_names, summary.joint_units, strict=True)):
-        values = (column[j] if j < len(column) else None for column in columns.values())
-        texts = (v if v is None else f"{v:.4f} {unit}" if si else in_words(v, unit, 3) for v in values)
-        rows.append([name, *(text or "" for text in texts)])
-    return Table(["joint", *columns], rows, "Joints: errors against what was commanded, as reported")
+    rows = [
+        [name, *("" if v is None else f"{v:.4f} {unit}" if si else in_words(v, unit, digits) for v in values)]
+        for name, unit, *values in zip_longest(of.joint_names, of.joint_units, *columns.values())
+    ]
+    return Table(["joint", *columns], rows, title)
 
 
 def _tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> list[str]:

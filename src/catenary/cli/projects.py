@@ -1,7 +1,7 @@
 """What commands on a project share: options, the project that they open, its robot, what they say of a step."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from catenary.cli.gravity_options import BASE_TILT
-from catenary.cli.options import Names, Numbers, argument, group, option, words
+from catenary.cli.options import Numbers, argument, group, option, words
 from catenary.cli.robot_choice import SIMULATED_SEED, TerminalGuide
 from catenary.cli.terminal import announce, print_result, progress_bar
 from catenary.crtk.dds.arguments import said_ros_arguments
@@ -72,29 +72,26 @@ class RobotAccess:
     simulated: bool = option(None, "With --ros: the robot is simulated; recordings say so.", False, goes_with=_ON_ROS)
 
 
-def open_project(
-    folder: Path,
+def open_project(folder: Path, arm: ArmOptions | None = None, **typed: Any) -> "Project":
+    """Open a project with the settings it has, changed by what was typed; see `settings_of`."""
+    from catenary.workflows.project.folder import Project
+
+    return Project(folder, settings_of(folder, arm, **typed))
+
+
+def settings_of(
+    folder: Path | None,
     arm: ArmOptions | None = None,
     *,
     hours: float | None = None,
     ros: int | None = None,
-    columns: Names | None = None,
-    robot: str | None = None,
-    namespace: str | None = None,
-) -> "Project":
-    """Open a project with the settings it has, changed by what was typed."""
-    from catenary.workflows.project.folder import Project
-
-    connection, minutes = None if ros is None else f"ros{ros}", None if hours is None else 60.0 * hours
-    typed = {"connection": connection, "robot": robot, "namespace": namespace, "columns": columns}
-    return Project(folder, settings_of(folder, arm, test_minutes=minutes, **typed))
-
-
-def settings_of(folder: Path | None, arm: ArmOptions | None = None, **typed: Any) -> "ProjectSettings":
-    """Return the settings that a project has, those of a new one where there is none, changed by what was typed."""
+    **typed: Any,
+) -> "ProjectSettings":
+    """Return the settings that a project has, or a new one, changed by what was typed: columns, robot, namespace."""
     from catenary.workflows.project.folder import ProjectSettings, project_settings
 
-    given = {**typed, **({} if arm is None else vars(arm))}
+    given = {**typed, **({} if arm is None else vars(arm)), "connection": ros and f"ros{ros}"}
+    given["test_minutes"] = None if hours is None else 60.0 * hours
     changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     found = None if folder is None else project_settings(folder)
     return replace(found or ProjectSettings(), **changes)
@@ -136,11 +133,6 @@ def say_step(project: "Project", what: str, was_run: bool, as_json: bool, conten
     print_result(as_json, {"project": str(project.folder), "run": was_run, **content}, said)
 
 
-@contextmanager
-def step_progress(label: str, project: "Project | None" = None) -> Iterator[Callable[[float], None]]:
-    """Show a bar while a step runs."""
-    if project is not None and project.settings.connection != "simulation":
-        yield lambda _: None  # a bar would hide the questions to the operator
-        return
-    with progress_bar(label) as progress:
-        yield progress
+def step_progress(label: str, project: "Project") -> AbstractContextManager[Callable[[float], None]]:
+    """Show a bar while a step runs; none beside a robot on ROS, where it would hide the questions to the operator."""
+    return progress_bar(label) if project.settings.connection == "simulation" else nullcontext(lambda _: None)

@@ -3,51 +3,36 @@
 import json
 import time
 from dataclasses import replace
-from itertools import chain, count, zip_longest
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from catenary.cli import projects
+from catenary.cli.motion import joints_table
 from catenary.cli.options import AS_JSON, argument, option
 from catenary.cli.out_files import EXCITATION
-from catenary.cli.projects import (
-    ARM_KIND,
-    ARM_NAMESPACE,
-    FOLDER,
-    HOURS,
-    ArmOptions,
-    ExcitationOptions,
-    RobotAccess,
-    open_project,
-    require_project,
-    robot_of,
-    say_step,
-    settings_of,
-    step_progress,
-)
 from catenary.cli.robot_choice import DIALECT, PacedRobot, TerminalGuide, chosen_robot
 from catenary.cli.signals import exit_code
-from catenary.cli.terminal import announce, print_notes, print_result
+from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import InputError
-from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.workflows.project.folder import Project
     from catenary.workflows.project.kinds import ProjectKind
-    from catenary.workflows.robot.homing import Homing
     from catenary.workflows.robot.topic_recorder import RecordedTopics
 
 MOTION_ROWS_PER_SECOND = 20.0  # of a file, between which catenary follow goes straight
 
 
 def home(
-    arm: ArmOptions,
-    access: RobotAccess,
+    arm: projects.ArmOptions,
+    access: projects.RobotAccess,
     project: Path | None = argument("PROJECT", "Folder of the robot's project; made if it is not there.", None),
     robot: str | None = option("ROBOT", "Robot to home; in a project raven2 or dvrk_psm. [default: raven2]"),
     dialect: str | None = replace(DIALECT, not_with="project"),
-    namespace: str | None = replace(ARM_NAMESPACE, goes_with=("ros", "project")),
+    namespace: str | None = replace(projects.ARM_NAMESPACE, goes_with=("ros", "project")),
     as_json: bool = AS_JSON,
 ) -> None:
     """Home a robot.
@@ -58,8 +43,12 @@ def home(
     Example: catenary home --ros 1
     """
     if project is not None:
-        opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
-        _home_project(opened, access, as_json)
+        opened = projects.open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
+        with opened, projects.robot_of(opened, access, "home") as own:
+            announce("homing ...")
+            was_run = own.home(opened)
+        content = json.loads((opened.folder / "robot" / "home.json").read_bytes())
+        projects.say_step(opened, "homed", was_run, as_json, content)
         return
     if access.ros is not None and (arm.seed is not None or arm.base_tilt_deg is not None):
         raise InputError("--seed and --base-tilt-deg go with a simulated robot, not with --ros")
@@ -73,38 +62,19 @@ def home(
         guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
         announce("homing ...")
         found = home_operated(moved, guide)
-    _say(found, as_json)
-
-
-def _home_project(opened: "Project", access: RobotAccess, as_json: bool) -> None:
-    with opened, robot_of(opened, access, "home") as robot:
-        announce("homing ...")
-        was_run = robot.home(opened)
-    content = json.loads((opened.folder / "robot" / "home.json").read_bytes())
-    say_step(opened, "homed", was_run, as_json, content)
-
-
-def _say(found: "Homing", as_json: bool) -> None:
-    from catenary.reports.page import Table
-
     how = f"homed in {found.seconds:.1f} s" if found.was_run else "homed before; nothing has moved"
     columns = {"now": found.believed}
-    if found.external_encoders is not None:
-        columns["external encoder"] = found.external_encoders
-    rows = [
-        [name, *("" if q is None else in_words(q, unit, 2) for q in seen)]
-        for name, unit, *seen in zip_longest(found.joint_names, found.joint_units, *columns.values())
-    ]
+    columns |= {} if found.external_encoders is None else {"external encoder": found.external_encoders}
     title = f"{found.robot}: {how}; {found.state.state}\n"
-    print_result(as_json, found.as_data(), title, Table(["joint", *columns], rows, "Joints"))
+    print_result(as_json, found.as_data(), title, joints_table(found, columns, "Joints", 2))
 
 
 def excite(
-    arm: ExcitationOptions,
-    access: RobotAccess,
+    arm: projects.ExcitationOptions,
+    access: projects.RobotAccess,
     project: Path | None = argument("PROJECT", "Folder of the project; made if it is not there.", None),
-    robot: str | None = ARM_KIND,
-    namespace: str | None = ARM_NAMESPACE,
+    robot: str | None = projects.ARM_KIND,
+    namespace: str | None = projects.ARM_NAMESPACE,
     refresh: bool = option(None, "Minutes of full reversals of each joint, which catenary refresh takes.", False),
     out: Path | None = option("FILE", "Write those minutes; move nothing.", writes=EXCITATION, goes_with="refresh"),
     as_json: bool = AS_JSON,
@@ -113,24 +83,26 @@ def excite(
 
     A RAVEN-II's is a zig-zag. Writes recordings/train, with --refresh recordings/refresh; homes first if needed.
     """
-    from catenary.workflows.project.calibrate import TRAIN, excitation
+    from catenary.workflows.project.calibrate import TRAIN
     from catenary.workflows.project.kinds import kind_of
 
     if out is not None:
-        _write_refresh_motion(kind_of(settings_of(project, arm, robot=robot, namespace=namespace)), out, as_json)
+        settings = projects.settings_of(project, arm, robot=robot, namespace=namespace)
+        _write_refresh_motion(kind_of(settings), out, as_json)
         return
     if project is None:
         raise InputError("PROJECT: is missing; it may be left out where --refresh --out writes a file")
-    opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
-    motion, what = kind_of(opened.settings).refresh_motion() if refresh else excitation(opened)
+    opened = projects.open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
+    kind = kind_of(opened.settings)
+    motion, what = kind.refresh_motion() if refresh else kind.excitation()
     name = _free_name(opened, "refresh") if refresh else TRAIN
-    with opened, robot_of(opened, access, "excite") as moved:
-        with step_progress("homing", opened):
+    with opened, projects.robot_of(opened, access, "excite") as moved:
+        with projects.step_progress("homing", opened):
             moved.home(opened)
-        with step_progress("excite", opened) as progress:
+        with projects.step_progress("excite", opened) as progress:
             was_run = moved.record(opened, name, motion, what, after="home", progress=progress)
     said = f"recorded {motion.duration:.0f} s as {name}"
-    say_step(opened, said, was_run, as_json, {"seconds": motion.duration, "recording": name})
+    projects.say_step(opened, said, was_run, as_json, {"seconds": motion.duration, "recording": name})
 
 
 def _free_name(project: "Project", name: str) -> str:
@@ -158,13 +130,13 @@ def _write_refresh_motion(kind: "ProjectKind", out: Path, as_json: bool) -> None
 
 
 def record(
-    access: RobotAccess,
-    project: Path = FOLDER,
-    hours: float | None = HOURS,
+    access: projects.RobotAccess,
+    project: Path = projects.FOLDER,
+    hours: float | None = projects.HOURS,
     name: str = option(None, "Name of the recording.", "test"),
     no_motion: bool = option(None, "With --ros: record the robot while somebody else moves it; Ctrl-C ends it.", False),
-    robot: str | None = replace(ARM_KIND, goes_with="no_motion"),
-    namespace: str | None = replace(ARM_NAMESPACE, goes_with="no_motion"),
+    robot: str | None = replace(projects.ARM_KIND, goes_with="no_motion"),
+    namespace: str | None = replace(projects.ARM_NAMESPACE, goes_with="no_motion"),
     as_json: bool = AS_JSON,
 ) -> None:
     """Record a project's robot along a random motion, as a test.
@@ -172,41 +144,36 @@ def record(
     Writes recordings/NAME; after `catenary excite`.
     """
     from catenary.workflows.project.calibrate import TRAIN, random_motion
+    from catenary.workflows.project.folder import is_project
 
     if not name.isidentifier() or name == TRAIN:
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
     if no_motion:
-        begun = _begun_by_others(project, access, robot, namespace)
-        _record_others(begun, access, hours, name, as_json)
+        begun = is_project(project)  # whose settings stay as they are
+        if begun and (robot is not None or namespace is not None):
+            raise InputError(f"--robot and --namespace begin a project, and {project} was begun")
+        typed: dict[str, Any] = {} if begun else {"ros": access.ros, "robot": robot, "namespace": namespace}
+        _record_others(projects.open_project(project, **typed), access, hours, name, as_json)
         return
-    require_project(project)
-    with open_project(project, hours=hours, ros=access.ros) as opened:
+    projects.require_project(project)
+    with projects.open_project(project, hours=hours, ros=access.ros) as opened:
         seconds = 60.0 * opened.settings.test_minutes
         motion, what = random_motion(opened, seconds)
-        with robot_of(opened, access, "record") as moved, step_progress("record", opened) as progress:
+        with projects.robot_of(opened, access, "record") as moved, projects.step_progress("record", opened) as progress:
             was_run = moved.record(opened, name, motion, what, after=TRAIN, progress=progress)
-        say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+        projects.say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
-def _begun_by_others(project: Path, access: RobotAccess, robot: str | None, namespace: str | None) -> "Project":
-    """Open or begin a project whose robot somebody else moves; the settings of one that was begun stay as they are."""
-    from catenary.workflows.project.folder import is_project
-
-    if not is_project(project):
-        return open_project(project, ros=access.ros, robot=robot, namespace=namespace)
-    if robot is not None or namespace is not None:
-        raise InputError(f"--robot and --namespace begin a project, and {project} was begun")
-    return open_project(project)
-
-
-def _record_others(project: "Project", access: RobotAccess, hours: float | None, name: str, as_json: bool) -> None:
+def _record_others(
+    project: "Project", access: projects.RobotAccess, hours: float | None, name: str, as_json: bool
+) -> None:
     """Record a robot that somebody else moves."""
     from catenary.crtk.network import make_transport, node_name
     from catenary.recording.journal import About
     from catenary.workflows.project.kinds import kind_of
     from catenary.workflows.robot.topic_recorder import left_off, record_topics
 
-    with project as opened, step_progress("record") as progress:
+    with project as opened, progress_bar("record") as progress:
         connection = opened.settings.connection if access.ros is None else f"ros{access.ros}"
         if connection == "simulation":
             raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
@@ -238,6 +205,6 @@ def _record_others(project: "Project", access: RobotAccess, hours: float | None,
         what = f"recorded {before + recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
         topics = [vars(count) for count in recorded.counts]
         content = {"seconds": before + recorded.seconds, "ended_by": ended_by or None, "topics": topics}
-        say_step(opened, what, True, as_json, content)
+        projects.say_step(opened, what, True, as_json, content)
     if ended_by and hours is not None:  # it was to last as long
         raise typer.Exit(exit_code(ended_by))

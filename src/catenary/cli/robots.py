@@ -14,7 +14,6 @@ from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
-    from catenary.arrays import Floats
     from catenary.dynamics.inverse_kinematics import Match
     from catenary.reports.page import Table
     from catenary.robots.model import RobotModel
@@ -34,14 +33,9 @@ def robots(as_json: bool = AS_JSON) -> None:
     with without_notes(True):  # those that a robot has when it is named
         models = [load_robot(name) for name in robot_names()]
     found = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
 
-    columns = [
-        TableColumn("name", "name"),
-        TableColumn("joints", _kinds),
-        TableColumn("tip", "tip"),
-        TableColumn("joint names", _names_in_brief),
-    ]
+    columns: list[Column] = ["name", ("joints", _kinds), "tip", ("joint names", _names_in_brief)]
     legend = "R: revolute, P: prismatic; catenary check ROBOT names joints with their limits"
     print_result(as_json, found, Table(columns, models, "Robots", left=4), legend)
 
@@ -153,13 +147,9 @@ def pose_numbers(pose: "Pose") -> dict[str, Any]:
 
 def _pose_table(first: str, poses: "dict[str, Pose]", title: str, *, free: str = "") -> "Table":
     """Return a table of poses, a row each; the orientation of the one that is named `free` may be any."""
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
 
-    columns = [
-        TableColumn(first),
-        *(TableColumn(f"{axis} [mm]", form=".3f") for axis in "xyz"),
-        *(TableColumn(part, form=".6f") for part in "wxyz"),
-    ]
+    columns: list[Column] = [first, *((f"{axis} [mm]", ":.3f") for axis in "xyz"), *((part, ":.6f") for part in "wxyz")]
     rows = []
     for name, pose in poses.items():
         wxyz = ["any"] * 4 if name == free else pose_numbers(pose)["quaternion"]
@@ -269,13 +259,12 @@ def regressor(
 
 
 def _compact(report: "RegressorReport") -> list[Any]:
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
 
     form = report.compact
-    columns = [TableColumn(""), TableColumn(""), TableColumn("value", form=".6g"), TableColumn("unit")]
+    columns: list[Column] = ["", "", ("value", ":.6g"), "unit"]
     names = [f"s{k}" for k in range(1, len(form.labels) + 1)]
-    values = _known(report.compact_values, len(names))
-    rows = list(zip(names, form.labels, values, form.units, strict=True))
+    rows = list(zip(names, form.labels, report.compact_values, form.units, strict=True))
     symbols = [
         [name, symbol.meaning, "" if symbol.value is None else symbol.value] for name, symbol in form.symbols.items()
     ]
@@ -289,36 +278,19 @@ def _compact(report: "RegressorReport") -> list[Any]:
 
 def _identifiability(report: "RegressorReport") -> list[Any]:
     from catenary.gravity.gravity_regressor import standard_labels
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.page import Column, Table
     from catenary.workflows.regressor_report import WORDS
 
-    columns = [
-        TableColumn("parameter"),
-        TableColumn("level base", lambda row: WORDS[row[1]]),
-        TableColumn("tilted base", lambda row: WORDS[row[2]]),
-        TableColumn("value", form=".6g"),
-        TableColumn("unit", lambda row: "kg" if row[0].startswith("m(") else "kg m"),
-    ]
-    names, kinds = standard_labels(report.model), map(report.identifiable, ("level", "tilted"))
-    values = _known(report.standard_values, len(names))
-    rows: list[Any] = list(zip(names, *kinds, values, strict=True))
+    value: Column = ("value", ":.6g")
+    names = standard_labels(report.model)
+    kinds = ([WORDS[kind] for kind in report.identifiable(base)] for base in ("level", "tilted"))
+    units = ["kg" if name.startswith("m(") else "kg m" for name in names]
+    rows: list[Any] = list(zip(names, *kinds, report.standard_values, units, strict=True))
     title = f"{report.model.name}: do gravity torques tell masses m, and moments m c in the links' frames?"
-    parts: list[Any] = [Table(columns, rows, title, left=3)]
-    columns = [
-        TableColumn("base"),
-        TableColumn("combinations"),
-        TableColumn("of"),
-        TableColumn("condition", form=".3g"),
-    ]
+    standard = Table(["parameter", "level base", "tilted base", value, "unit"], rows, title, left=3)
     rows = [[name, base.count, len(names), base.condition] for name, base in report.bases.items()]
-    parts.append(Table(columns, rows, "What torques tell"))
-    labels = report.combinations("level")
-    values = _known(report.base_values("level"), len(labels))
-    rows = [[f"b{k}", *cells] for k, cells in enumerate(zip(labels, values, strict=True), 1)]
-    columns = [TableColumn(""), TableColumn(""), TableColumn("value", form=".6g")]
-    parts.append(Table(columns, rows, "Combinations on a level base", left=2))
-    return [*parts, *(f"  {sentence}" for sentence in report.sentences())]
-
-
-def _known(values: "Floats | None", count: int) -> "list[None] | Floats":
-    return [None] * count if values is None else values
+    told = Table(["base", "combinations", "of", ("condition", ":.3g")], rows, "What torques tell")
+    values = zip(report.combinations("level"), report.base_values("level"), strict=True)
+    rows = [[f"b{k}", *cells] for k, cells in enumerate(values, 1)]
+    combinations = Table(["", "", value], rows, "Combinations on a level base", left=2)
+    return [standard, told, combinations, *(f"  {sentence}" for sentence in report.sentences())]

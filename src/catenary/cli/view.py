@@ -1,12 +1,13 @@
-"""catenary view: an arm in the browser, reported, calibrated and true; a simulated one is driven from there."""
+"""catenary monitor, view: what a robot does, or a recording, in a terminal or in a browser; there it may be driven."""
 
 import os
 import sys
 import time
 import webbrowser
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, option
@@ -14,6 +15,12 @@ from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_choice import MovedRobot, RobotPlace, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.calibration.model import CalibrationModel
+    from catenary.monitor import Snapshot
+    from catenary.plant import MotionLog
+    from catenary.teleop.terminal import RawTerminal
 
 
 def view(
@@ -101,23 +108,32 @@ def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
 
 def _recording(what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions) -> _Titled:
     """Return a recording of a robot, or a project's."""
-    from catenary.calibration.model_file import load_model
     from catenary.robots.catalog import load_robot
     from catenary.view.replay import Replay, recorded_arm, shown_project
     from catenary.view.shapes import shapes_of
-    from catenary.workflows.calibration_model import recording_for
 
     robot, path = what, log or Path()
     if what is not None and _is_project(what):
         project = shown_project(Path(what))
         robot, path, model = project.robot, log or project.log, model or project.model
-    loaded = None if model is None else load_model(model)[0]
-    recording = recording_for(loaded, path, recordings.reading())
-    print_notes([note for note in recording.notes if note.startswith("corrected")])
+    recording, loaded = _played(path, model, recordings)
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)
     title = str(what if what is not None and log is None else path)
     return title, Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0])
+
+
+def _played(
+    log: Path, model: Path | None, recordings: ModelRecordingOptions
+) -> "tuple[MotionLog, CalibrationModel | None]":
+    """Read a recording, for a model and corrected as its training data if there is one, and the model."""
+    from catenary.calibration.model_file import load_model
+    from catenary.workflows.calibration_model import recording_for
+
+    loaded = None if model is None else load_model(model)[0]
+    played = recording_for(loaded, log, recordings.reading())
+    print_notes([note for note in played.notes if note.startswith("corrected")])
+    return played, loaded
 
 
 def _is_project(what: str) -> bool:
@@ -132,3 +148,83 @@ def _has_screen() -> bool:
     """Return whether somebody sits at a terminal of a machine that can show a window."""
     windows = sys.platform == "darwin" or any(os.environ.get(n) for n in ("DISPLAY", "WAYLAND_DISPLAY"))
     return windows and sys.stdout.isatty()
+
+
+_LIVE = ("ros", "base_tilt_deg", "robot_seed")  # options of a robot that is watched
+
+
+def monitor(
+    robot: WatchedRobot,
+    recordings: ModelRecordingOptions,
+    log: Path | None = option("FILE", "Play a recording: .parquet, .npz or .csv; others with --map.", not_with=_LIVE),
+    model: Path | None = option("MODEL", "Calibration model: calibrated joints, valid range."),
+    speed: float = option(None, "With --log: factor on its own speed.", 1.0, goes_with="log"),
+    rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
+    seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
+    gravity: str | None = GRAVITY_TOPIC,
+    as_json: bool = option(None, "Print a line of JSON for each sample, SI.", False, flag="--json"),
+) -> None:
+    """Show what a robot or a recording does.
+
+    Joints, setpoints, torques, gravity, state, warnings; a robot is only read. In a terminal a screen that
+    is drawn 25 times a second; in a pipe a line a second. Of a robot simulated here it also shows how far joints
+    and tip really are from what is reported.
+
+    Example: catenary monitor --log demo/test.parquet --model demo/models/neural_best.npz
+    """
+    from catenary.monitor import plain_line
+    from catenary.teleop.terminal import RawTerminal
+
+    on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
+    hertz = rate if rate is not None else 25.0 if on_screen else 1.0
+    if not 0.0 < hertz <= 200.0:
+        raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
+    with ExitStack() as stack:
+        if log is not None:
+            from catenary.workflows.robot.snapshots import watch_log
+
+            played, loaded = _played(log, model, recordings)
+            name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
+        else:
+            from catenary.workflows.robot.snapshots import watch_robot
+
+            announce("preparing the robot ...")
+            opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
+            name, samples = opened.name, watch_robot(opened, model=model, every=1.0 / hertz)
+        try:
+            if on_screen:
+                _on_screen(name, _until(samples, seconds), stack.enter_context(RawTerminal()))
+                return
+            for sample in _until(samples, seconds):
+                if as_json:
+                    print_json_line(sample.as_data())
+                else:
+                    print(plain_line(sample), flush=True)
+        except KeyboardInterrupt:
+            pass  # the usual end
+
+
+def _until(samples: "Iterator[Snapshot]", seconds: float | None) -> "Iterator[Snapshot]":
+    """Yield samples for so long after the first: what it takes to prepare is not watched."""
+    end = None
+    for sample in samples:
+        end = time.monotonic() + (float("inf") if seconds is None else seconds) if end is None else end
+        yield sample
+        if time.monotonic() >= end:
+            return
+
+
+def _on_screen(name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal") -> None:
+    import os
+
+    from catenary.monitor import monitor_lines
+
+    colour = "NO_COLOR" not in os.environ
+    for sample in samples:
+        if terminal.wants_suspension:
+            terminal.suspend()
+        terminal.draw(monitor_lines(name, sample, *terminal.size, colour=colour))
+        if terminal.ended is not None or b"q" in terminal.read().lower():
+            return
+    while terminal.ended is None and b"q" not in terminal.read().lower():
+        time.sleep(0.05)  # the end of a recording stays on the screen

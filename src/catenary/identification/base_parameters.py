@@ -81,9 +81,8 @@ class BaseParameters:
         loads = self.parameters.loads(samples)
         for first in range(0, max(len(samples), 1), CHUNK):
             part = slice(first, first + CHUNK)
-            motion = samples.q[part], samples.qd[part], samples.qdd[part]
-            down, base = samples.gravity_rows(gravity, part), samples.base_motion(part)
-            yield part, self.regressor(*motion, down, base=base, loads=loads[part])
+            *motion, base = samples.motion(gravity, part)
+            yield part, self.regressor(*motion, base=base, loads=loads[part])
 
     def describe(self, index: int, names: Sequence[str] | None = None, digits: int = 5) -> str:
         """Return one base parameter as the sum that it is: mx(elbow) + 0.4 m(hand).

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import ExcitationError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.least_squares import scaled_solution
@@ -94,13 +93,11 @@ def _triangles(
     """Return R of [parameters | friction with load | load | current] of each axis, on one fold's rows."""
     model = base.parameters.model
     own = [k for k, name in enumerate(base.names) if name.split()[0] in OWN]
-    body = slice(PER_LINK * link, PER_LINK * (link + 1))
     stacks: list[list[Floats]] = [[] for _ in range(model.n)]
     for whole, with_load in parts:
         part = whole.rows(fold_of_rows(whole) == fold, whole.name)
         for rows, Y in base.chunks(part, gravity):
-            motion, down = (part.q[rows], part.qd[rows], part.qdd[rows]), part.gravity_rows(gravity, rows)
-            load = torque_regressor(model, *motion, down, part.base_motion(rows))[:, :, body] * with_load
+            load = part.body_torques(model, gravity, link, rows) * with_load
             A = np.concatenate([Y, Y[:, :, own] * with_load, load, part.tau[rows, :, None]], axis=2)
             for i in range(model.n):
                 stacks[i].append(A[:, i])

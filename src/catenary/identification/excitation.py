@@ -1,16 +1,233 @@
-"""Poses and Fourier motions that show a robot's parameters within its limits."""
+"""Poses and Fourier motions that show a robot's parameters; what they keep: limits, and distances from obstacles."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
+from catenary.collision.scene import Clearance, CollisionScene
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
-from catenary.identification.fourier_series import FourierSeries, series_at_rest
 from catenary.identification.identify_options import Terms
-from catenary.identification.motion_limits import DIP, CheckedMotion, MotionLimits, Room
 from catenary.identification.parameters import Parameters
+from catenary.robots.model import RobotModel
+
+GRID = 40  # instants for each harmonic at which extremes are looked for
+
+
+@dataclass(frozen=True)
+class FourierSeries:
+    """q_i = centre + sum_k a_k / (k w) sin k w t - b_k / (k w) cos k w t, with w = 2 pi / period.
+
+    (Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5), 1997.)
+    """
+
+    a: Floats  # (harmonics, n) of the velocity's cosines [rad/s or m/s]
+    b: Floats  # (harmonics, n) of its sines
+    centre: Floats  # (n,) [rad or m]
+    period: float  # [s]
+
+    @property
+    def frequencies(self) -> Floats:
+        """(harmonics,) [rad/s]."""
+        return np.asarray(2.0 * np.pi / self.period * np.arange(1, len(self.a) + 1), dtype=float)
+
+    @property
+    def duration(self) -> float:
+        """One period [s]."""
+        return self.period
+
+    @property
+    def acceleration_bound(self) -> Floats:
+        """(n,) what no acceleration exceeds [rad/s2 or m/s2]: the sum of the harmonics' amplitudes."""
+        return np.asarray(self.frequencies @ np.hypot(self.a, self.b))
+
+    def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return positions, velocities, accelerations, (N, n) each, at times (N,) [s]."""
+        w = self.frequencies
+        sine, cosine = np.sin(np.outer(times, w)), np.cos(np.outer(times, w))
+        return (
+            self.centre + sine @ (self.a / w[:, None]) - cosine @ (self.b / w[:, None]),
+            cosine @ self.a + sine @ self.b,
+            -sine @ (self.a * w[:, None]) + cosine @ (self.b * w[:, None]),
+        )
+
+    def grid(self) -> Floats:
+        """Return instants that lie close enough for extremes to be found between them."""
+        return np.linspace(0.0, self.period, GRID * len(self.a), endpoint=False)
+
+    def extremes(self) -> tuple[Floats, Floats, Floats]:
+        """Return what positions and speeds do not exceed at any instant: lowest, highest, fastest, (n,) each.
+
+        Between two instants h apart an extreme exceeds the nearer one's by at most h^2 / 8 of the bound of the second
+        derivative.
+        """
+        times = self.grid()
+        h = times[1]
+        q, qd, _ = self.sample(times)
+        slack = h**2 / 8.0 * self.acceleration_bound
+        faster = h**2 / 8.0 * (self.frequencies**2 @ np.hypot(self.a, self.b))  # the jerk's bound
+        return q.min(axis=0) - slack, q.max(axis=0) + slack, np.abs(qd).max(axis=0) + faster
+
+
+def series_at_rest(coefficients: Floats, period: float) -> FourierSeries:
+    """Return the series of free coefficients (2, harmonics, n) about zero, changed least so that it starts at rest.
+
+    The velocity sum a cos + b sin and the acceleration sum -a w sin + b w cos are zero at the start.
+    """
+    w = 2.0 * np.pi / period * np.arange(1, coefficients.shape[1] + 1)
+    a = coefficients[0] - coefficients[0].mean(axis=0)
+    b = coefficients[1] - w[:, None] * (w @ coefficients[1]) / (w @ w)
+    return FourierSeries(a, b, np.zeros(coefficients.shape[2]), period)
+
+
+MARGIN = 0.05  # of a coordinate's range kept clear of its limits
+EFFORT = 0.95  # of the torque limit that a motion may take, by the robot's own masses
+TORQUE_ROWS = 1000  # of a motion at which torques are compared with their limits
+SEARCH_ROWS = 160  # of a motion that are looked at while it is searched for
+DIP = 0.003  # [m] by which a distance may fall between these rows; the search keeps more than the margin
+
+
+@dataclass(frozen=True)
+class Room:
+    """Limits of position and velocity, all finite, and of acceleration and torque, inf where there are none."""
+
+    lower: Floats  # (n,)
+    upper: Floats
+    velocity: Floats
+    acceleration: Floats
+    effort: Floats
+
+    def inner(self) -> tuple[Floats, Floats]:
+        """Return the limits of position that designs keep to, a twentieth of the range inside."""
+        slack = MARGIN * (self.upper - self.lower)
+        return self.lower + slack, self.upper - slack
+
+
+def room_of(
+    model: RobotModel,
+    *,
+    lower: ArrayLike | None = None,
+    upper: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    effort: ArrayLike | None = None,
+) -> Room:
+    """Return the limits to stay within: the robot's own, or narrower ones (n,) [rad, m, rad/s, m/s, ..., Nm, N]."""
+    limits: tuple[tuple[str, ArrayLike], ...] = (
+        ("lower", model.lower if lower is None else lower),
+        ("upper", model.upper if upper is None else upper),
+        ("velocity", model.velocity_limit if velocity is None else velocity),
+        ("acceleration", np.full(model.n, np.inf) if acceleration is None else acceleration),
+        ("effort", model.effort_limit if effort is None else effort),
+    )
+    room = {key: as_array(key, values, (model.n,), finite=False) for key, values in limits}
+    low, high, fastest, accelerated, strongest = room.values()
+    beyond = (low < model.lower) | (high > model.upper) | (fastest > model.velocity_limit)
+    beyond |= strongest > model.effort_limit
+    for i, name in enumerate(model.joint_names):
+        where = f'robot "{model.name}"'
+        for key in ("lower", "upper", "velocity"):
+            if not np.isfinite(room[key][i]):
+                raise InputError(f"{where}: no {key} limit of {name}: give --{key} for all {model.n} joints")
+        if not low[i] < high[i] or not fastest[i] > 0.0:
+            raise InputError(f"{where}: {name}: expected lower < upper and a velocity above zero")
+        if not (accelerated[i] > 0.0 and strongest[i] > 0.0):
+            raise InputError(f"{where}: {name}: expected limits of acceleration and torque above zero")
+        if beyond[i]:
+            raise InputError(f"{where}: {name}: the limits given go beyond the robot's own")
+    return Room(low, high, fastest, accelerated, strongest)
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """All that a motion of one robot must keep."""
+
+    model: RobotModel
+    room: Room
+    gravity: Floats  # (3,) [m/s2] in base axes
+    scene: CollisionScene | None = None  # None: collisions are unchecked
+    margin: float = 0.01  # [m]
+
+    @property
+    def has_torques(self) -> bool:
+        """Whether the robot's masses tell torques, and it has limits of them."""
+        known = not self.model.missing_inertia and not self.model.missing_tensor
+        return known and bool(np.isfinite(self.room.effort).any()) and bool(self.model.tree.mass.any())
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether anything beside limits of position and velocity is to be kept."""
+        return self.scene is not None or self.has_torques or bool(np.isfinite(self.room.acceleration).any())
+
+    def torque(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """Return the torques (N, n) of a motion by the robot's own masses, without friction [Nm or N]."""
+        return inverse_dynamics(self.model, q, qd, qdd, self.gravity)
+
+    def free_poses(self, q: Floats) -> Floats:
+        """Return which of configurations (N, n) may be rested in, (M, n)."""
+        free: NDArray[np.bool_] = np.ones(len(q), dtype=bool)
+        if self.has_torques:
+            still = np.zeros_like(q)
+            over = np.abs(self.torque(q, still, still)) > EFFORT * self.room.effort
+            free = np.asarray(~over.any(axis=1))
+        if self.scene is not None and free.any():
+            free[free] = ~self.scene.touching(q[free], self.margin + DIP).any(axis=1)
+        return np.asarray(q[free])
+
+    def seem_kept(self, series: FourierSeries) -> bool:
+        """Return whether a motion within the limits of position and velocity keeps the others at some of its rows."""
+        if (series.acceleration_bound > self.room.acceleration).any():
+            return False
+        if not self.is_narrow:
+            return True
+        rows = series.sample(np.arange(SEARCH_ROWS) * series.period / SEARCH_ROWS)
+        if self.has_torques and (np.abs(self.torque(*rows)) > EFFORT * self.room.effort).any():
+            return False
+        return self.scene is None or self.scene.keeps_apart(rows[0], self.margin + DIP)
+
+    def check(self, path: FourierSeries) -> "CheckedMotion":
+        """Return whether a motion keeps all limits: at every instant, torques at a thousand rows of it."""
+        names, room = self.model.joint_names, self.room
+        low, high, fastest = path.extremes()
+        torque = None
+        for what, over in (
+            ("falls below its lower limit", low < room.lower),
+            ("exceeds its upper limit", high > room.upper),
+            ("exceeds its limit of velocity", fastest > room.velocity),
+            ("exceeds its limit of acceleration", path.acceleration_bound > room.acceleration),
+        ):
+            if over.any():
+                return CheckedMotion(f"{names[int(np.argmax(over))]} {what}", None, None)
+        if self.has_torques:
+            times = np.linspace(0.0, path.duration, TORQUE_ROWS)
+            torque = np.abs(self.torque(*path.sample(times))).max(axis=0) / room.effort
+            if (torque > 1.0).any():
+                worst = int(np.argmax(torque))
+                return CheckedMotion(f"{names[worst]} needs {torque[worst]:.2f} of its torque limit", torque, None)
+        if self.scene is None:
+            return CheckedMotion(None, torque, None)
+        found = self.scene.clearance(path, self.margin)
+        fault = None
+        if not found.is_kept:
+            a, b = found.pair
+            fault = (
+                f"{a} and {b} come within {1000 * self.margin:g} mm: "
+                f"{1000 * found.distance:.1f} mm at {found.time:.3f} s"
+            )
+        return CheckedMotion(fault, torque, found)
+
+
+@dataclass(frozen=True)
+class CheckedMotion:
+    """What holds of a motion."""
+
+    fault: str | None  # the first limit that it does not keep, in words
+    torque: Floats | None  # (n,) largest share of the torque limits; None where masses or limits are unknown
+    clearance: Clearance | None  # None where collisions are unchecked, or another limit is not kept
+
 
 CANDIDATES = 20  # poses to choose each static one from
 POSE_ATTEMPTS = 20  # at finding one that is free
@@ -92,7 +309,40 @@ class _Draw:
 
     coefficients: Floats
     share: Floats
-    place: Floats  # 0 to 1 of the room that the amplitude leaves
+    place: Floats  # 0 to 1 of the room that the amplitude leaves, from its lower end
+
+    def motion(self, period: float, room: Room) -> FourierSeries:
+        """Return the motion whose joints go over their share of what room and velocity allow."""
+        unit, largest, reach, middle = self._unit(period, room)
+        low, high = room.inner()
+        amplitude = self.share * largest
+        left = (high - low) - amplitude * reach
+        centre = low + 0.5 * amplitude * reach + self.place * left - amplitude * middle
+        return FourierSeries(unit.a * amplitude, unit.b * amplitude, centre, period)
+
+    def shrunk(self, centre: Floats, period: float, limits: MotionLimits) -> "_Draw | None":
+        """Return the draw about a centre, its amplitudes shrunk until it keeps all limits; None at a tenth of them."""
+        _, largest, reach, _ = self._unit(period, limits.room)
+        low, high = limits.room.inner()
+        share = self.share
+        for _ in range(SHRINKS):
+            span = share * largest * reach
+            left = np.maximum((high - low) - span, 1e-12)
+            draw = _Draw(self.coefficients, share, np.clip((centre - 0.5 * span - low) / left, 0.0, 1.0))
+            if limits.seem_kept(draw.motion(period, limits.room)):
+                return draw
+            share = share * SHRUNK
+        return None
+
+    def _unit(self, period: float, room: Room) -> tuple[FourierSeries, Floats, Floats, Floats]:
+        """Return the unscaled motion, the largest amplitudes (n,) within limits, what it reaches over, its middle."""
+        unit = series_at_rest(self.coefficients, period)
+        q, qd, _ = unit.sample(unit.grid())
+        reach = np.ptp(q, axis=0) * 1.01  # between two instants of the grid it reaches less than a per cent further
+        low, high = room.inner()
+        allowed = np.minimum((high - low) / reach, KEPT * room.velocity / np.abs(qd).max(axis=0))
+        largest = np.asarray(np.minimum(allowed, KEPT * room.acceleration / unit.acceleration_bound))
+        return unit, largest, reach, 0.5 * (q.max(axis=0) + q.min(axis=0))
 
 
 def fourier_motion(
@@ -143,7 +393,7 @@ class _MotionSearch:
 
     def __init__(self, limits: MotionLimits, base: BaseParameters, period: float, rng: np.random.Generator) -> None:
         self.limits, self.base, self.period, self.rng = limits, base, period, rng
-        self.best: list[tuple[float, _Draw, FourierSeries]] = []
+        self.best: list[tuple[float, _Draw]] = []
         self.times = np.arange(ROWS) * period / ROWS
         self.centres = free_poses(limits, rng, POSES) if limits.is_narrow else None
 
@@ -152,33 +402,28 @@ class _MotionSearch:
         n = self.limits.model.n
         draw = _Draw(self.rng.normal(size=(2, harmonics, n)), self.rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
         if self.centres is None:
-            self._take(draw, self._scaled(draw))
-            return
-        if self.best and self._condition(self._scaled(draw)) > self.best[-1][0]:
-            return  # what shows less at its full size is not worth shrinking
-        centre = self.centres[self.rng.integers(len(self.centres))]
-        found = shrunk_motion(draw.coefficients, draw.share, centre, self.period, self.limits)
-        if found is not None:
-            series, share, place = found
-            self._take(_Draw(draw.coefficients, share, place), series)
+            self._take(draw)
+        # what shows less at its full size is not worth shrinking
+        elif not self.best or self._condition(draw.motion(self.period, self.limits.room)) <= self.best[-1][0]:
+            centre = self.centres[self.rng.integers(len(self.centres))]
+            if (found := draw.shrunk(centre, self.period, self.limits)) is not None:
+                self._take(found)
 
     def around(self, step: float) -> None:
         """Try a motion near the best so far."""
-        _, last, _ = self.best[-1]
+        _, last = self.best[-1]
         n = self.limits.model.n
         # of one joint, or several, or all: where something is near, few can move at a time
         moved = step * (self.rng.permutation(n) < self.rng.integers(1, n + 1))
-        draw = _Draw(
-            last.coefficients + moved * self.rng.normal(size=last.coefficients.shape),
-            np.clip(last.share + 0.3 * moved * self.rng.normal(size=n), 0.1, 1.0),
-            np.clip(last.place + 0.3 * moved * self.rng.normal(size=n), 0.0, 1.0),
-        )
-        self._take(draw, self._scaled(draw))
+        coefficients = last.coefficients + moved * self.rng.normal(size=last.coefficients.shape)
+        share = np.clip(last.share + 0.3 * moved * self.rng.normal(size=n), 0.1, 1.0)
+        self._take(_Draw(coefficients, share, np.clip(last.place + 0.3 * moved * self.rng.normal(size=n), 0.0, 1.0)))
 
     def proven(self) -> tuple[FourierSeries, CheckedMotion]:
         """Return the best motion that keeps all limits at every instant."""
         fault = "no motion that was tried keeps all limits"
-        for _, _, series in reversed(self.best):
+        for _, draw in reversed(self.best):
+            series = draw.motion(self.period, self.limits.room)
             checked = self.limits.check(series)
             if checked.fault is None:
                 return series, checked
@@ -188,16 +433,14 @@ class _MotionSearch:
             "longer period or a smaller margin may find one"
         )
 
-    def _scaled(self, draw: _Draw) -> FourierSeries:
-        return scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
-
     def _condition(self, series: FourierSeries) -> float:
         return condition_of(self.base, *series.sample(self.times), self.limits.gravity)
 
-    def _take(self, draw: _Draw, series: FourierSeries) -> None:
+    def _take(self, draw: _Draw) -> None:
+        series = draw.motion(self.period, self.limits.room)
         condition = self._condition(series)
         if (not self.best or condition < self.best[-1][0]) and self.limits.seem_kept(series):
-            self.best.append((condition, draw, series))
+            self.best.append((condition, draw))
 
 
 def free_poses(limits: MotionLimits, rng: np.random.Generator, count: int) -> Floats:
@@ -218,54 +461,3 @@ def free_poses(limits: MotionLimits, rng: np.random.Generator, count: int) -> Fl
     raise InputError(
         f'robot "{limits.model.name}": none of {POSE_ATTEMPTS * count} poses within the limits is free: {why}'
     )
-
-
-def scaled_motion(coefficients: Floats, share: Floats, place: Floats, period: float, room: Room) -> FourierSeries:
-    """Return the motion of some coefficients whose joints go over `share` of what room and velocity allow.
-
-    `place` tells where, 0 at the lower end of the room that the motion leaves, 1 at the upper.
-    """
-    unit, reach, middle = _unit(coefficients, period)
-    low, high = room.inner()
-    largest = _largest(unit, reach, room)
-    left = (high - low) - share * largest * reach
-    centre = low + 0.5 * share * largest * reach + place * left - share * largest * middle
-    scaled = unit.scaled(share * largest)
-    return FourierSeries(scaled.a, scaled.b, centre, period)
-
-
-def shrunk_motion(
-    coefficients: Floats, share: Floats, centre: Floats, period: float, limits: MotionLimits
-) -> tuple[FourierSeries, Floats, Floats] | None:
-    """Return the motion about a centre, its amplitudes shrunk until it keeps all limits, with its shares and places.
-
-    None where it does not at a tenth of them.
-    """
-    unit, reach, _ = _unit(coefficients, period)
-    low, high = limits.room.inner()
-    largest = _largest(unit, reach, limits.room)
-    for _ in range(SHRINKS):
-        span = share * largest * reach
-        left = np.maximum((high - low) - span, 1e-12)
-        place = np.clip((centre - 0.5 * span - low) / left, 0.0, 1.0)
-        series = scaled_motion(coefficients, share, place, period, limits.room)
-        if limits.seem_kept(series):
-            return series, share, place
-        share = share * SHRUNK
-    return None
-
-
-def _unit(coefficients: Floats, period: float) -> tuple[FourierSeries, Floats, Floats]:
-    """Return the unscaled motion, what its joints reach over, and the middle of that."""
-    unit = series_at_rest(coefficients, period)
-    q, _, _ = unit.sample(unit.grid())
-    # between two instants of the grid it reaches less than a per cent further
-    return unit, np.ptp(q, axis=0) * 1.01, 0.5 * (q.max(axis=0) + q.min(axis=0))
-
-
-def _largest(unit: FourierSeries, reach: Floats, room: Room) -> Floats:
-    """Return the largest amplitudes (n,) that position, velocity and acceleration allow."""
-    low, high = room.inner()
-    fastest = np.abs(unit.sample(unit.grid())[1]).max(axis=0)
-    allowed = np.minimum((high - low) / reach, KEPT * room.velocity / fastest)
-    return np.asarray(np.minimum(allowed, KEPT * room.acceleration / unit.acceleration_bound))

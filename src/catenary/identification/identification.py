@@ -15,6 +15,7 @@ from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
+from catenary.identification import residuals
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
 from catenary.identification.consistency import LEAST_PRIOR, consistent_fit, prior_of, unseen_of, weight_of_prior
 from catenary.identification.drive_gains import DriveGains, drive_gains
@@ -22,15 +23,6 @@ from catenary.identification.friction_choice import FrictionPart, choose_frictio
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
 from catenary.identification.parameters import IN, Parameters
-from catenary.identification.residuals import (
-    LogResidual,
-    MovedRange,
-    judge,
-    motion_of,
-    reason_of,
-    residual,
-    unpredicted,
-)
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
 from catenary.robots.actuation import Friction, MotorInertia, actuation_terms
@@ -59,11 +51,11 @@ class Identification:
     weights: Floats  # (n,) of the axes
     rank: int  # of the recordings' regressor
     condition: float  # of it, weighted, columns scaled to length one
-    training: tuple[LogResidual, ...]
-    tests: tuple[LogResidual, ...] = ()
+    training: tuple[residuals.LogResidual, ...]
+    tests: tuple[residuals.LogResidual, ...] = ()
     phi: Floats | None = None  # (k,) all parameters, where the fit was physically consistent
     friction: tuple[FrictionPart, ...] = ()  # what held-out blocks added to the robot file's friction
-    seen: MovedRange | None = None  # how the recordings moved that were fitted
+    seen: residuals.MovedRange | None = None  # how the recordings moved that were fitted
     moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
     prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
 
@@ -71,6 +63,16 @@ class Identification:
     def model(self) -> RobotModel:
         """The robot as it was given."""
         return self.base.parameters.model
+
+    @property
+    def gravity(self) -> Floats:
+        """Gravity (3,) in base axes [m/s2] of recordings that hold none."""
+        return np.array(self.options.gravity)
+
+    @property
+    def usual(self) -> Floats:
+        """RMS (n,) that is left of the recordings that were fitted [Nm or N]."""
+        return np.asarray(np.mean([each.rms for each in self.training], axis=0))
 
     @property
     def std(self) -> Floats:
@@ -133,23 +135,22 @@ class Identification:
         worst = np.max([r.relative_rms for r in self.training], axis=0)
         for part in samples:
             predicted = self.predict_samples(part)
-            result = residual(part, predicted)
-            axes = [int(i) for i in unpredicted(result, worst)]
-            reasons = {i: reason_of(self.model, i, part, predicted, self.seen) for i in axes}
+            result = residuals.residual(part, predicted)
+            axes = [int(i) for i in residuals.unpredicted(result, worst)]
+            reasons = {i: residuals.reason_of(self.model, i, part, predicted, self.seen) for i in axes}
             telling = [i for i in axes if reasons[i][1]]
             said = tuple(says for says, _ in reasons.values())
-            tests.append(replace(result, verdict=judge(result, axes, telling), reasons=said))
+            tests.append(replace(result, verdict=residuals.judge(result, axes, telling), reasons=said))
         return replace(self, tests=(*self.tests, *tests))
 
-    def compare(self, samples: Samples) -> LogResidual:
+    def compare(self, samples: Samples) -> residuals.LogResidual:
         """Compute the residual on a recording."""
-        return residual(samples, self.predict_samples(samples))
+        return residuals.residual(samples, self.predict_samples(samples))
 
     def predict_samples(self, samples: Samples) -> Floats:
         """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its history."""
-        gravity = np.array(self.options.gravity)
-        heard = carrying(self.base, self.beta, [samples], gravity)[0]
-        return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard, gravity)])
+        heard = carrying(self.base, self.beta, [samples], self.gravity)[0]
+        return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard, self.gravity)])
 
     def robot(self) -> RobotModel:
         """Return the robot with the identified inertia, friction, rotors and springs.
@@ -328,7 +329,7 @@ def _fit(
         beta = base.combination @ phi
     result = Identification(
         base, beta, covariance(reduced, weights, beta), options, weights, rank, condition, training=(), phi=phi,
-        seen=motion_of(samples), moved_base=_base_in(samples) != "still", prior_weight=prior_weight,
+        seen=residuals.motion_of(samples), moved_base=_base_in(samples) != "still", prior_weight=prior_weight,
     )  # fmt: skip
     return replace(result, training=tuple(result.compare(part) for part in samples))
 

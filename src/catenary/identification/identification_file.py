@@ -61,6 +61,7 @@ def identification_card(
 ) -> Card:
     """Describe an identification: everything a stranger must know before using its parameters."""
     base = result.base
+    numbers = zip(base.names, result.beta.tolist(), result.std.tolist(), base.units, strict=True)
     return {
         "robot": result.model.name,
         "joints": [
@@ -70,14 +71,8 @@ def identification_card(
         "n_base": base.count,
         "physically_consistent": result.phi is not None,
         "parameters": [
-            {
-                "name": base.names[i],
-                "value": float(result.beta[i]),
-                "std": float(result.std[i]),
-                "unit": base.units[i],
-                "is": base.describe(i),
-            }
-            for i in range(base.count)
+            {"name": name, "value": value, "std": std, "unit": unit, "is": base.describe(i)}
+            for i, (name, value, std, unit) in enumerate(numbers)
         ],
         "data": data,
         "mends": {key: list(texts) for key, texts in (mends or {}).items()},

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
+from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.identification.identification import Identification, carrying
-from catenary.identification.least_squares import one_over, scaled_solution
+from catenary.identification.least_squares import flattened, left_beside, log_squares, one_over, scaled_solution
 from catenary.identification.payload import PayloadEstimate, point_mass
 from catenary.identification.samples import Samples
 from catenary.verdict.finding import Finding
@@ -45,22 +45,19 @@ def cause_findings(
 def _cause(
     result: Identification, part: Samples, payload: PayloadEstimate | None, place: Floats | None
 ) -> Finding | None:
-    model, n, stated = result.model, result.model.n, np.array(result.options.gravity)
-    weights = one_over(np.mean([r.rms for r in result.training], axis=0))
+    model, stated, weights = result.model, result.gravity, one_over(result.usual)
     part = _some(part, MOST_ROWS)
-    own = slice(PER_LINK * (0 if payload is None else model.link_names.index(payload.link)), None)
+    link = 0 if payload is None else model.link_names.index(payload.link)
     mass, moment = (None, None) if payload is None else (payload.mass, payload.moment)
     body = np.zeros(PER_LINK) if mass is None or moment is None else mass * point_mass(np.nan_to_num(moment) / mass)
 
     def torques(gravity: Floats) -> tuple[Floats, Floats]:
         """Return those of the arm (N, n), and of a body on the link by its parameters (N, n, 10), under a gravity."""
-        load = torque_regressor(model, part.q, part.qd, part.qdd, part.gravity_rows(gravity), part.base_motion())
-        return _under(result, part, gravity), load[:, :, own][:, :, :PER_LINK]
+        return _under(result, part, gravity), part.body_torques(model, gravity, link)
 
     def rest(columns: Floats) -> Floats:
         """Return columns (N, n, k) weighted, less their means: every joint's torque has a zero of its own."""
-        flat: Floats = ((columns - columns.mean(axis=0)) * weights[:, None]).reshape(n * len(columns), columns.shape[2])
-        return flat
+        return flattened(columns - columns.mean(axis=0), weights)
 
     arm, load = torques(stated)
     expected = arm + load @ body
@@ -107,28 +104,17 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
     """Find one of several fitted recordings with a zero, a gain or a tilt of its own, which spoils all masses."""
     if len(days) < 2:
         return []
-    n, stated = result.model.n, np.array(result.options.gravity)
+    n, stated = result.model.n, result.gravity
     few = [_some(day, ROWS) for day in days]
     heard = carrying(result.base, result.beta, few, stated)
     X = [np.concatenate([Y for _, Y in result.base.chunks(day, stated)]) for day in heard]
     ends = np.cumsum([0, *map(len, few)])
     weights = one_over(np.min([r.rms for r in result.training], axis=0))  # of the day that fits best
-
-    def flat(columns: Floats) -> Floats:
-        weighted: Floats = (columns * weights[:, None]).reshape(n * len(columns), columns.shape[2])
-        return weighted
-
-    onto = flat(np.concatenate(X))
-    U, sizes, _ = np.linalg.svd(onto / np.maximum(np.linalg.norm(onto, axis=0), 1e-300), full_matrices=False)
-    U = U[:, sizes > 1e-5 * sizes[0]]
-    tau = flat(np.concatenate([day.tau for day in few])[:, :, None])[:, 0]
-    y = tau - U @ (U.T @ tau)
+    of_others = left_beside(flattened(np.concatenate(X), weights))
+    tau = flattened(np.concatenate([day.tau for day in few])[:, :, None], weights)[:, 0]
+    y = of_others(tau)
     least = NOTHING_LEFT**2 * np.square(tau.reshape(-1, n)).sum(axis=0) + 1e-300
-
-    def misfit(left: Floats) -> float:
-        """Return the sum of the logarithms of all axes' squares."""
-        return float(np.log(np.maximum(np.square(left.reshape(-1, n)).sum(axis=0), least)).sum())
-
+    before = log_squares(y[:, None], least)[0]
     found = list[tuple[float, str, str, int, Floats]]()
     if y @ y < NOTHING_LEFT**2 * float(tau @ tau):
         return []
@@ -141,12 +127,12 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
         for (name, axis), columns in causes.items():
             whole = np.zeros((ends[-1], n, columns.shape[2]))
             whole[first:last] = columns
-            beside = flat(whole)
-            beside = beside - U @ (U.T @ beside)
+            beside = of_others(flattened(whole, weights))
             steps = scaled_solution(beside, y, 1e-6)
             if name == "torques" and not LEAST_GAIN < 1.0 + steps[0] < 1.0 / LEAST_GAIN:
                 continue
-            found.append((float(np.exp(misfit(y - beside @ steps) - misfit(y))), day.name, name, axis, steps))
+            after = log_squares((y - beside @ steps)[:, None], least)[0]
+            found.append((float(np.exp(after - before)), day.name, name, axis, steps))
     left, where, name, axis, steps = min(found, key=lambda each: each[0])
     smallest = {"offset": 0.0, "torques": LEAST_GAIN, "gravity": LEAST_TILT}[name]
     if left > BETWEEN_DAYS or float(np.linalg.norm(steps)) < smallest:

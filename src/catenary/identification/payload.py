@@ -133,11 +133,7 @@ def payload_candidates(
     if len(found) > 1:
         pair = [(fits[k].estimate.link, fits[k].body) for k in order[:2]]
         joint = telling_joint(
-            compact_regressor(result.model),
-            pair,
-            loaded[0].q[-1],
-            np.array(result.options.gravity),
-            np.mean([r.rms for r in result.training], axis=0) + 1e-9,
+            compact_regressor(result.model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9
         )
     return tuple(replace(fits[k].estimate, probability=shares[k], likely=found, telling_joint=joint) for k in order)
 
@@ -149,7 +145,7 @@ def zero_findings(
     if payload.zeros is None or payload.zeros_std is None:
         return []
     model, found = result.model, list[tuple[str, Finding]]()
-    usual = 1.0 / one_over(np.mean([r.rms for r in result.training], axis=0))
+    usual = 1.0 / one_over(result.usual)
     for part, zeros, deviations in zip(loaded, payload.zeros, payload.zeros_std, strict=True):
         shifted = np.flatnonzero(_shifted(zeros / usual, deviations / usual))
         told = ", ".join(
@@ -175,10 +171,9 @@ def _shifted(zeros: Floats, deviations: Floats) -> NDArray[np.bool_]:
 
 def _separating_joint(result: Identification, q: Floats, payload: PayloadEstimate) -> str | None:
     """Return the joint whose motion from q (n,) changes a load's torque most beside the usual residual; or None."""
-    model, gravity = result.model, np.array(result.options.gravity)
+    model = result.model
     body = np.array([payload.mass or 1.0, *np.nan_to_num(np.zeros(3) if payload.moment is None else payload.moment)])
     own = slice(PER_LINK * model.link_names.index(payload.link), None)
-    noise = np.mean([r.rms for r in result.training], axis=0) + 1e-9
     steps = np.array([0.0, *STEPS])
     changes = []
     for joint, unit in enumerate(model.joint_units):
@@ -186,8 +181,8 @@ def _separating_joint(result: Identification, q: Floats, payload: PayloadEstimat
         poses[:, joint] += steps * (1.0 if unit == "rad" else 0.2)
         poses = np.clip(poses, model.lower, model.upper)
         still = np.zeros_like(poses)
-        torque = torque_regressor(model, poses, still, still, gravity)[:, :, own][:, :, :4] @ body
-        changes.append(float(np.abs((torque - torque[0]) / noise).max()))
+        torque = torque_regressor(model, poses, still, still, result.gravity)[:, :, own][:, :, :4] @ body
+        changes.append(float(np.abs((torque - torque[0]) / (result.usual + 1e-9)).max()))
     best = int(np.argmax(changes))
     return model.joint_names[best] if changes[best] > SIGNIFICANT else None
 
@@ -352,14 +347,10 @@ def _flat(X: Floats) -> Floats:
 
 def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Equations:
     """Return weighted torques of a body on a link, and weighted residuals, zeros integrated out."""
-    gravity = np.array(result.options.gravity)
-    weights = one_over(np.mean([r.rms for r in result.training], axis=0))
-    own = slice(PER_LINK * link, PER_LINK * (link + 1))
-    rate = _rate(result, samples)
+    weights, rate = one_over(result.usual), _rate(result, samples)
     X, y, means, places, zeros, counts = [], [], [], [], [], []
     for part in samples:
-        down, base = part.gravity_rows(gravity), part.base_motion()
-        whole = torque_regressor(result.model, part.q, part.qd, part.qdd, down, base)[:, :, own] * weights[:, None]
+        whole = part.body_torques(result.model, result.gravity, link) * weights[:, None]
         left = (part.tau - result.predict_samples(part)) * weights
         count = len(part) / _lags(result, len(part), rate) / _repeats(result, len(part))
         size = rms(part.tau + part.known) * weights

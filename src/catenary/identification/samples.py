@@ -4,6 +4,10 @@ Gravity and the base's turning are signals of a recording, row by row. `gravity:
 the acceleration of the base's origin, in base axes, as an accelerometer there reads it, negated. `base_rate:x` ...
 [rad/s] is the base's angular velocity, `base_acceleration:x` ... [rad/s2] its derivative; where that is missing it is
 computed from the rate.
+
+Friction needs more of a recorded motion than the row at hand. Torques are filtered, so a step of Coulomb friction that
+they hold is rounded: the column it is fitted with passes the same filter. Presliding friction depends on the path since
+the last reversals. Both are computed over the whole recording before rows are left out.
 """
 
 from collections.abc import Sequence
@@ -15,15 +19,74 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation_loads import known_torque
+from catenary.dynamics.actuation_loads import known_torque, term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
+from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
-from catenary.identification.friction_history import FrictionHistory
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, known_rotors
+from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
-from catenary.robots.actuation import SignalFilter
+from catenary.robots.actuation import ActuationTerm, SignalFilter
 from catenary.robots.model import RobotModel
 from catenary.verdict.units_and_scale import LARGEST, limits_of
+
+STEPS = ("coulomb", "stribeck", "load")  # kinds that leap where the rate changes sign
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionHistory:
+    """A recording's filtered positions and velocities, of which some rows were kept."""
+
+    segments: tuple[tuple[Floats, Floats], ...]  # q, qd (M, n) of every stretch in which time goes on
+    cut: int  # rows left out at either end of a stretch
+    sections: Floats  # of the filter, second-order
+    kept: NDArray[np.int64]  # rows that are left, counted after the cut
+
+    def rows(self, which: NDArray[np.bool_]) -> "FrictionHistory":
+        """Return the history with fewer rows kept."""
+        return replace(self, kept=self.kept[which])
+
+    def remembers(self, term: ActuationTerm) -> bool:
+        """Return whether a term's column is computed here."""
+        return term.kind in STEPS or term.kind == "presliding"
+
+    def load(self, term: ActuationTerm, coulomb_velocity: float) -> Floats:
+        """Return a term's load (N,) on the rows kept, per unit; that of load-dependent friction per Nm or N carried."""
+        from scipy.signal import sosfiltfilt
+
+        parts = []
+        for q, qd in self.segments:
+            if term.kind == "presliding":
+                load = presliding(q @ term.combination, term.scale)
+            else:
+                step = term._replace(kind="coulomb") if term.kind == "load" else term
+                load = sosfiltfilt(self.sections, term_load(step, q, qd, qd, coulomb_velocity))
+            parts.append(load[self.cut : len(load) - self.cut])
+        whole: Floats = np.concatenate(parts)[self.kept]
+        return whole
+
+
+def presliding(s: Floats, distance: float) -> Floats:
+    """Return Dahl's friction z (N,) along a path s, between -1 and 1: dz = ds - |ds| z / distance, in its units.
+
+    It depends on the path alone, not on time. It begins at zero, as after a rest.
+    """
+    out = np.empty(len(s))
+    _presliding_rows(np.ascontiguousarray(s), distance, out)
+    return out
+
+
+@compiled
+def _presliding_rows(s: Floats, distance: float, out: Floats) -> None:
+    z = 0.0
+    out[0] = z
+    for k in range(1, len(s)):
+        step = s[k] - s[k - 1]
+        # exact while the direction stays: z goes to the direction's sign as exp(-|ds| / distance)
+        towards = 1.0 if step > 0.0 else -1.0
+        z = towards + (z - towards) * np.exp(-abs(step) / distance)
+        out[k] = z
+
 
 FAITHFUL = 0.5  # least correlation of a velocity with the derivative of its position
 MOVING = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
@@ -158,15 +221,19 @@ class Samples:
             chosen["history"] = self.history.rows(which)
         return replace(self, name=name, **chosen)
 
-    def gravity_rows(self, otherwise: Floats, part: slice = EVERY) -> Floats:
-        """Return gravity on some rows (N, 3), or one (3,) for all where the recording holds none."""
-        return otherwise if self.gravity is None else self.gravity[part]
+    def motion(self, gravity: Floats, part: slice = EVERY) -> tuple[Floats, Floats, Floats, Floats, BaseMotion | None]:
+        """Return q, qd, qdd of some rows, gravity on them, which is (3,) for all where the recording holds none.
 
-    def base_motion(self, part: slice = EVERY) -> BaseMotion | None:
-        """Return how the base turned on some rows; None where it did not, or the recording does not say."""
-        if self.base is None:
-            return None
-        return BaseMotion(self.base[part, 0], self.base[part, 1])
+        Last how the base turned; None where it did not, or the recording does not say.
+        """
+        down = gravity if self.gravity is None else self.gravity[part]
+        base = None if self.base is None else BaseMotion(self.base[part, 0], self.base[part, 1])
+        return self.q[part], self.qd[part], self.qdd[part], down, base
+
+    def body_torques(self, model: RobotModel, gravity: Floats, link: int, part: slice = EVERY) -> Floats:
+        """Return what a body on a link asks of the joints, (N, n, 10) per parameter of it."""
+        whole = torque_regressor(model, *self.motion(gravity, part))
+        return whole[:, :, PER_LINK * link : PER_LINK * (link + 1)]
 
 
 def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samples:

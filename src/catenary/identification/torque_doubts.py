@@ -1,7 +1,17 @@
-"""Torques that cannot be those of the motion: of the wrong sign, of other axes, or no torques but currents."""
+"""Torques that cannot be those of the motion: another mounting, sign, axis or unit; late, or with a zero that drifts.
+
+Torques of a motion are linear in gravity, so by the masses of the robot's file its three components are fitted beside
+friction, a rotor and a constant of each axis. An arm on a wall that is taken for upright has torques that no masses
+give, and masses that no arm has.
+
+A recording is also fitted with torques read a time later, and with a zero of one axis that drifts or leaps, a sign that
+turns, or a load that comes or goes. A change is told by what it leaves unexplained of all axes. A fit without it
+averages what was before and after, and its residual looks like friction.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -9,11 +19,13 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import link_parameters, torque_regressor
-from catenary.identification.identification import Identification
-from catenary.identification.least_squares import solve, triangles
-from catenary.identification.mounting import mounting_finding
+from catenary.identification.identification import Identification, carrying
+from catenary.identification.least_squares import SINGULAR, flattened, left_beside, log_squares, solve, triangles
 from catenary.identification.samples import Samples
-from catenary.identification.torque_course import course_findings
+from catenary.robots.model import RobotModel
+from catenary.spatial import STANDARD_GRAVITY, angle_between
+from catenary.units import TORQUE_UNIT
+from catenary.verdict.delay import CERTAIN, LOOKS
 from catenary.verdict.finding import Finding
 
 # Friction of real arms takes 8 to 170 % of a recording's mean torque times its mean speed, 2 to 70 standard deviations
@@ -40,10 +52,8 @@ def torque_findings(
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """
     rows = _some_rows(samples)
-    if fitted:
-        stated = np.array(result.options.gravity)
-        if (mounting := mounting_finding(result.model, rows, stated)) is not None:
-            return [mounting]
+    if fitted and (mounting := mounting_finding(result.model, rows, result.gravity)) is not None:
+        return [mounting]
     own = result.training if fitted else result.tests
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
@@ -142,8 +152,7 @@ def _known_torques(
     elif model.missing_inertia:
         return [], set(), np.ones(model.n)
     else:
-        down = rows.gravity_rows(np.array(result.options.gravity))
-        own = torque_regressor(model, rows.q, rows.qd, rows.qdd, down, rows.base_motion()) @ link_parameters(model.tree)
+        own = torque_regressor(model, *rows.motion(result.gravity)) @ link_parameters(model.tree)
     found, against, as_expected, untold = dict[int, float](), set[int](), 0, list[str]()
     for i, name in enumerate(model.joint_names):
         # friction, a constant and, of a file that has none, a rotor are beside the model's own torque, of any size
@@ -209,9 +218,165 @@ def _some_rows(samples: Samples) -> Samples:
 
 def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
     """Return each axis's mean square residual (n,) over that of its torque, four at most: more is no worse."""
-    gravity = np.array(result.options.gravity)
-    reduced = triangles(result.base, gravity, [rows])
+    reduced = triangles(result.base, result.gravity, [rows])
     beta = solve(reduced.stacked(result.weights)) if refit else result.beta
     relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-9)
     misfit: Floats = np.clip(relative, LEAST, 2.0) ** 2
     return misfit
+
+
+TURNED = 15.0  # [deg] from the stated gravity, from which on another mounting is meant
+SIZE = (0.5, 2.0)  # of the gravity that is found to standard gravity: a file's masses are wrong by less
+MOUNTING_LEFT = 0.4  # of the squared residual with the stated direction, at most
+UPSIDE_DOWN = 150.0  # [deg]: torques of the wrong sign look like this as well
+NEAR = 10.0  # [deg] from an axis of the base, within which a mounting has a name
+NAMES = {
+    "the base stands upright": (0, 0, -1), "the base hangs from a ceiling": (0, 0, 1),
+    "the base is on a wall, its x axis down": (1, 0, 0), "the base is on a wall, its x axis up": (-1, 0, 0),
+    "the base is on a wall, its y axis down": (0, 1, 0), "the base is on a wall, its y axis up": (0, -1, 0),
+}  # fmt: skip
+
+
+def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> tuple[Floats, float, bool] | None:
+    """Fit gravity to a recording by the masses of the robot's file; None where these are unknown, or gravity recorded.
+
+    Axes weigh as the spread of their torque.
+
+    Returns:
+        Gravity (3,) [m/s2] in base axes; what it leaves of the squared residual with the stated direction, of whatever
+        size; whether friction takes power, as where torques have their sign.
+    """
+    if model.missing_inertia or samples.gravity is not None or not model.tree.mass.any():
+        return None
+    phi = link_parameters(model.tree)
+
+    def own(gravity: Floats, moving: float) -> Floats:
+        motion = samples.q, moving * samples.qd, moving * samples.qdd
+        torque: Floats = torque_regressor(model, *motion, gravity) @ phi
+        return torque
+
+    spread = samples.tau.std(axis=0)
+    axes = np.flatnonzero(spread > 1e-9 * spread.max(initial=0.0))
+    if not len(axes):
+        return None
+    moving = own(np.zeros(3), 1.0)
+    pulls = np.stack([own(e, 0.0) for e in np.eye(3)], axis=2)  # (N, n, 3)
+    X, y, beside = [], [], []
+    for i in axes:
+        speed = samples.qd[:, i]
+        columns = np.column_stack([np.sign(speed), speed, samples.qdd[:, i], np.ones(len(speed))])
+        values = np.column_stack([samples.tau[:, i] - moving[:, i], pulls[:, i]]) / spread[i]
+        factors = np.linalg.lstsq(columns, values)[0]
+        rest = values - columns @ factors
+        X.append(rest[:, 1:])
+        y.append(rest[:, 0])
+        beside.append((columns, factors * spread[i]))
+    A, b = np.concatenate(X), np.concatenate(y)
+    if np.linalg.matrix_rank(A, tol=1e-6 * np.linalg.norm(A)) < 3:
+        return None
+    vector = np.linalg.lstsq(A, b)[0]
+    left = float(np.sum((b - A @ vector) ** 2))
+    along = A @ stated
+    upon = max(float(along @ b), 0.0)  # of whatever size, but not of the other sign
+    before = float(b @ b) - upon**2 / max(float(along @ along), 1e-300)
+    taken = [float(np.mean((c[:, :2] @ (f[:2, 0] - f[:2, 1:] @ vector)) * c[:, 1])) for c, f in beside]
+    return vector, left / max(before, 1e-300), sum(taken) >= 0.0
+
+
+def mounting_finding(model: RobotModel, samples: Samples, stated: Floats) -> Finding | None:
+    """Find a recording in which gravity pulled along another direction than was stated; None where it did not."""
+    found = fitted_gravity(model, samples, stated)
+    if found is None or not stated.any():
+        return None
+    vector, left, braked = found
+    size, turned = float(np.linalg.norm(vector)), float(np.rad2deg(angle_between(vector, stated)))
+    if left > MOUNTING_LEFT or not braked or not SIZE[0] < size / STANDARD_GRAVITY < SIZE[1]:
+        return None
+    if turned < TURNED or (turned > UPSIDE_DOWN and not samples.qd.any()):
+        return None
+    off, name = min((float(np.rad2deg(angle_between(vector, np.array(axis)))), name) for name, axis in NAMES.items())
+    mounted = f"{name}, within {off:.0f} deg" if off < NEAR else f"the base is tilted, {off:.0f} deg from where {name}"
+    exact = np.array(NAMES[name]) * float(np.linalg.norm(stated))
+    given = exact if off < NEAR else vector * STANDARD_GRAVITY / size
+    x, y, z = vector
+    return Finding(
+        "gravity",
+        tuple(model.joint_names),
+        f"with the masses of the robot's file, torques fit gravity of ({x:.2f}, {y:.2f}, {z:.2f}) m/s2, "
+        f"{turned:.0f} deg from what was stated, and leave {100.0 * left:.0f} % of the squared residual: "
+        f"{mounted}",
+        "gravity of another mounting, or forgotten",
+        f"--gravity {','.join(f'{v:.4g}' for v in given + 0.0)}",
+    )
+
+
+LEFT = 0.4  # of the product of all axes' mean squares, at most; untouched runs of four real arms keep 0.74 or more
+REACH, LAGS = 0.2, 41  # [s] by which torques may be late or early, and how many such times are tried
+TOLERANCE = 0.012  # [s]: intervals of those arms' delays contain zero, and are about 10 ms wide at best
+EDGES = np.linspace(0.15, 0.85, 15)  # of the recording, at which a change is tried
+LOAD = 4  # parameters of a load, whose inertia about its own centre is small: mass and moment
+
+
+def course_findings(result: Identification, samples: Samples) -> list[Finding]:
+    """Note torques that are late or early, or whose zero, sign or load changes; nothing of poses at rest."""
+    steps = np.diff(samples.time, prepend=samples.time[0])
+    time = np.cumsum(np.where(steps >= 0.0, steps, 0.0))  # of joined recordings too, whose stamps go back
+    span = float(time[-1])
+    inside = np.abs(time - span / 2.0) <= span / 2.0 - min(REACH, span / 10.0)
+    places = np.flatnonzero(inside)[:: int(inside.sum()) // ROWS + 1]
+    few = samples.rows(np.isin(np.arange(len(samples)), places), samples.name)
+    n, b, gravity = few.q.shape[1], result.base.count, result.gravity
+    if result.options.terms == "static" or len(few) < 2 * (b + n):
+        return []
+    heard = carrying(result.base, result.beta, [few], gravity)[0]
+    explained = np.concatenate([Y for _, Y in result.base.chunks(heard, gravity)])
+    rotors = few.qdd[:, :, None] * np.eye(n)
+    beside = left_beside(flattened(np.concatenate([explained, rotors], axis=2), result.weights))
+    least = np.maximum((LEAST * result.weights) ** 2 * np.sum(few.tau**2, axis=0), 1e-300)
+    misfit = partial(log_squares, least=least)
+
+    def rest(columns: Floats) -> Floats:
+        """Return what the fit leaves (N n, k) of columns (N, n, k)."""
+        return beside(flattened(columns, result.weights))
+
+    y = rest(few.tau[:, :, None])
+    before = misfit(y)[0]
+    lags = np.linspace(-1.0, 1.0, LAGS) * min(REACH, span / 10.0)
+    whole = (samples.tau + samples.known).T
+    read = [np.column_stack([np.interp(time[places] + lag, time, axis) for axis in whole]) for lag in lags]
+    cost = misfit(rest(np.stack(read, axis=2) - few.known[:, :, None]))
+    best = lags[np.argmin(cost)]
+    if np.abs(lags[LOOKS * (cost - cost.min()) <= CERTAIN**2]).min() > TOLERANCE:
+        word, shown = "late" if best > 0.0 else "early", "" if abs(best) < lags[-1] else " or more"
+        says = f"torques come {abs(best) * 1e3:.0f} ms{shown} too {word} for the motion: what is printed is off"
+        return [Finding("delay", (), says, "two clocks, or positions and velocities filtered otherwise", refuses=False)]
+    along = np.linspace(0.0, 1.0, len(few))
+    after = (along[:, None] > EDGES).astype(float)
+    zeros = np.column_stack([along, after])[:, None, :, None] * np.eye(n)[None, :, None, :]  # (N, n, way, axis)
+    left = rest(zeros.reshape(len(few), n, -1))
+    sizes = (left.T @ y)[:, 0] / np.maximum(np.square(left).sum(axis=0), 1e-300)
+    turned = few.tau[:, :, None, None] * (1.0 - 2.0 * after[:, None, :, None] * np.eye(n)[None, :, None, :])
+    load = few.body_torques(result.model, gravity, result.model.frame().link)[:, :, :LOAD]
+    loads = [rest(load * step[:, None, None]) for step in after.T]
+    ways = {
+        "zero": misfit(y - left * sizes),
+        "sign": misfit(rest(turned.reshape(len(few), n, -1))),
+        "load": np.concatenate([misfit(y - X @ np.linalg.lstsq(X, y, rcond=SINGULAR)[0]) for X in loads]),
+    }
+    way = min(ways, key=lambda name: ways[name].min())
+    place = int(np.argmin(ways[way]))
+    if ways[way][place] - before > np.log(LEFT):
+        return []
+    shape, axis = divmod(place, n) if way != "load" else (place, -1)
+    drifts = way == "zero" and shape == 0
+    at = few.time[np.searchsorted(along, EDGES[max(0, shape - (way == "zero"))])]
+    size = f"{sizes[place]:+.2g} {TORQUE_UNIT[result.model.joint_units[axis]]}"
+    says, culprit = {
+        "zero": (f"the zero of its torque {'drifts' if drifts else 'leaps'} by {size}", "a sensor, or a push"),
+        "sign": ("the sign of its torque turns", "a drive or a recorder that was set up anew"),
+        "load": (f"the load on {result.model.tip} changes", "something taken up, put down or touched"),
+    }[way]
+    where = "along the recording" if drifts else f"at about {at:.3g} s"
+    says = f"{says} {where}: what is printed is a mean of before and after"
+    joints = () if way == "load" else (result.model.joint_names[axis],)
+    return [Finding("drift" if drifts else "jump", joints, says, culprit, refuses=False)]

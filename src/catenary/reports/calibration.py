@@ -10,14 +10,7 @@ from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, Sprea
 from catenary.calibration.kind_choice import CLOSE, JointChoice
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
-from catenary.reports.joint_errors import (
-    coverage_blocks,
-    error_blocks,
-    joint_picture,
-    row_breaks,
-    spread_table,
-    window_blocks,
-)
+from catenary.reports import joint_errors
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text, write_page
 from catenary.reports.tip import TipErrors, arm_picture, kinematics_of, tip_blocks, tip_errors, tip_rmse
 from catenary.robots.model import RobotModel
@@ -53,22 +46,24 @@ def write_calibration_report(
     tip = None if robot is None else tip_errors(robot, model, evaluation)
     simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
     pictures: list[list[Block]] = [
-        [Heading(f"Joint {joint}"), joint_picture(evaluation, model, j, name=name)]
+        [Heading(f"Joint {joint}"), joint_errors.joint_picture(evaluation, model, j, name=name)]
         for j, joint in enumerate(model.joint_names)
     ]
     gains = [joint.raw_rmse / joint.rmse if joint.rmse > 0.0 else 1.0 for joint in evaluation.joints]
     first = pictures.pop(gains.index(max(gains)))  # what the correction does, before any table
     note_blocks: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
-    validation_blocks: list[Block] = [Heading("Cross-validation"), spread_table(spread, name)] if spread else []
+    validation_blocks: list[Block] = (
+        [Heading("Cross-validation"), joint_errors.spread_table(spread, name)] if spread else []
+    )
     blocks: list[Block] = [
         *first,
         *opening,
-        *error_blocks(evaluation, name),
+        *joint_errors.error_blocks(evaluation, name),
         *note_blocks,
         *tip_part(tip, evaluation, name),
-        *coverage_blocks(evaluation),
+        *joint_errors.coverage_blocks(evaluation),
         *(block for picture in pictures for block in picture),
-        *window_blocks(evaluation, name),
+        *joint_errors.window_blocks(evaluation, name),
         *validation_blocks,
         *further,
         Heading("The model"),
@@ -88,7 +83,10 @@ def write_calibration_report(
 def tip_part(tip: TipErrors | None, evaluation: Evaluation, name: str) -> list[Block]:
     """Return table and picture of the tip; without kinematics how to get them."""
     if tip is not None:
-        return [*tip_blocks(tip, name, evaluation.data.joint_names), arm_picture(tip, name, row_breaks(evaluation))]
+        return [
+            *tip_blocks(tip, name, evaluation.data.joint_names),
+            arm_picture(tip, name, joint_errors.row_breaks(evaluation)),
+        ]
     missing = "Not known: no robot whose kinematics give the tip from these joints was named (--robot)."
     return [Heading("Error of the tip"), Text(missing)]
 

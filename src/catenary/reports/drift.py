@@ -1,44 +1,35 @@
-"""A page on a model's error over days and homings, and since when it no longer holds."""
+"""Pages on a model over days: its error and since when it no longer holds, and what a refresh made of each joint."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model_drift import CardStretch, DriftFound, Stretch, since_in_words
-from catenary.reports.page import (
-    Block,
-    Heading,
-    Picture,
-    Remarks,
-    Table,
-    TableColumn,
-    Text,
-    joint_columns,
-    joint_panels,
-    picture,
-    write_page,
-)
+from catenary.calibration.model_refresh import JointChange, Refreshed
+from catenary.reports import page
+from catenary.reports.joint_errors import in_units
 from catenary.units import DISPLAY
 
 HOLDS, BEYOND = "#4b6b94", "#d9622b"
 MOST_LABELS = 12  # below a picture
 
 
-def drift_tables(found: DriftFound) -> list[Table]:
+def drift_tables(found: DriftFound) -> list[page.Table]:
     """Return a row for each stretch between homings, or each card: RMSE of every joint, ! where it is beyond."""
     joints = [(n, DISPLAY[u][0]) for n, u in zip(found.joint_names, found.joint_units, strict=True)]
-    errors = joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
+    errors = page.joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
     if any(isinstance(stretch, CardStretch) for stretch in found.stretches):
-        card = [TableColumn("card", "recording"), *(TableColumn(name, name) for name in ("date", "instrument", "tool"))]
-        delay, title = TableColumn("delay [s]", "delay", "+.3f"), "RMSE on data that each model did not see; ! beyond"
-        zeros = joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
+        card: list[page.Column] = [("card", "recording"), "date", "instrument", "tool", ("delay [s]", "delay:+.3f")]
+        zeros = page.joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
         return [
-            Table([*card, delay, *errors], found.stretches, title),
-            Table([*card[:2], *zeros], found.stretches, "Zeros: what is added to each joint"),
+            page.Table([*card, *errors], found.stretches, "RMSE on data that each model did not see; ! beyond"),
+            page.Table([*card[:2], *zeros], found.stretches, "Zeros: what is added to each joint"),
         ]
-    first = [TableColumn(name, name) for name in ("recording", "homing", "date", "rows")]
-    return [Table([*first, *errors], found.stretches, "RMSE between homings; ! beyond")]
+    return [
+        page.Table(["recording", "homing", "date", "rows", *errors], found.stretches, "RMSE between homings; ! beyond")
+    ]
 
 
 def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
@@ -46,22 +37,22 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
     told = since_in_words(found)
     first, last = found.stretches[0], found.stretches[-1]
     lead = f"{'; '.join(told)}." if told else f"{model} holds on the last of {len(found.stretches)} stretches."
-    blocks: list[Block] = [
-        Text(f"From {_place(first)} to {_place(last)}. Beyond means: {found.judged_by}."),
-        *([Remarks(list(notes))] if notes else []),
-        Heading("Error over days and homings"),
+    blocks: list[page.Block] = [
+        page.Text(f"From {_place(first)} to {_place(last)}. Beyond means: {found.judged_by}."),
+        *([page.Remarks(list(notes))] if notes else []),
+        page.Heading("Error over days and homings"),
         drift_picture(found),
-        Heading("Numbers"),
+        page.Heading("Numbers"),
         *drift_tables(found),
-        Text("! beyond. A recording is cut where the encoders' offsets change, and where its clock goes back."),
+        page.Text("! beyond. A recording is cut where the encoders' offsets change, and where its clock goes back."),
     ]
-    write_page(path, f"Drift of {model}", lead, blocks)
+    page.write_page(path, f"Drift of {model}", lead, blocks)
 
 
-def drift_picture(found: DriftFound) -> Picture:
+def drift_picture(found: DriftFound) -> page.Picture:
     """Draw the RMSE of every joint, stretch after stretch, those beyond in another colour and shape."""
     number = np.arange(len(found.stretches))
-    figure, panels = joint_panels(len(found.joint_names), 1.7, spare=1.0)
+    figure, panels = page.joint_panels(len(found.joint_names), 1.7, spare=1.0)
     for j, (axes,) in enumerate(panels):
         rmse = np.array([stretch.rmse[j] for stretch in found.stretches])
         beyond = np.array([stretch.beyond[j] for stretch in found.stretches])
@@ -79,9 +70,62 @@ def drift_picture(found: DriftFound) -> Picture:
     axes.set_xlim(-0.5, len(number) - 0.5)
     handles = {label: handle for axes in panels.flat for handle, label in zip(*axes.get_legend_handles_labels())}  # noqa: B905
     figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=2, frameon=False)
-    return picture(figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end.")
+    return page.picture(figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end.")
 
 
 def _place(stretch: Stretch) -> str:
     day = stretch.date or stretch.recording
     return f"{day}, homing {stretch.homing}" if stretch.homing else day
+
+
+BEFORE, AFTER, PROMISED = "#b8c0cc", "#4b6b94", "#d9622b"
+PROMISE = "promised: between what the RMSE of other minutes of this day lies, of motion like these, 19 times of 20"
+
+
+def refresh_table(changes: Sequence[JointChange], rows: int) -> page.Table:
+    """Return a row for each joint: what moved, its error before and after, and what is promised."""
+    unit = in_units(change.unit for change in changes)
+    columns: list[page.Column] = [
+        ("joint", "name"), "unit", "change", (f"moved {unit}", "moved:+.3f"),
+        (f"RMSE before {unit}", "rmse_before:.3f"), (f"on blocks after {unit}", "rmse_after:.3f"),
+        (f"promised {unit}", lambda change: f"{change.rmse_low:.3f} to {change.rmse_high:.3f}"),
+    ]  # fmt: skip
+    return page.Table(columns, changes, f"What became of each joint, on {rows:,} new rows")
+
+
+def write_refresh_report(
+    path: Path, refreshed: Refreshed, data: CalibrationData, *, model: str, moved: str, notes: Sequence[str] = ()
+) -> None:
+    """Write what moved, the table, and a picture of each joint's error before and after."""
+    blocks: list[page.Block] = [
+        *([page.Remarks(list(notes))] if notes else []),
+        page.Heading("What became of each joint"),
+        refresh_table(refreshed.changes, len(data)),
+        page.Text(
+            f"{PROMISE[0].upper()}{PROMISE[1:]}. Rows after are each of a fit that did not see their block of time."
+        ),
+        page.Heading("Errors on the new rows"),
+        refresh_picture(refreshed, data),
+    ]
+    sources = ", ".join(source.name for source in data.sources)
+    page.write_page(path, f"Refresh of {model}", f"Moved: {moved}. With {len(data):,} rows of {sources}.", blocks)
+
+
+def refresh_picture(refreshed: Refreshed, data: CalibrationData) -> page.Picture:
+    """Draw each joint's error before the refresh, and after it on blocks that were not fitted to."""
+    row = np.arange(len(data))
+    figure, panels = page.joint_panels(len(refreshed.changes), 1.7, spare=0.8)
+    for j, (axes,) in enumerate(panels):
+        change = refreshed.changes[j]
+        scale = DISPLAY[data.joint_units[j]][1]
+        axes.plot(row, scale * refreshed.before[:, j], color=BEFORE, linewidth=1.0, label="before")
+        axes.plot(row, scale * refreshed.left[:, j], color=AFTER, linewidth=1.0, label="after, on blocks")
+        for side, label in ((1.0, "promised RMSE"), (-1.0, None)):
+            axes.axhline(side * change.rmse_high, color=PROMISED, linewidth=1.2, linestyle="--", label=label)
+        axes.set_ylabel(f"{change.name} [{change.unit}]")
+    axes.set_xlabel("row")
+    axes.set_xlim(0, max(1, len(data) - 1))
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
+    return page.picture(
+        figure, "Errors of the corrected positions; dashed: the promised RMSE at its largest, both ways."
+    )

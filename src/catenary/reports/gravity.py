@@ -5,18 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from catenary.control.loop_report import Holding, Tracking
-from catenary.reports.page import (
-    Block,
-    Heading,
-    Picture,
-    Table,
-    TableColumn,
-    Text,
-    joint_panels,
-    picture,
-    settings_facts,
-    write_page,
-)
+from catenary.reports import page
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
@@ -38,11 +27,11 @@ HOLDING = (
 )
 
 
-def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
+def gravity_table(result: Tracking | Holding, title: str = "") -> page.Table:
     """Return a row per joint: of tracking its RMS error, PD term and torque, of holding its drift."""
 
-    def of(heading: str, key: str, form: str, unit: str = "unit") -> TableColumn:
-        return TableColumn(heading, lambda joint: f"{joint[key]:{form}} {joint[unit]}")
+    def of(heading: str, key: str, form: str, unit: str = "unit") -> page.Column:
+        return heading, lambda joint: f"{joint[key]:{form}} {joint[unit]}"
 
     joints = result.as_data()["joints"]
     if isinstance(result, Holding):
@@ -54,30 +43,30 @@ def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
             of("RMS error", "rms_error", ".4f"),
             of("RMS PD term", "rms_pd", ".3f", "torque_unit"),
             of("RMS torque", "rms_torque", ".3f", "torque_unit"),
-            TableColumn("PD share", lambda joint: share[joint["name"]], ".1f", " %"),
+            ("PD share", lambda joint: f"{share[joint['name']]:.1f} %"),
         ]
-    return Table([TableColumn("joint", "name"), *columns], joints, title)
+    return page.Table([("joint", "name"), *columns], joints, title)
 
 
 def write_gravity_report(
-    path: Path, result: Tracking | Holding, settings: Mapping[str, Any], *, arm: Picture | None = None
+    path: Path, result: Tracking | Holding, settings: Mapping[str, Any], *, arm: page.Picture | None = None
 ) -> None:
     """Write a page with the table, a picture over time and the settings, one of which is the controller's name."""
     title, lead, text = HOLDING if isinstance(result, Holding) else TRACKING
     drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)
-    pictured: list[Block] = [] if arm is None else [Heading("The arm"), arm]
-    blocks: list[Block] = [
+    pictured: list[page.Block] = [] if arm is None else [page.Heading("The arm"), arm]
+    blocks: list[page.Block] = [
         gravity_table(result),
         drawn,
-        Text(text),
+        page.Text(text),
         *pictured,
-        Heading("Settings"),
-        settings_facts(settings),
+        page.Heading("Settings"),
+        page.settings_facts(settings),
     ]
-    write_page(path, title.format(**settings), lead, blocks, simulated=True)
+    page.write_page(path, title.format(**settings), lead, blocks, simulated=True)
 
 
-def holding_picture(result: Holding) -> Picture:
+def holding_picture(result: Holding) -> page.Picture:
     """Draw how far every joint is from where it began, over time, and as reported."""
     figure, rows, shown = _per_joint(result, columns=1)
     t = result.time[shown]
@@ -90,10 +79,10 @@ def holding_picture(result: Holding) -> Picture:
         axes.set_ylim(min(low, -LEAST_RANGE), max(high, LEAST_RANGE))
         axes.set_ylabel(f"{result.joint_names[j]}\n[{unit}]")
     rows[0][0].legend(frameon=False, fontsize=8, ncols=2)
-    return picture(figure, "Distance of every joint from where it began.")
+    return page.picture(figure, "Distance of every joint from where it began.")
 
 
-def tracking_picture(result: Tracking) -> Picture:
+def tracking_picture(result: Tracking) -> page.Picture:
     """Draw the error, and the torque with the PD term, of every joint over time."""
     figure, rows, shown = _per_joint(result, columns=2)
     t = result.time[shown]
@@ -105,12 +94,12 @@ def tracking_picture(result: Tracking) -> Picture:
         right.plot(t, result.feedback[shown, j], color=PD, linewidth=0.8, label="PD term")
         right.set_ylabel(f"[{TORQUE_UNIT[result.joint_units[j]]}]")
     rows[0][1].legend(frameon=False, fontsize=8, ncols=2)
-    return picture(figure, "Error of every joint, and its torque with the PD term's part.")
+    return page.picture(figure, "Error of every joint, and its torque with the PD term's part.")
 
 
 def _per_joint(result: Tracking | Holding, *, columns: int) -> tuple[Any, Any, slice]:
     """Return a figure, a row of axes over time for every joint, and which ticks to draw."""
-    figure, rows = joint_panels(len(result.joint_names), 1.9, columns)
+    figure, rows = page.joint_panels(len(result.joint_names), 1.9, columns)
     for axes in rows.flat:
         axes.margins(x=0.01)
     for axes in rows[-1]:

@@ -6,25 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from catenary.files import json_text
-from catenary.identification.identification import Identification
+from catenary.identification.identification import Identification, Rotor
 from catenary.identification.identification_file import Card
 from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
-from catenary.reports.page import (
-    Block,
-    Facts,
-    Heading,
-    Listing,
-    Picture,
-    Remarks,
-    Table,
-    TableColumn,
-    Text,
-    joint_columns,
-    joint_panels,
-    picture,
-    write_page,
-)
+from catenary.reports import page
 from catenary.reports.robot_plot import robot_picture
 from catenary.units import TORQUE_UNIT
 
@@ -36,102 +22,85 @@ def write_identification_report(
     path: Path, found: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
 ) -> None:
     """Write the page about an identification, one self-contained file; torques are drawn of the recordings `shown`."""
-    blocks: list[Block] = [
-        Heading("Residuals"),
+    blocks: list[page.Block] = [
+        page.Heading("Residuals"),
         residual_table(found),
-        Text(
+        page.Text(
             "RMS of measured less predicted torque over RMS of the torque, per axis, known torques subtracted first. "
             "On a recording that was not fitted the model holds while no axis has more than twice the training "
             "residual, has drifted beyond that, and fails where an axis is hardly better than predicting no torque. "
             "Where it was moved too little, or where nothing was fitted, that is unclear."
         ),
         absolute_table(found),
-        *([Remarks(notes)] if notes else []),
-        Heading("Excitation"),
-        Facts(excitation_facts(found)),
+        *([page.Remarks(notes)] if notes else []),
+        page.Heading("Excitation"),
+        page.Facts(excitation_facts(found)),
         *(poses_picture(found, samples) for samples in shown[:1]),
     ]
     for samples in shown:
-        blocks += [Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
+        blocks += [page.Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
     if (masses := mass_table(found)) is not None:
-        blocks += [Heading("Links beside the robot's file"), masses]
+        blocks += [page.Heading("Links beside the robot's file"), masses]
     if (rotors := rotor_table(found)) is not None:
-        blocks += [Heading("Rotors"), rotors]
+        blocks += [page.Heading("Rotors"), rotors]
     blocks += [
-        Heading("Base parameters"),
+        page.Heading("Base parameters"),
         parameter_table(found),
-        Listing("What each stands for", "\n".join(found.base.describe(i) for i in range(found.base.count))),
-        Listing("The whole card", json_text(card)),
+        page.Listing("What each stands for", "\n".join(found.base.describe(i) for i in range(found.base.count))),
+        page.Listing("The whole card", json_text(card)),
     ]
     what = "poses at rest" if found.options.terms == "static" else "full dynamics"
     rows, logs = sum(r.rows for r in found.training), ", ".join(r.log for r in found.training)
     lead = f"{what}: {found.base.count} base parameters from {rows:,} rows of {logs}."
-    write_page(path, f"Identification of {found.model.name}", lead, blocks)
+    page.write_page(path, f"Identification of {found.model.name}", lead, blocks)
 
 
-def residual_table(found: Identification) -> Table:
+def residual_table(found: Identification) -> page.Table:
     """Return the relative residual per recording and axis, with the verdict."""
     names = [(name, "") for name in found.model.joint_names]
-    columns = [
-        TableColumn("recording", "log"),
-        TableColumn("rows", "rows"),
-        *joint_columns(names, lambda r, j: r.relative_rms[j], ".3f"),
-        TableColumn("verdict", lambda r: r.verdict or "fitted"),
-    ]
-    return Table(columns, _all(found), "Residual over torque (RMS) per axis")
+    per_axis = page.joint_columns(names, lambda r, j: r.relative_rms[j], ".3f")
+    columns: list[page.Column] = [("recording", "log"), "rows", *per_axis, ("verdict", lambda r: r.verdict or "fitted")]
+    return page.Table(columns, _all(found), "Residual over torque (RMS) per axis")
 
 
-def absolute_table(found: Identification) -> Table:
+def absolute_table(found: Identification) -> page.Table:
     """Return the RMS residual per recording and axis in Nm and N."""
     units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
     joints = list(zip(found.model.joint_names, units, strict=True))
-    columns = [TableColumn("RMS residual", "log"), *joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
-    return Table(columns, _all(found), "RMS residual")
+    columns = [("RMS residual", "log"), *page.joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
+    return page.Table(columns, _all(found), "RMS residual")
 
 
-def parameter_table(found: Identification) -> Table:
+def parameter_table(found: Identification) -> page.Table:
     """Return every base parameter with its standard deviation."""
-    columns = [
-        TableColumn("parameter"),
-        TableColumn("unit"),
-        TableColumn("value", form=".5g"),
-        TableColumn("std", form=".2g"),
-        TableColumn("std / value", lambda row: 100.0 * row[3] / abs(row[2]) if row[2] else None, ".0f", " %"),
-    ]
-    return Table(columns, list(zip(found.base.names, found.base.units, found.beta, found.std, strict=True)))
+    shares = (deviation / abs(value) if value else None for value, deviation in zip(found.beta, found.std, strict=True))
+    rows = list(zip(found.base.names, found.base.units, found.beta, found.std, shares, strict=True))
+    return page.Table(["parameter", "unit", ("value", ":.5g"), ("std", ":.2g"), ("std / value", ":.0f %")], rows)
 
 
-def mass_table(found: Identification) -> Table | None:
+def mass_table(found: Identification) -> page.Table | None:
     """Return every link's mass and centre as identified beside those of the robot's file; None where there are none."""
     if found.prior_weight is None or found.phi is None:
         return None
     robot, given = found.robot(), found.model
-    columns = [
-        TableColumn("link", lambda i: given.link_names[i]),
-        TableColumn("mass [kg]", robot.tree.mass.__getitem__, ".3g"),
-        TableColumn("file's [kg]", given.tree.mass.__getitem__, ".3g"),
-        TableColumn("ratio", lambda i: robot.tree.mass[i] / given.tree.mass[i], ".2f"),
-        TableColumn(
-            "centres apart [mm]", lambda i: 1000.0 * np.linalg.norm(robot.tree.com[i] - given.tree.com[i]), ".0f"
-        ),
-    ]
+    columns: list[page.Column] = ["link", ("mass [kg]", ":.3g"), ("file's [kg]", ":.3g"), ("ratio", ":.2f")]
+    columns.append(("centres apart [mm]", ":.0f"))
     links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]
-    title = "Links beside the robot's file; single masses are drawn to it, not measured"
-    return Table(columns, links, title)
+    mass, own = robot.tree.mass[links], given.tree.mass[links]
+    apart = 1000.0 * np.linalg.norm(robot.tree.com[links] - given.tree.com[links], axis=1)
+    rows = list(zip((given.link_names[i] for i in links), mass, own, mass / own, apart, strict=True))
+    return page.Table(columns, rows, "Links beside the robot's file; single masses are drawn to it, not measured")
 
 
-def rotor_table(found: Identification) -> Table | None:
+def rotor_table(found: Identification) -> page.Table | None:
     """Return the rotors as seen at the joints; None where there are none."""
-    known = found.options.rotors is not None
-    columns = [
-        TableColumn("rotor", "name"),
-        TableColumn("reflected inertia [kg m2, kg]", "inertia", ".3g"),
-        TableColumn("std", "error", ".2g"),
-        TableColumn(
-            "told", lambda r: "as stated" if known else "by itself" if r.error is not None else "with its link's"
-        ),
-    ]
-    return Table(columns, found.rotors, "Rotors, as seen at the joints") if found.rotors else None
+
+    def told(rotor: Rotor) -> str:
+        return "as stated" if found.options.rotors else "by itself" if rotor.error is not None else "with its link's"
+
+    columns: list[page.Column] = [("rotor", "name"), ("reflected inertia [kg m2, kg]", "inertia:.3g")]
+    columns += [("std", "error:.2g"), ("told", told)]
+    return page.Table(columns, found.rotors, "Rotors, as seen at the joints") if found.rotors else None
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:
@@ -145,7 +114,7 @@ def excitation_facts(found: Identification) -> list[tuple[str, str]]:
     ]
 
 
-def poses_picture(found: Identification, samples: Samples) -> Picture:
+def poses_picture(found: Identification, samples: Samples) -> page.Picture:
     """Draw the robot in poses of a recording, with the masses that were found where these are each link's."""
     robot = found.model if found.phi is None else found.robot()
     rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
@@ -153,12 +122,12 @@ def poses_picture(found: Identification, samples: Samples) -> Picture:
     return robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity)
 
 
-def torque_picture(found: Identification, samples: Samples) -> Picture:
+def torque_picture(found: Identification, samples: Samples) -> page.Picture:
     """Draw measured and predicted torque of every axis over time."""
     every = max(1, len(samples) // SHOWN)
     tau, time = samples.tau[::every], samples.time[::every]
     predicted = found.predict_samples(samples)[::every]
-    figure, panels = joint_panels(found.model.n, 1.7)
+    figure, panels = page.joint_panels(found.model.n, 1.7)
     for i, (axis,) in enumerate(panels):
         for values, colour, label in (
             (tau[:, i], "#5b6675", "measured"),
@@ -169,7 +138,7 @@ def torque_picture(found: Identification, samples: Samples) -> Picture:
         axis.set_ylabel(f"{found.model.joint_names[i]} [{TORQUE_UNIT[found.model.joint_units[i]]}]")
     panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
     axis.set_xlabel("row" if found.options.terms == "static" else "time [s]")
-    return picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")
+    return page.picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")
 
 
 def _all(found: Identification) -> Sequence[LogResidual]:

@@ -12,7 +12,7 @@ from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import Evaluation, Spread, Window
 from catenary.calibration.left_out import LeftOut
 from catenary.calibration.model import CalibrationModel
-from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, joint_columns, picture
+from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, joint_columns, picture
 from catenary.units import DISPLAY
 
 if TYPE_CHECKING:
@@ -38,17 +38,13 @@ def error_table(
 ) -> Table:
     """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range."""
     unit = in_units(joint.unit for joint in evaluation.joints)
-    columns = [
-        TableColumn("joint", "name"),
-        TableColumn("unit", "unit"),
-        TableColumn(f"raw RMSE {unit}", "raw_rmse", ".3f"),
-        TableColumn(f"fixed offset RMSE {unit}", "offset_rmse", ".3f"),
-        TableColumn(f"{name} RMSE {unit}", "rmse", ".3f"),
-        TableColumn("of fixed offset [%]", lambda joint: percent(joint.percent_of_offset, 1)),
-        TableColumn(f"largest raw {unit}", "raw_max", ".2f"),
-        TableColumn(f"largest {name} {unit}", "max", ".2f"),
-        TableColumn("outside [% of rows]", lambda joint: 100.0 * joint.outside_valid_range, ".1f", " %"),
-    ]
+    columns: list[Column] = [
+        ("joint", "name"), "unit", (f"raw RMSE {unit}", "raw_rmse:.3f"),
+        (f"fixed offset RMSE {unit}", "offset_rmse:.3f"), (f"{name} RMSE {unit}", "rmse:.3f"),
+        ("of fixed offset [%]", lambda joint: percent(joint.percent_of_offset, 1)),
+        (f"largest raw {unit}", "raw_max:.2f"), (f"largest {name} {unit}", "max:.2f"),
+        ("outside [% of rows]", "outside_valid_range:.1f %"),
+    ]  # fmt: skip
     return Table(columns, evaluation.joints, title)
 
 
@@ -90,12 +86,7 @@ def window_blocks(evaluation: Evaluation, name: str) -> list[Block]:
 
 def _windows(evaluation: Evaluation, joints: Sequence[int], windows: Sequence[Window]) -> Table:
     unit = evaluation.window_unit
-    first = [
-        TableColumn("recording", "recording"),
-        TableColumn(f"from [{unit}]", "start", ".0f"),
-        TableColumn(f"to [{unit}]", "end", ".0f"),
-        TableColumn("rows", "n"),
-    ]
+    first: list[Column] = ["recording", (f"from [{unit}]", "start:.0f"), (f"to [{unit}]", "end:.0f"), ("rows", "n")]
     shown = [(evaluation.joints[j].name, evaluation.joints[j].unit) for j in joints]
     per_joint = joint_columns(shown, lambda window, k: window.rmse[joints[k]], ".3f")
     return Table([*first, *per_joint], windows, "RMSE of the model over time")
@@ -104,36 +95,28 @@ def _windows(evaluation: Evaluation, joints: Sequence[int], windows: Sequence[Wi
 def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
     """Return mean and standard deviation of the RMSE over blocks of a cross-validation, and what they let expect."""
     unit = in_units(s.unit for s in spread)
-    columns = [
-        TableColumn("joint", "joint"),
-        TableColumn("unit", "unit"),
-        TableColumn("blocks", "folds"),
-        TableColumn(f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
-        TableColumn(f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
-    ]
+    columns: list[Column] = [
+        "joint", "unit", ("blocks", "folds"),
+        (f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
+        (f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
+    ]  # fmt: skip
     if all(s.rmse_low is not None for s in spread):
-        columns += [
-            TableColumn(f"as trained {unit}", lambda s: f"{s.rmse_low:.3f} to {s.rmse_high:.3f}"),
-            TableColumn(f"in the margin {unit}", lambda s: f"at most {s.rmse_margin:.3f}"),
-        ]
+        columns.append((f"as trained {unit}", lambda s: f"{s.rmse_low:.3f} to {s.rmse_high:.3f}"))
+        columns.append((f"in the margin {unit}", lambda s: f"at most {s.rmse_margin:.3f}"))
     if all(s.held_low is not None for s in spread):
         shares = "in intervals [% of rows]"
-        columns.append(TableColumn(shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
+        columns.append((shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
     return Table(columns, spread, "RMSE on data that the fit did not see, and on a stretch to come")
 
 
 def left_out_table(found: Sequence[LeftOut]) -> Table:
     """Return the error by joint with and without the rows that a fit left out."""
     unit = in_units(each.unit for each in found)
-    columns = [
-        TableColumn("joint", "joint"),
-        TableColumn("unit", "unit"),
-        TableColumn("beyond limit [rows]", "beyond"),
-        TableColumn("left out [% of rows]", lambda each: 100.0 * each.share_of_rows, ".2f", " %"),
-        TableColumn("carry [% of error]", lambda each: 100.0 * each.share_of_error, ".0f", " %"),
-        TableColumn(f"RMSE without {unit}", "rmse_without", ".3f"),
-        TableColumn(f"with {unit}", "rmse_with", ".3f"),
-    ]
+    columns: list[Column] = [
+        "joint", "unit", ("beyond limit [rows]", "beyond"), ("left out [% of rows]", "share_of_rows:.2f %"),
+        ("carry [% of error]", "share_of_error:.0f %"), (f"RMSE without {unit}", "rmse_without:.3f"),
+        (f"with {unit}", "rmse_with:.3f"),
+    ]  # fmt: skip
     return Table(columns, found, f"Error with and without the {found[0].rows} measured rows left out")
 
 
@@ -141,13 +124,8 @@ def coverage_table(evaluation: Evaluation) -> Table:
     """Return width and coverage of the intervals per joint, and whether they hold; for a model that has some."""
     unit = in_units(joint.unit for joint in evaluation.joints)
     verdicts = dict(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
-    columns = [
-        TableColumn("joint", "name"),
-        TableColumn("unit", "unit"),
-        TableColumn(f"half-width {unit}", "half_width", ".3f"),
-        TableColumn("held [% of rows]", lambda joint: 100.0 * joint.coverage, ".3g", " %"),
-        TableColumn("verdict", verdicts.__getitem__),
-    ]
+    columns: list[Column] = [("joint", "name"), "unit", (f"half-width {unit}", "half_width:.3f")]
+    columns += [("held [% of rows]", "coverage:.3g %"), ("verdict", verdicts.__getitem__)]
     asked = 100.0 * (evaluation.level or 0.0)
     return Table(columns, evaluation.joints, f"Errors within the model's intervals, which are to hold {asked:.3g} %")
 

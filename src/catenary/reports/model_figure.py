@@ -7,17 +7,7 @@ import numpy as np
 from catenary.calibration.evaluate import Evaluation
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.reports.joint_errors import (
-    INTERVAL,
-    MODEL,
-    MOST_POINTS,
-    RAW,
-    draw_errors_over_time,
-    draw_histograms,
-    draw_legend,
-    error_series,
-    running_time,
-)
+from catenary.reports import joint_errors
 from catenary.reports.overlay import busy_rows, draw_overlay, times_of
 from catenary.units import DISPLAY
 from catenary.verdict.delay import delay_of
@@ -49,14 +39,14 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
         raise InputError(f"--joint {joint}: expected one of {', '.join(names)}")
     j = 0 if joint is None else names.index(joint)
     unit, scale = DISPLAY[evaluation.data.joint_units[j]]
-    series = error_series(evaluation, j, name)
+    series = joint_errors.error_series(evaluation, j, name)
     with rc_context(STYLE):
         figure = Figure(figsize=(COLUMN, HEIGHT), layout="constrained")
         over_time, close, histogram, loop, coverage, delay = figure.subplots(6, 1)
-        draw_errors_over_time((over_time, close), evaluation, j, series)
-        draw_legend(figure, loc="outside upper center", ncols=2)
-        draw_histograms(histogram, series[1:], unit)
-        shown = slice(None, None, len(evaluation.data) // MOST_POINTS + 1)
+        joint_errors.draw_errors_over_time((over_time, close), evaluation, j, series)
+        joint_errors.draw_legend(figure, loc="outside upper center", ncols=2)
+        joint_errors.draw_histograms(histogram, series[1:], unit)
+        shown = slice(None, None, len(evaluation.data) // joint_errors.MOST_POINTS + 1)
         for line in series[1:]:
             command = scale * evaluation.data.q_nominal[shown, j]
             loop.plot(command, line.values[shown], ".", color=line.color, markersize=1.0)
@@ -77,7 +67,7 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
 
 def _draw_coverage(axes: "Axes", evaluation: Evaluation, j: int) -> None:
     """Draw the share of errors within the interval over blocks of time, and the share that was asked for."""
-    x = running_time(evaluation)[0]
+    x = joint_errors.running_time(evaluation)[0]
     axes.set_xlabel("time [s]" if evaluation.window_unit == "s" else "row")
     axes.set_ylabel("within interval [%]")
     axes.set_ylim(0.0, 105.0)
@@ -86,6 +76,6 @@ def _draw_coverage(axes: "Axes", evaluation: Evaluation, j: int) -> None:
         return
     parts = np.array_split(np.arange(len(x)), min(BLOCKS, len(x)))
     share = [100.0 * evaluation.held[rows, j].mean() for rows in parts]
-    axes.step([x[rows[0]] for rows in parts] + [x[-1]], [*share, share[-1]], where="post", color=MODEL)
-    axes.axhline(100.0 * evaluation.level, color=INTERVAL, linestyle="--")
-    axes.axhline(100.0 * evaluation.held[:, j].mean(), color=RAW, linestyle=":")
+    axes.step([x[rows[0]] for rows in parts] + [x[-1]], [*share, share[-1]], where="post", color=joint_errors.MODEL)
+    axes.axhline(100.0 * evaluation.level, color=joint_errors.INTERVAL, linestyle="--")
+    axes.axhline(100.0 * evaluation.held[:, j].mean(), color=joint_errors.RAW, linestyle=":")

@@ -17,23 +17,18 @@ if TYPE_CHECKING:
 
 DOTS_PER_INCH = 150
 LARGEST_SVG = 1_000_000  # [B] of a picture on a page
-Value = str | int | Callable[[Any], Any]
-
-
-class TableColumn(NamedTuple):
-    """A column: its heading, what of a record stands in it, and how a number is written."""
-
-    heading: str  # with its unit, as "RMSE [deg]"
-    value: Value | None = None  # key, attribute or function of a record; its place in the table when None
-    form: str = ""  # of a number, as ".3f"; what is no number stands as it is
-    after: str = ""  # behind a number, as " %"
+# a heading with its unit, and what of a record stands below: a function, or KEY:FORM as "rmse:.3f", ":.1f %" of a share
+Column = str | tuple[str, str | Callable[[Any], Any]]
 
 
 @dataclass(frozen=True)
 class Table:
-    """Records as rows, a column for what is told of each; texts in place of columns head rows of cells."""
+    """Records as rows, a column for what is told of each: its key or attribute; of lists the cell of its place.
 
-    columns: Sequence[TableColumn] | Sequence[str]
+    A heading alone is its own key. What is no number stands as it is, a dash for None and NaN.
+    """
+
+    columns: Sequence[Column]
     records: Sequence[Any]
     title: str = ""
     left: int = 1  # columns that stand to the left; the others to the right
@@ -41,15 +36,12 @@ class Table:
     @property
     def header(self) -> list[str]:
         """The columns' headings."""
-        return [column if isinstance(column, str) else column.heading for column in self.columns]
+        return [column if isinstance(column, str) else column[0] for column in self.columns]
 
     @property
     def rows(self) -> list[list[str]]:
         """The cells, as text."""
-        columns = [column for column in self.columns if isinstance(column, TableColumn)]
-        if not columns:
-            return [[str(cell) for cell in record] for record in self.records]
-        return [[_cell(column, record, place) for place, column in enumerate(columns)] for record in self.records]
+        return [[_cell(column, record, place) for place, column in enumerate(self.columns)] for record in self.records]
 
     def text(self) -> str:
         """Return the table for a terminal, never cut; a unit in a heading, as in `J1 [deg]`, stands on its own line."""
@@ -67,28 +59,32 @@ class Table:
         return "\n".join([*lines, ""])
 
 
-def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str) -> list[TableColumn]:
+def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str) -> list[Column]:
     """Return a column for each joint of these names and units; `value` tells a record's number of the k-th."""
 
-    def column(k: int, name: str, unit: str) -> TableColumn:
-        return TableColumn(f"{name} [{unit}]" if unit else name, lambda record: value(record, k), form)
+    def column(k: int, name: str, unit: str) -> Column:
+        return f"{name} [{unit}]" if unit else name, lambda record: _text(value(record, k), form)
 
     return [column(k, *joint) for k, joint in enumerate(joints)]
 
 
-def _cell(column: TableColumn, record: Any, place: int) -> str:
-    value = _value(record, place if column.value is None else column.value)
+def _cell(column: Column, record: Any, place: int) -> str:
+    told = column if isinstance(column, str) else column[1]
+    if callable(told):
+        return _text(told(record), "")
+    key, _, form = (column, "", "") if isinstance(column, str) else told.partition(":")
+    if type(record) in (list, tuple):
+        return _text(record[place], form)
+    return _text(record[key] if isinstance(record, Mapping) else getattr(record, key), form)
+
+
+def _text(value: Any, form: str) -> str:
     if value is None or value != value:  # NaN
         return "-"
-    return value if isinstance(value, str) else f"{value:{column.form}}{column.after}"
-
-
-def _value(record: Any, value: Value) -> Any:
-    if callable(value):
-        return value(record)
-    if isinstance(value, int) or isinstance(record, Mapping):
-        return record[value]
-    return getattr(record, value)
+    if isinstance(value, str):
+        return value
+    number = form.removesuffix(" %")
+    return f"{value:{form}}" if number == form else f"{100.0 * value:{number}} %"
 
 
 class Heading(NamedTuple):

@@ -11,7 +11,7 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
 from catenary.reports.joint_errors import percent
-from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture
+from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
 from catenary.units import DISPLAY
 
 TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
@@ -105,10 +105,8 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
         aside, reference = "the way to the robot and back", "the external encoders' latest reading"
     names = {"compute_us": "whole tick", "correction_us": "of it the correction", "jitter_us": "period off its length"}
     headings = {"median": "median", "p99": "99 % below", "p999": "99.9 % below", "max": "largest"}
-    in_tick = [
-        TableColumn("time in each tick", "what"),
-        *(TableColumn(f"{heading} [us]", key, ".1f") for key, heading in headings.items()),
-    ]
+    in_tick: list[Column] = [("time in each tick", "what")]
+    in_tick += [(f"{heading} [us]", f"{key}:.1f") for key, heading in headings.items()]
     # nobody counts them where time is not kept by this loop
     overruns = "" if deployment["overruns"] is None else f", {deployment['overruns']} overruns"
     priority = "with" if deployment["real_time_priority"] else "without"
@@ -133,16 +131,11 @@ def corrector_time(deployment: Mapping[str, Any]) -> list[str]:
 
 def deployed_table(deployment: Mapping[str, Any], *, title: str = "", outside: bool = False) -> Table:
     """Return a deployed model's RMS errors by joint, share within intervals and, with `outside`, outside its range."""
-    columns = [
-        TableColumn("joint", "name"),
-        TableColumn("unit", "unit"),
-        TableColumn("reported", "raw_rmse", ".3f"),
-        TableColumn("corrected", "rmse", ".3f"),
-    ]
+    columns: list[Column] = [("joint", "name"), "unit", ("reported", "raw_rmse:.3f"), ("corrected", "rmse:.3f")]
     if outside:
-        columns.append(TableColumn("outside [% of ticks]", "outside_valid_range", ".1%"))
+        columns.append(("outside [% of ticks]", "outside_valid_range:.1%"))
     if deployment["coverage_asked"] is not None:
-        columns.append(TableColumn(f"within intervals ({deployment['coverage_asked']:.0%} asked)", "coverage", ".0%"))
+        columns.append((f"within intervals ({deployment['coverage_asked']:.0%} asked)", "coverage:.0%"))
     return Table(columns, deployment["joints"], title)
 
 

@@ -12,7 +12,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.reports.joint_errors import MODEL, RAW, wrapped
-from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture
+from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
 from catenary.reports.robot_plot import draw_links, equal_axes
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -75,13 +75,11 @@ def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
     """Return what a page says of the tip of a model of these joints."""
     without = [joint for joint, moves in zip(joints, tip.moves, strict=True) if not moves]
     aside = f" Joints that do not move this frame, and are not in its error: {', '.join(without)}." if without else ""
-    rows = [("raw", tip.reported), ("fixed offset", tip.offset), (name, tip.corrected)]
-    columns = [
-        TableColumn("joints"),
-        TableColumn("RMSE [mm]", lambda row: 1e3 * rms(tip.distances(row[1])), ".3f"),
-        TableColumn("median [mm]", lambda row: 1e3 * np.median(tip.distances(row[1])), ".3f"),
-        TableColumn("largest [mm]", lambda row: 1e3 * tip.distances(row[1]).max(), ".3f"),
-    ]
+    rows = []
+    for called, tips in (("raw", tip.reported), ("fixed offset", tip.offset), (name, tip.corrected)):
+        off = tip.distances(tips)
+        rows.append([called, 1e3 * rms(off), 1e3 * np.median(off), 1e3 * off.max()])
+    columns: list[Column] = ["joints", ("RMSE [mm]", ":.3f"), ("median [mm]", ":.3f"), ("largest [mm]", ":.3f")]
     return [
         Heading("Error of the tip"),
         Table(columns, rows),

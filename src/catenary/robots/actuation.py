@@ -8,7 +8,7 @@ of identified parameters.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo
@@ -19,9 +19,9 @@ from catenary.errors import InputError
 from catenary.robots.plausible import FARTHEST, MOST_FACTOR, check_names, check_within
 
 Weighting = Literal["none", "range", "spread", "residual"]
-ActuationKind = Literal[
-    "coulomb", "viscous", "offset", "asymmetric", "stribeck", "load", "presliding", "motor_inertia", "spring"
-]
+FrictionKind = Literal["coulomb", "viscous", "offset", "asymmetric", "stribeck", "load", "presliding"]
+FRICTION_KINDS: tuple[FrictionKind, ...] = get_args(FrictionKind)  # in the order of their columns
+ActuationKind = FrictionKind | Literal["motor_inertia", "spring"]
 
 
 def _combination(given: Any, info: ValidationInfo) -> Floats:
@@ -198,21 +198,11 @@ def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[Actu
     """Return the parameters in the order of their columns; at rest only constants and springs are left."""
     terms: list[ActuationTerm] = []
     for friction in actuation.friction:
-        name, c = friction.name, friction.combination
-        given: tuple[tuple[ActuationKind, bool, float], ...] = (
-            ("coulomb", friction.coulomb, 0.0),
-            ("viscous", friction.viscous, 0.0),
-            ("offset", friction.offset, 0.0),
-            ("asymmetric", friction.asymmetric, 0.0),
-            ("stribeck", friction.stribeck is not None, friction.stribeck or 0.0),
-            ("load", friction.load, 0.0),
-            ("presliding", friction.presliding is not None, friction.presliding or 0.0),
-        )
-        terms += [
-            ActuationTerm(kind, name, c, None, scale, friction.recording)
-            for kind, has, scale in given
-            if has and (kind == "offset" or not static)
-        ]
+        for kind in FRICTION_KINDS:
+            given = getattr(friction, kind)  # whether it is there, or its scale
+            if given is not None and given is not False and (kind == "offset" or not static):
+                scale = 0.0 if given is True else given
+                terms.append(ActuationTerm(kind, friction.name, friction.combination, None, scale, friction.recording))
     if not static:
         terms += [ActuationTerm("motor_inertia", m.name, m.combination) for m in actuation.motor_inertia]
     return (*terms, *(ActuationTerm("spring", s.name, s.combination, s.lever) for s in actuation.springs))

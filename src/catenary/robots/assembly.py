@@ -1,4 +1,4 @@
-"""From a list of links, as files describe them, to a RobotModel: fixed links folded in, parents first."""
+"""From a list of links, as files describe them, to a RobotModel: fixed links folded in, parents first; mimic joints."""
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -6,26 +6,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
+from catenary.robots import plausible
 from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.link_inertia import LIGHTEST, NOTHING, LinkInertia, check_inertia, is_negative, unphysical
 from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree, is_base
-from catenary.robots.plausible import (
-    FAR,
-    FARTHEST,
-    MOST_FACTOR,
-    MOST_LINKS,
-    check_different,
-    check_length,
-    check_names,
-    check_within,
-)
 from catenary.robots.quarter_turns import quarter_turn_notes
 from catenary.spatial import Pose, as_rotation, identity_pose
 
@@ -102,12 +93,12 @@ def assemble(
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
         massless, closed_form, actuation, sources, notes, doubts: As `RobotModel` has them.
     """
-    check_names("robot", [name])
+    plausible.check_names("robot", [name])
     where = f'robot "{name}"'
-    if len(links) > MOST_LINKS:
-        raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {MOST_LINKS}")
-    check_names(f"{where}: link", [link.name for link in links])
-    check_names(f"{where}: frame", frames or {})
+    if len(links) > plausible.MOST_LINKS:
+        raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {plausible.MOST_LINKS}")
+    plausible.check_names(f"{where}: link", [link.name for link in links])
+    plausible.check_names(f"{where}: frame", frames or {})
     ordered = _parents_first(where, links, root)
     _check_coordinates(where, coordinates)
     for link in ordered:
@@ -172,7 +163,7 @@ def _far_apart(folded: "Folded") -> list[str]:
     for link, pose, body in zip(folded.moving, folded.poses, folded.inertia, strict=True):
         for what, vector in (("its joint", pose.position), ("its centre of mass", body.com)):
             length = float(np.linalg.norm(vector))
-            if length > FAR:
+            if length > plausible.FAR:
                 doubts.append(f'link "{link.name}": {what} lies {length:.4g} m away; lengths are in m')
     return doubts
 
@@ -262,7 +253,7 @@ def _all_frames(where: str, carrier: Mapping[str, Frame], further: Mapping[str, 
         if name in frames:
             raise InputError(f'{where}: frame "{name}" has the name of another frame or link')
         as_rotation(f'{where}: frame "{name}": rotation', pose.rotation)
-        check_length(f'{where}: frame "{name}": position', pose.position)
+        plausible.check_length(f'{where}: frame "{name}": position', pose.position)
         frames[name] = Frame(carrier[link].link, carrier[link].pose @ pose)
     return frames
 
@@ -299,8 +290,8 @@ def _parents_first(where: str, links: Sequence[Link], root: str) -> list[Link]:
 
 
 def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
-    check_names(f"{where}: coordinate", [c.name for c in coordinates])
-    check_different(f"{where}: coordinate", [c.name for c in coordinates])
+    plausible.check_names(f"{where}: coordinate", [c.name for c in coordinates])
+    plausible.check_different(f"{where}: coordinate", [c.name for c in coordinates])
     for c in coordinates:
         what = f'{where}: coordinate "{c.name}"'
         if c.unit not in ("rad", "m"):
@@ -330,8 +321,10 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
         raise InputError(f'{what}: joint "{link.joint}", expected {" or ".join(get_args(JointKind))}')
     for part, pose in (("joint", link.pose), ("link frame", link.frame)):
         as_rotation(f"{what}: {part}: rotation", pose.rotation)
-        check_length(f"{what}: {part}: origin", pose.position)
-    check_within(f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), FARTHEST, "rad or m")
+        plausible.check_length(f"{what}: {part}: origin", pose.position)
+    plausible.check_within(
+        f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), plausible.FARTHEST, "rad or m"
+    )
     if link.joint == "fixed" and link.variable:
         raise InputError(f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two")
     if link.joint != "fixed" and not np.linalg.norm(as_array(f"{what}: axis", link.axis, (3,))) > 1e-9:
@@ -343,7 +336,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
             )
         if not np.isfinite(factor):
             raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
-        check_within(f'{what}: factor of "{coordinate}"', factor, MOST_FACTOR, "")
+        plausible.check_within(f'{what}: factor of "{coordinate}"', factor, plausible.MOST_FACTOR, "")
     if link.inertia is not None:
         check_inertia(what, link.inertia)
         for axis, may, value in zip("xyz", link.axes_of_com, link.inertia.com, strict=True):
@@ -384,3 +377,30 @@ def left_out(what: str, where: Iterable[str]) -> list[str]:
     """Return one line on something that the model leaves out, or none when there is nothing."""
     names = list(where)
     return [f"left out: {what} ({', '.join(names)})"] if names else []
+
+
+class Mimic(NamedTuple):
+    """A joint's position is multiplier * (the leader's position) + offset; a constant without a leader."""
+
+    leader: str | None
+    multiplier: float
+    offset: float  # [rad or m]
+
+
+def resolve_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
+    """Express each following joint, q = multiplier * q_leader + offset, by one that is free: not among them."""
+    resolved: dict[str, Mimic] = {}
+    for joint, first in mimics.items():
+        chain = [joint]
+        here = first
+        while here.leader is not None and here.leader in mimics:
+            if here.leader in chain:
+                raise UnsupportedModelError(
+                    f'joint "{joint}" follows itself: {" -> ".join([*chain, here.leader])}; '
+                    "expected a chain of mimic joints that ends at one that is free"
+                )
+            chain.append(here.leader)
+            then = mimics[here.leader]
+            here = Mimic(then.leader, here.multiplier * then.multiplier, here.multiplier * then.offset + here.offset)
+        resolved[joint] = here
+    return resolved

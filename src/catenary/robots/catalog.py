@@ -1,6 +1,7 @@
 """Robots by name, or from a file: TOML tables, URDF, MJCF, and what was identified."""
 
 from difflib import get_close_matches
+from importlib import import_module
 from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -9,6 +10,12 @@ from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.model import Massless, RobotModel
 
+# by ending, or XML's root; each is imported when its file comes: a table needs neither an XML nor a MuJoCo reader
+READERS = {
+    ".toml": ("dh_table", "load_table"), ".npz": ("model_record", "load_identified"),
+    ".json": ("dvrk_files", "load_dvrk"), ".xacro": ("urdf", "load_xacro"),
+    "<robot>": ("urdf", "load_urdf"), "<mujoco>": ("mjcf", "load_mjcf"),
+}  # fmt: skip
 RAVEN_SIDES = {"raven2": "left", "raven2_right": "right"}  # which arm of a RAVEN-II a robot is
 
 
@@ -70,47 +77,27 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
     An `.xml` may be URDF or MJCF.
     """
     kind = path.suffix.lower()
-    # each reader is imported when its kind of file comes: a table needs neither an XML nor a MuJoCo reader
     if kind == ".toml":
-        from catenary.robots.described import as_described, described_table, description_of
+        from catenary.robots.cut import as_described, described_table, description_of
 
         if (described := described_table(path)) is not None:
             description, chosen = description_of(path, described.description), massless or described.massless
             if described.instrument is None:
-                model = load_file(description, massless=chosen)
-            else:
-                from catenary.robots.dvrk_files import load_dvrk
+                return as_described(load_file(description, massless=chosen), path, described)
+            from catenary.robots.dvrk_files import load_dvrk
 
-                instrument = description_of(path, described.instrument)
-                model = load_dvrk(description, instrument=instrument, massless=chosen)
-            return as_described(model, path, described)
-        from catenary.robots.dh_table import load_table
-
-        return load_table(path, massless=massless)
-    if kind == ".npz":
-        from catenary.robots.model_record import load_identified
-
-        return load_identified(path, massless=massless)
-    if kind == ".json":
-        from catenary.robots.dvrk_files import load_dvrk
-
-        return load_dvrk(path, massless=massless)
-    if kind == ".xacro":
-        from catenary.robots.urdf import load_xacro
-
-        return load_xacro(path, massless=massless)
+            instrument = description_of(path, described.instrument)
+            return as_described(load_dvrk(description, instrument=instrument, massless=chosen), path, described)
     if kind in (".urdf", ".xml", ".mjcf"):
-        root = xml_root_tag(read_bounded(path, MOST_XML), str(path))
-        if root == "robot":
-            from catenary.robots.urdf import load_urdf
-
-            return load_urdf(path, massless=massless)
-        if root == "mujoco":
-            from catenary.robots.mjcf import load_mjcf
-
-            return load_mjcf(path, massless=massless)
-        raise FileFormatError(f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)")
-    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xacro, .xml, .mjcf, .json or .npz')
+        kind = f"<{xml_root_tag(read_bounded(path, MOST_XML), str(path))}>"
+        if kind not in READERS:
+            raise FileFormatError(f"{path}: root element {cut(kind)}: expected <robot> (URDF) or <mujoco> (MJCF)")
+    if kind not in READERS:
+        endings = ".toml, .urdf, .xacro, .xml, .mjcf, .json or .npz"
+        raise FileFormatError(f'{path}: ending "{path.suffix}": expected {endings}')
+    module, function = READERS[kind]
+    model: RobotModel = getattr(import_module(f"catenary.robots.{module}"), function)(path, massless=massless)
+    return model
 
 
 def load_text(text: str, *, massless: Massless = ()) -> RobotModel:

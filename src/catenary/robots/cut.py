@@ -1,15 +1,22 @@
-"""A robot with some joints locked, and an arm cut out of a scene, a humanoid or a mobile base."""
+"""A robot with some joints locked, an arm cut out of a scene or humanoid, and robot tables beside a description.
+
+Such a table states what a URDF, MJCF or a dVRK's JSON lacks, actuation above all, or which arm of it is meant.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from pydantic import Field, JsonValue
 
 from catenary.arrays import Floats, as_array
-from catenary.errors import InputError
-from catenary.robots.actuation import Actuation, Effect, KnownTorque, Spring, actuation_terms
-from catenary.robots.assembly import Folded, JointKind, Link, fold, tree_of
+from catenary.config import Settings, load_toml, parse_settings
+from catenary.documents import MOST_TOML, read_bounded, toml_table
+from catenary.errors import ConfigError, FileFormatError, InputError
+from catenary.robots.actuation import Actuation, Effect, KnownTorque, Spring, actuation_terms, check_actuation
+from catenary.robots.assembly import Folded, JointKind, Link, file_source, fold, tree_of
 from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import BASE, Frame, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_vector
@@ -168,3 +175,73 @@ def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: 
         known = {(t.kind, t.name): v for t, v in zip(actuation_terms(actuation), actuation.values, strict=True)}
         values = np.array([known[term.kind, term.name] for term in actuation_terms(cut)])
     return replace(cut, values=values, effort_scale=None if scale is None else scale[free])
+
+
+DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")  # that have shapes, too
+DVRK = ".json"
+
+
+class DescribedRobot(Settings):
+    """A robot whose links stand in another file."""
+
+    description: str  # the file, beside the table
+    instrument: str | None = None  # of a dVRK's arm, whose description is its kinematics
+    name: str | None = None
+    base: str | None = None  # with `tip`: the arm between these frames, on its own base
+    tip: str | None = None
+    locked_deg: dict[str, float] = Field(default_factory=dict)  # turning joints that are held
+    locked_m: dict[str, float] = Field(default_factory=dict)  # sliding ones
+    massless: tuple[str, ...] = ()
+    # in place of what the description states, on the joints that are left
+    actuation: dict[str, JsonValue] | None = None
+
+
+def described_table(path: Path) -> DescribedRobot | None:
+    """Return the table in a TOML file that names a description; None where the file is a DH table or no TOML."""
+    content = read_bounded(path, MOST_TOML)
+    try:
+        names_one = b"description" in content and "description" in toml_table(content, str(path))
+    except FileFormatError:
+        return None
+    return load_toml(path, DescribedRobot) if names_one else None
+
+
+def description_of(path: Path, named: str) -> Path:
+    """Return the file that a table names as its description, or as the instrument's."""
+    place = path.parent / named
+    kinds = (*DESCRIPTIONS, DVRK)
+    if place.suffix.lower() not in kinds or not place.is_file():
+        raise ConfigError(f'{path}: description "{named}": expected a {", ".join(kinds)} file beside it')
+    return place
+
+
+def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotModel:
+    """Return the robot of a description as its table has it."""
+    try:
+        locked = {name: float(np.deg2rad(angle)) for name, angle in table.locked_deg.items()} | table.locked_m
+        for name in [*table.locked_deg, *table.locked_m]:
+            if name in model.joint_names:
+                unit = model.joint_units[model.joint_names.index(name)]
+                if (unit == "rad") != (name in table.locked_deg):
+                    raise InputError(
+                        f'"{name}" is in {unit}: expected {"locked_deg" if unit == "rad" else "locked_m"} for it'
+                    )
+        if table.base is not None:
+            model = cut_arm(model, table.base, table.tip or model.tip, locked=locked)
+        elif locked:
+            model = lock_joints(model, locked)
+        changes: dict[str, object] = {"tip": model.tip}
+        if table.tip is not None:
+            model.frame(table.tip)
+            changes["tip"] = table.tip
+        if table.name is not None:
+            changes["name"] = table.name
+        if table.actuation is not None:
+            where = f"{path}: actuation"
+            actuation = parse_settings(table.actuation, Actuation, where, context=model.joint_names)
+            check_actuation(where, actuation, model.n)
+            changes["actuation"] = actuation
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    sources = (*model.sources, file_source(path, read_bounded(path, MOST_TOML)))
+    return replace(model, sources=sources, **changes)  # type: ignore[arg-type]

@@ -13,9 +13,17 @@ from catenary.arrays import Floats
 from catenary.documents import MOST_XML, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError, to_install
 from catenary.robots.actuation import StatedDrive, stated_actuation
-from catenary.robots.assembly import Coordinate, Link, assemble, file_source, left_out, naming_the_file
+from catenary.robots.assembly import (
+    Coordinate,
+    Link,
+    Mimic,
+    assemble,
+    file_source,
+    left_out,
+    naming_the_file,
+    resolve_mimics,
+)
 from catenary.robots.link_inertia import LinkInertia
-from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
 from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion

@@ -15,31 +15,14 @@ from catenary.arrays import Floats
 from catenary.config import load_toml
 from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError, InputError
+from catenary.robots import geometry
 from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
-from catenary.robots.described import described_table, description_of
+from catenary.robots.cut import described_table, description_of
 from catenary.robots.dh_table import RobotTable
-from catenary.robots.geometry import (
-    Ball,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Form,
-    Geometry,
-    HalfSpace,
-    MeshFile,
-    Shape,
-    TriangleMesh,
-    capsule_between,
-    distance_to_segment,
-    links_without_shape,
-    shape_on,
-)
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf, included_files, refuse_too_much
 from catenary.robots.model import RobotModel
-from catenary.robots.urdf import expanded_xacro, urdf_root
-from catenary.robots.urdf_elements import named_elements, number_of, numbers_of, origin_of
+from catenary.robots.urdf import expanded_xacro, named_elements, number_of, numbers_of, origin_of, urdf_root
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]
@@ -52,7 +35,7 @@ Segment = tuple[Floats, Floats]
 
 def load_geometry(
     source: str | Path, model: RobotModel, *, packages: Sequence[Path] = (), link_radius: float | None = None
-) -> Geometry | None:
+) -> geometry.Geometry | None:
     """Return the shapes of a robot's links; None where nothing tells them.
 
     They come from the robot's description: collision shapes of a URDF, geoms of an MJCF, `[[capsule]]` of a table.
@@ -73,7 +56,7 @@ def load_geometry(
 
 def described_geometry(
     source: str | Path, model: RobotModel, *, packages: Sequence[Path] = (), kind: Kind = "collision"
-) -> Geometry | None:
+) -> geometry.Geometry | None:
     """Return the shapes that a robot's description states; None where it states none.
 
     source, model and packages are as for `load_geometry`; of a URDF's shapes `kind` says which, the others where there
@@ -99,7 +82,7 @@ def described_geometry(
     return mjcf_shapes(path, model)
 
 
-def capsules_along_links(model: RobotModel, radius: float | None = None) -> Geometry | None:
+def capsules_along_links(model: RobotModel, radius: float | None = None) -> geometry.Geometry | None:
     """Return capsules along the links; None where neither masses nor a radius say how thick they are.
 
     From a link's joint to those it carries, thick enough to hold the link's mass as a body of the density of water:
@@ -111,7 +94,7 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> Geom
     known = [i for i, mass in enumerate(model.tree.mass) if mass > 0.0]
     if radius is None and not known:
         return None
-    shapes: list[Shape] = []
+    shapes: list[geometry.Shape] = []
     radii: list[float] = []
     for link, name in enumerate(model.link_names):
         mass = float(model.tree.mass[link])
@@ -130,7 +113,9 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> Geom
             shapes.append(_capsule(model.base, -1, (np.zeros(3), end), radii[0]))
     thickness = f"{1000 * min(radii):.0f} to {1000 * max(radii):.0f} mm"
     by = "as given" if radius is not None else "as thick as their masses are in water"
-    return Geometry(model.name, tuple(shapes), f"capsules along its links, {thickness} in radius, {by}", assumed=True)
+    return geometry.Geometry(
+        model.name, tuple(shapes), f"capsules along its links, {thickness} in radius, {by}", assumed=True
+    )
 
 
 def _segments(model: RobotModel, link: int) -> list[Segment]:
@@ -144,9 +129,9 @@ def _segments(model: RobotModel, link: int) -> list[Segment]:
 
 
 def _through_com(segments: list[Segment], com: Floats, radius: float) -> list[Segment]:
-    if min(distance_to_segment(com, *segment) for segment in segments) <= radius:
+    if min(geometry.distance_to_segment(com, *segment) for segment in segments) <= radius:
         return segments
-    nearest = min(segments, key=lambda segment: distance_to_segment(com, *segment))
+    nearest = min(segments, key=lambda segment: geometry.distance_to_segment(com, *segment))
     others = [segment for segment in segments if segment is not nearest]
     halves = [(nearest[0], com), (com, nearest[1])]
     return [*others, *(half for half in halves if np.linalg.norm(half[1] - half[0]) > NO_LENGTH)]
@@ -159,12 +144,12 @@ def _thickness(mass: float, segments: list[Segment]) -> float:
     return float(roots[np.isclose(roots.imag, 0.0) & (roots.real > 0.0)].real[0])
 
 
-def _capsule(name: str, link: int, segment: Segment, radius: float) -> Shape:
-    pose, capsule = capsule_between(segment[0], segment[1], radius)
-    return Shape(name, link, identity_pose() @ pose, capsule)
+def _capsule(name: str, link: int, segment: Segment, radius: float) -> geometry.Shape:
+    pose, capsule = geometry.capsule_between(segment[0], segment[1], radius)
+    return geometry.Shape(name, link, identity_pose() @ pose, capsule)
 
 
-def table_shapes(path: Path, model: RobotModel) -> Geometry | None:
+def table_shapes(path: Path, model: RobotModel) -> geometry.Geometry | None:
     """Return the capsules of a robot table; None where it has none."""
     table = load_toml(path, RobotTable)
     if not table.capsule:
@@ -172,15 +157,15 @@ def table_shapes(path: Path, model: RobotModel) -> Geometry | None:
     shapes = []
     for row in table.capsule:
         start, end = np.array(row.from_m, dtype=float), np.array(row.to_m, dtype=float)
-        pose, capsule = capsule_between(start, end, row.radius_m)
+        pose, capsule = geometry.capsule_between(start, end, row.radius_m)
         try:
             link = model.frame(row.frame).link
             name = model.base if link < 0 else model.link_names[link]
-            shapes.append(shape_on(table.name, model, row.frame, name, pose, capsule))
+            shapes.append(geometry.shape_on(table.name, model, row.frame, name, pose, capsule))
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
     origin = f"capsules of the table of {table.name}, {table.capsules_from}"
-    return Geometry(model.name, tuple(shapes), origin, assumed=True)
+    return geometry.Geometry(model.name, tuple(shapes), origin, assumed=True)
 
 
 def urdf_shapes(
@@ -190,13 +175,13 @@ def urdf_shapes(
     path: Path | None,
     packages: Sequence[Path] = (),
     kind: Kind = "collision",
-) -> Geometry | None:
+) -> geometry.Geometry | None:
     """Return the shapes of a URDF, whose meshes are looked for beside `path`; None where it has none."""
     robot = urdf_root(content, where)
     wanted = kind
     if robot.find(f"link/{kind}/geometry") is None:
         kind = "visual" if kind == "collision" else "collision"
-    shapes: list[Shape] = []
+    shapes: list[geometry.Shape] = []
     for name, link in named_elements(where, robot, "link"):
         for number, element in enumerate(link.findall(kind), start=1):
             what = f'{where}: link "{name}": <{kind}> {number}'
@@ -204,36 +189,36 @@ def urdf_shapes(
                 continue
             form = _urdf_form(what, element, path, packages)
             with naming_the_file(where):
-                shapes.append(shape_on(what, model, name, name, origin_of(what, element), form))
+                shapes.append(geometry.shape_on(what, model, name, name, origin_of(what, element), form))
     if not shapes:
         return None
     looks_taken = wanted == "collision" and kind == "visual"
     notes = [f"{where}: has no collision shapes; what links look like is taken"] if looks_taken else []
-    if bare := links_without_shape(model, shapes):
+    if bare := geometry.links_without_shape(model, shapes):
         notes.append(f"{where}: links without a shape, whose collisions are unchecked: {', '.join(bare)}")
-    return Geometry(model.name, tuple(shapes), f"the {kind} shapes of {where}", notes=tuple(notes))
+    return geometry.Geometry(model.name, tuple(shapes), f"the {kind} shapes of {where}", notes=tuple(notes))
 
 
-def _urdf_form(what: str, element: Element, path: Path | None, packages: Sequence[Path]) -> Form:
-    geometry = element.find("geometry")
-    assert geometry is not None
-    found = [each for each in geometry if each.tag in URDF_FORMS]
+def _urdf_form(what: str, element: Element, path: Path | None, packages: Sequence[Path]) -> geometry.Form:
+    stated = element.find("geometry")
+    assert stated is not None
+    found = [each for each in stated if each.tag in URDF_FORMS]
     if len(found) != 1:
-        got = ", ".join(f"<{cut(each.tag)}>" for each in geometry) or "nothing"
+        got = ", ".join(f"<{cut(each.tag)}>" for each in stated) or "nothing"
         raise FileFormatError(f"{what}: <geometry> holds {got}: expected one of {', '.join(URDF_FORMS)}")
     form = found[0]
     what = f"{what}: <{form.tag}>"
     if form.tag == "box":
         x, y, z = numbers_of(what, form, "size", 3)
-        return Box(float(x), float(y), float(z))
+        return geometry.Box(float(x), float(y), float(z))
     if form.tag == "sphere":
-        return Ball(number_of(what, form, "radius"))
+        return geometry.Ball(number_of(what, form, "radius"))
     if form.tag == "mesh":
         x, y, z = numbers_of(what, form, "scale", 3) if "scale" in form.attrib else (1.0, 1.0, 1.0)
         mesh = _mesh(what, form.get("filename"), path, packages)
-        return MeshFile(mesh, (float(x), float(y), float(z)))
+        return geometry.MeshFile(mesh, (float(x), float(y), float(z)))
     radius, length = number_of(what, form, "radius"), number_of(what, form, "length")
-    return Cylinder(radius, length) if form.tag == "cylinder" else Capsule(radius, length)
+    return geometry.Cylinder(radius, length) if form.tag == "cylinder" else geometry.Capsule(radius, length)
 
 
 def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Path]) -> Path:
@@ -265,7 +250,7 @@ def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Pat
     raise FileFormatError(f"{what}: no mesh {cut(name)}{hint}")
 
 
-def mjcf_shapes(path: Path, model: RobotModel) -> Geometry | None:
+def mjcf_shapes(path: Path, model: RobotModel) -> geometry.Geometry | None:
     """Return the shapes of an MJCF file; None where it has none."""
     content = read_bounded(path, MOST_XML)
     refuse_too_much(path, content, included_files(path, content))
@@ -273,7 +258,7 @@ def mjcf_shapes(path: Path, model: RobotModel) -> Geometry | None:
     m = c.model
     colliding = [g for g in range(m.ngeom) if m.geom_contype[g] or m.geom_conaffinity[g]]
     taken = colliding or list(range(m.ngeom))
-    shapes: list[Shape] = []
+    shapes: list[geometry.Shape] = []
     unknown = []
     for geom in taken:
         form = _mjcf_form(c, geom)
@@ -284,32 +269,32 @@ def mjcf_shapes(path: Path, model: RobotModel) -> Geometry | None:
             continue
         pose = Pose(rotation_from_quaternion(m.geom_quat[geom]), np.array(m.geom_pos[geom]))
         with naming_the_file(str(path)):
-            shapes.append(shape_on(f'{path}: geom {geom} of "{own}"', model, own, own, pose, form))
+            shapes.append(geometry.shape_on(f'{path}: geom {geom} of "{own}"', model, own, own, pose, form))
     if not shapes:
         return None
     notes = left_out("shapes that are neither simple nor meshes", unknown)
-    if bare := links_without_shape(model, shapes):
+    if bare := geometry.links_without_shape(model, shapes):
         notes.append(f"{path}: bodies without a shape, whose collisions are unchecked: {', '.join(bare)}")
     kind = "colliding geoms" if colliding else "geoms"
-    return Geometry(model.name, tuple(shapes), f"the {kind} of {path}", notes=tuple(notes))
+    return geometry.Geometry(model.name, tuple(shapes), f"the {kind} of {path}", notes=tuple(notes))
 
 
-def _mjcf_form(c: CompiledMjcf, geom: int) -> Form | None:
+def _mjcf_form(c: CompiledMjcf, geom: int) -> geometry.Form | None:
     """Return a geom's form; None for height fields and the like. MuJoCo's sizes are half lengths."""
     m, kinds = c.model, c.mujoco.mjtGeom
     kind = c.mujoco.mjtGeom(m.geom_type[geom])
     x, y, z = (float(v) for v in m.geom_size[geom])
-    forms: dict[object, Form] = {
-        kinds.mjGEOM_PLANE: HalfSpace(),
-        kinds.mjGEOM_SPHERE: Ball(x),
-        kinds.mjGEOM_CAPSULE: Capsule(x, 2.0 * y),
-        kinds.mjGEOM_CYLINDER: Cylinder(x, 2.0 * y),
-        kinds.mjGEOM_BOX: Box(2.0 * x, 2.0 * y, 2.0 * z),
-        kinds.mjGEOM_ELLIPSOID: Ellipsoid(x, y, z),
+    forms: dict[object, geometry.Form] = {
+        kinds.mjGEOM_PLANE: geometry.HalfSpace(),
+        kinds.mjGEOM_SPHERE: geometry.Ball(x),
+        kinds.mjGEOM_CAPSULE: geometry.Capsule(x, 2.0 * y),
+        kinds.mjGEOM_CYLINDER: geometry.Cylinder(x, 2.0 * y),
+        kinds.mjGEOM_BOX: geometry.Box(2.0 * x, 2.0 * y, 2.0 * z),
+        kinds.mjGEOM_ELLIPSOID: geometry.Ellipsoid(x, y, z),
     }
     if kind != kinds.mjGEOM_MESH:
         return forms.get(kind)
     mesh = int(m.geom_dataid[geom])
     v, f = int(m.mesh_vertadr[mesh]), int(m.mesh_faceadr[mesh])
     vertices = np.array(m.mesh_vert[v : v + int(m.mesh_vertnum[mesh])], dtype=float)
-    return TriangleMesh(vertices, np.array(m.mesh_face[f : f + int(m.mesh_facenum[mesh])], dtype=np.int64))
+    return geometry.TriangleMesh(vertices, np.array(m.mesh_face[f : f + int(m.mesh_facenum[mesh])], dtype=np.int64))

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.spatial import STANDARD_GRAVITY
+from catenary.spatial import STANDARD_GRAVITY, angle_between
 from catenary.units import ACCELERATION_UNITS
 
 FEWEST = 6  # readings: bias and scale are six numbers
@@ -104,7 +104,7 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
         raise InputError("align: all directions are parallel: tilt the base by 10 degrees or more, or turn it over")
     mirrored = np.linalg.det(U @ Vt) < 0.0
     rotation: Floats = U @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ Vt
-    residual = float(np.degrees(np.sqrt(np.mean(_between(told, force @ rotation.T) ** 2))))
+    residual = float(np.degrees(np.sqrt(np.mean(angle_between(told, force @ rotation.T) ** 2))))
     faults: list[str] = []
     shows_mirror, orthogonal = mirrored and sizes[2] > _FLAT * sizes[0], U @ Vt  # the mirror that fits
     # two directions cannot show a mirror, but all of them upside down do
@@ -132,7 +132,7 @@ def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> tupl
     (N, 3) and up (N, 3) in base axes.
     """
     rows = np.array([as_array("reading", reading, (3,)) for reading in (level, roll, pitch)])
-    a, b = _between(rows[0], rows[1]), _between(rows[0], rows[2])
+    a, b = angle_between(rows[0], rows[1]), angle_between(rows[0], rows[2])
     return rows, np.array([[0.0, 0.0, 1.0], [0.0, np.sin(a), np.cos(a)], [-np.sin(b), 0.0, np.cos(b)]])
 
 
@@ -168,12 +168,6 @@ def _axes_text(matrix: Floats) -> str:
     """Return, in words, the nearest axis to each of the sensor's."""
     nearest = np.argmax(np.abs(matrix), axis=0)
     return ", ".join(f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0 else '+'}{'xyz'[k]}" for j, k in enumerate(nearest))
-
-
-def _between(a: Floats, b: Floats) -> Floats:
-    """Return the angle between vectors (..., 3) [rad]."""
-    angle: Floats = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
-    return angle
 
 
 def _rotation_deg(matrix: Floats) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.errors import ExcitationError, InputError
+from catenary.spatial import angle_between
 from catenary.verdict.finding import Finding
 
 FEWEST = 4  # poses
@@ -114,7 +115,7 @@ def wrist_tool_findings(tool: WristTool, force: ArrayLike, rotation: ArrayLike, 
     pull, left_by_tilt = _solved(of_base, forces)
     of_sensor = np.hstack([np.einsum("nj,ik->nikj", down, np.eye(3)).reshape(-1, 9), bias])
     gains, left_by_axes = _solved(of_sensor, forces)
-    angle = float(np.arctan2(np.linalg.norm(np.cross(pull[:3], stated)), pull[:3] @ stated))
+    angle = float(angle_between(pull[:3], stated))
     matrix = gains[:9].reshape(3, 3) / tool.mass
     off = float(np.abs(matrix - np.eye(3)).max())
     if left_by_tilt < MUCH_BETTER * before and angle > TURNED and left_by_tilt <= left_by_axes:

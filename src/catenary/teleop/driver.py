@@ -3,11 +3,166 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import MappingProxyType
+from typing import NamedTuple
 
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.kinematics import jacobian
 from catenary.errors import CatenaryError, TransportError
-from catenary.plant import OperatingState, Plant, StateCommand, state_in_words
+from catenary.plant import Bounded, OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
-from catenary.teleop.key_motion import FASTER, SLOWER, TeleopMotion
+
+FORWARD, BACKWARD = "qwertyuio", "asdfghjkl"  # a joint each; nine at most
+AXES = {
+    "up": (0, 1.0),
+    "down": (0, -1.0),
+    "left": (1, 1.0),
+    "right": (1, -1.0),
+    "page up": (2, 1.0),
+    "page down": (2, -1.0),
+}  # of the base frame, and the direction along them
+FASTER, SLOWER = "+=", "-_"  # with and without Shift
+SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)  # times JOINT_SPEED and TIP_SPEED
+FIRST_SPEED = 2
+JOINT_SPEED = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
+TIP_SPEED = 0.01  # [m/s]
+DAMPING = 0.002  # of the inverse Jacobian [m]: near singular poses the tip slows down, joints do not race
+_ROUNDING = 1e-9
+TIMEOUT = 0.15  # [s] after the last repeat of a key, from which its motion ramps down
+RAMP = 0.1  # [s] from rest to full speed, and back
+
+
+class DeadMan:
+    """The keys that are held, and the share of full speed, 0 to 1, that each of them has."""
+
+    def __init__(self) -> None:
+        self.shares: dict[str, float] = {}
+        self._pressed: dict[str, float] = {}  # when a key came last [s]
+
+    def press(self, key: str, now: float) -> None:
+        """Take a key, or a repeat of it, at a time [s]."""
+        self._pressed[key] = now
+        self.shares.setdefault(key, 0.0)
+
+    def stop(self) -> None:
+        """Release all keys, without a ramp."""
+        self._pressed.clear()
+        self.shares.clear()
+
+    def update(self, now: float, period: float) -> dict[str, float]:
+        """Ramp every key's share up or down for a tick of `period` [s], and return those of the keys that move."""
+        for key, pressed in list(self._pressed.items()):
+            is_held = now - pressed <= TIMEOUT
+            share = self.shares[key] + (period if is_held else -period) / RAMP
+            self.shares[key] = min(max(share, 0.0), 1.0)
+            if not is_held and share <= 0.0:
+                del self.shares[key], self._pressed[key]
+        return self.shares
+
+
+class TeleopStep(NamedTuple):
+    """The motion of one tick."""
+
+    q: Floats | None  # (n,) [rad|m] where to go; None: nothing moves
+    blocked: tuple[str, ...]  # joints at a limit that the keys ask to pass
+
+
+class TeleopMotion:
+    """Velocities of joints, and of the tip in base axes, by the keys that are held."""
+
+    def __init__(self, joints: Bounded, model: RobotModel | None) -> None:
+        """Take a robot's joints, and the model of those among them, the first ones, that place its tip."""
+        self.joint_names, self.joint_units = joints.joint_names, joints.joint_units
+        self._lower, self._upper = np.array(joints.lower), np.array(joints.upper)
+        self._model = model
+        self._speed = FIRST_SPEED
+        n = len(self.joint_names)
+        self._moves = {  # joint and direction of each key
+            key: (joint, sign)
+            for keys, sign in ((FORWARD, 1.0), (BACKWARD, -1.0))
+            for joint, key in enumerate(keys[:n])
+        }
+        self._full_speed = np.array([JOINT_SPEED[unit] for unit in self.joint_units])
+        self._dead_man = DeadMan()
+        self._q: Floats | None = None  # where the motion has led, until it ends
+
+    @property
+    def speed(self) -> float:
+        """Factor on JOINT_SPEED and TIP_SPEED."""
+        return SPEEDS[self._speed]
+
+    @property
+    def is_moving(self) -> bool:
+        """A joint is under way."""
+        return self._q is not None
+
+    def press(self, key: str, now: float) -> bool:
+        """Take a key at a time [s], and return whether it is one of motion or speed."""
+        if key in FASTER:
+            self._speed = min(self._speed + 1, len(SPEEDS) - 1)
+        elif key in SLOWER:
+            self._speed = max(self._speed - 1, 0)
+        elif key in self._moves or (key in AXES and self._model is not None):
+            self._dead_man.press(key, now)
+        else:
+            return False
+        return True
+
+    def stop(self) -> None:
+        """End all motion at once."""
+        self._dead_man.stop()
+        self._q = None
+
+    def step(self, q: Floats, now: float, period: float) -> TeleopStep:
+        """Move on by a tick of `period` [s] at `press`'s time [s]; a motion sets off from setpoint q (n,) [rad|m]."""
+        shares = self._dead_man.update(now, period)
+        if not shares:
+            self._q = None
+            return TeleopStep(None, ())
+        start = np.array(q) if self._q is None else self._q
+        own, tip = self._joint_step(shares, period), self._tip_step(start, shares, period)
+        # a joint that is beyond a limit, as after homing against a stop, may come back
+        low, high = np.minimum(self._lower, start), np.maximum(self._upper, start)
+        blocked = self._beyond(start + own + tip, low, high)
+        if blocked and tip.any() and self._beyond(start + tip, low, high):
+            tip = np.zeros(len(start))  # all of it: the tip stays on its line
+        self._q = np.clip(start + own + tip, low, high)
+        return TeleopStep(self._q.copy(), blocked)
+
+    def _joint_step(self, shares: Mapping[str, float], period: float) -> Floats:
+        """Return the joint steps (n,) that the joints' own keys ask for."""
+        step = np.zeros(len(self.joint_names))
+        for key, share in shares.items():
+            if key in self._moves:
+                j, sign = self._moves[key]
+                step[j] += sign * share * self.speed * self._full_speed[j] * period
+        return step
+
+    def _tip_step(self, q: Floats, shares: Mapping[str, float], period: float) -> Floats:
+        """Return joint steps (n,) that move the tip as its keys ask; a tool that can turn keeps its orientation."""
+        step = np.zeros(len(q))
+        velocity = np.zeros(6)
+        for key, share in shares.items():
+            if key in AXES:
+                axis, sign = AXES[key]
+                velocity[axis] += sign * share * self.speed * TIP_SPEED
+        if self._model is None or not velocity.any():
+            return step
+        k = self._model.n
+        rows = 6 if k >= 6 else 3
+        scale = np.where(np.array(self.joint_units[:k]) == "m", 0.1, 1.0)  # 0.1 m weighs as much as 1 rad
+        weighted = jacobian(self._model, q[:k])[:rows] * scale
+        square = weighted @ weighted.T + DAMPING**2 * np.eye(rows)
+        qd = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))
+        fastest = float((np.abs(qd) / (2.0 * self.speed * self._full_speed[:k])).max())
+        step[:k] = qd * period / max(1.0, fastest)
+        return step
+
+    def _beyond(self, q: Floats, low: Floats, high: Floats) -> tuple[str, ...]:
+        bad = (q < low - _ROUNDING) | (q > high + _ROUNDING)
+        return tuple(self.joint_names[j] for j in np.flatnonzero(bad))
+
 
 TWICE = 2.0  # [s] within which the key that homes comes a second time
 HOLD = " "

@@ -7,8 +7,7 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError
 from catenary.plant import Plant
 from catenary.robots.model import RobotModel
-from catenary.teleop.driver import TeleopDriver
-from catenary.teleop.key_motion import BACKWARD, FORWARD, RAMP, TIMEOUT
+from catenary.teleop.driver import BACKWARD, FORWARD, RAMP, TIMEOUT, TeleopDriver
 from catenary.teleop.terminal import KeyReader, RawTerminal
 from catenary.units import in_words
 from catenary.visible import range_bar, visible

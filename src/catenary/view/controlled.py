@@ -8,8 +8,7 @@ from pathlib import Path
 from catenary.errors import CatenaryError
 from catenary.monitor import Snapshot
 from catenary.plant import Bounded
-from catenary.teleop.driver import COMMANDS, HOLD, TeleopDriver
-from catenary.teleop.key_motion import AXES, BACKWARD, FORWARD
+from catenary.teleop.driver import AXES, BACKWARD, COMMANDS, FORWARD, HOLD, TeleopDriver
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes
 from catenary.view.shown import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl, Shown

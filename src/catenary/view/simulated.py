@@ -22,24 +22,16 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY
+from catenary.view import steering
 from catenary.view import surroundings as around
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
 from catenary.view.shown import Change, Shown, Value
 from catenary.view.state import ViewState
-from catenary.view.steering import (
-    ChosenController,
-    Motion,
-    SteeredTrajectory,
-    SwitchedCorrector,
-    quick_way,
-    random_motions,
-    zigzags,
-)
 from catenary.view.surroundings import Surroundings, driving_tabs
 from catenary.view.watched import operating_in_words, view_state
-from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
+from catenary.workflows.gravity.trials import make_controller, make_hold
 
 SHOW_EVERY = 40  # ticks: 25 states a second, which the page draws 20 of at most
 LISTEN_EVERY = 10  # ticks
@@ -79,12 +71,12 @@ class DrivenArm:
         self._corrector = None if loaded is None else self._switched(loaded)
         self._controllers: dict[str, SplitController] = {k: make_controller(k, self.arm) for k in ("pd", "sg", "dg")}
         self._controllers["hold"] = make_hold("dg", self.arm)
-        self._controller = ChosenController(self._controllers["dg"])
+        self._controller = steering.ChosenController(self._controllers["dg"])
         self.control = around.OWN if model is not None else "PD + sensed gravity (DG)"
         self._goal = np.array(self._plant.measured_js().q)
         self.motion = around.RANDOM
-        self._recipe: Motion | None = None
-        self._trajectory = SteeredTrajectory(self._goal)
+        self._recipe: steering.Motion | None = None
+        self._trajectory = steering.SteeredTrajectory(self._goal)
         self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
         self._robot = robot
         self._said: tuple[float, str] = (-np.inf, "")
@@ -125,7 +117,7 @@ class DrivenArm:
         """Run the control loop until something ends it; it ends by an exception, with the arm held and paused."""
         own = self.control == around.OWN
         start = self._plant.setpoint_js().q if own else self._plant.measured_js().q
-        self._trajectory = SteeredTrajectory(np.array(start))
+        self._trajectory = steering.SteeredTrajectory(np.array(start))
         if self._recipe is not None:
             self._trajectory.follow(self._recipe)
         return run_loop(
@@ -234,11 +226,11 @@ class DrivenArm:
 
     def _choose_motion(self, motion: str) -> None:
         plant, model = self._plant, self.arm.model
-        recipes: dict[str, Callable[[], Motion | None]] = {
+        recipes: dict[str, Callable[[], steering.Motion | None]] = {
             around.REST: lambda: None,
-            around.GO_TO: lambda: lambda q: quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
-            around.RANDOM: lambda: random_motions(model, plant, self._rng),
-            around.ZIGZAG: lambda: zigzags(plant),
+            around.GO_TO: lambda: lambda q: steering.quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
+            around.RANDOM: lambda: steering.random_motions(model, plant, self._rng),
+            around.ZIGZAG: lambda: steering.zigzags(plant),
         }
         self._recipe = recipes[motion]()
         self.motion = motion
@@ -274,9 +266,9 @@ class DrivenArm:
 
     # setting up
 
-    def _switched(self, loaded: CalibrationModel) -> SwitchedCorrector:
+    def _switched(self, loaded: CalibrationModel) -> steering.SwitchedCorrector:
         corrector = Corrector(loaded, rate_hz=1.0 / self._plant.period)
         whole = self.surroundings.plant
         corrector.prepare(whole.joint_names, whole.joint_units, 1.0 / self._plant.period)
         measured = (lambda _: whole.measured_js()) if isinstance(whole, CablePlant) else (lambda state: state)
-        return SwitchedCorrector(corrector, measured, self._n, self._plant.period)
+        return steering.SwitchedCorrector(corrector, measured, self._n, self._plant.period)

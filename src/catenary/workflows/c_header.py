@@ -18,15 +18,9 @@ from jinja2 import Environment
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
+from catenary.dynamics import lines
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.dynamics.law_lines import drives_line, friction_line
-from catenary.dynamics.lines import (
-    gravity_line,
-    gravity_regressor_line,
-    holding_line,
-    inverse_dynamics_line,
-    mass_matrix_line,
-)
 from catenary.errors import InputError
 from catenary.files import write_atomically
 from catenary.gravity.compact_regressor import compact_regressor
@@ -120,7 +114,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
     """Return what the header says of gravity: lines, and values to check them by."""
     if not np.isfinite(model.coupling).all() or not np.isfinite(model.offset).all():
         raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
-    gravity, compact = gravity_line(model), compact_regressor(model)
+    gravity, compact = lines.gravity_line(model), compact_regressor(model)
     at: dict[str, Any] = {  # a value for every joint, none of them zero
         array: [0.1 * (step * k % 7 + 1) for k in range(model.n)] for step, array in enumerate(("q", "qd", "qdd"), 1)
     }
@@ -132,7 +126,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
         "sines": c_sines(name),
         "gravity": gravity,
         "gravity_there": evaluate(gravity, q=at["q"], gravity=at["gravity"]),
-        "regressor": gravity_regressor_line(model),
+        "regressor": lines.gravity_regressor_line(model),
         "at": at,
         **({"compact": compact} if compact.labels else {}),
     }
@@ -140,10 +134,10 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
 
 def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None) -> dict[str, Any]:
     """Return what the header says of a motion, which needs moments of inertia."""
-    motion = inverse_dynamics_line(model)
+    motion = lines.inverse_dynamics_line(model)
     told: dict[str, Any] = {
-        "mass": mass_matrix_line(model),
-        "holding": holding_line(model),
+        "mass": lines.mass_matrix_line(model),
+        "holding": lines.holding_line(model),
         "motion": motion,
         "motion_there": evaluate(motion, **at),
         "loads": loads,

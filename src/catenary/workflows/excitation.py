@@ -13,8 +13,7 @@ from catenary.arrays import Floats
 from catenary.collision.scene import POSES, Names, scene_of
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.identification.excitation import Excitation, fourier_motion, static_poses
-from catenary.identification.motion_limits import MotionLimits, Room
+from catenary.identification.excitation import Excitation, MotionLimits, Room, fourier_motion, static_poses
 from catenary.plant import Jointed
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
@@ -66,19 +65,11 @@ class DesignedMotion:
         design, scene, checked = self.design, self.limits.scene, self.design.checked
         collisions: dict[str, Any] = {"checked": scene is not None}
         if scene is not None:
-            collisions |= {
-                "shapes": scene.origin,
-                "assumed": scene.assumed,
-                "pairs": len(scene.pairs),
-                "margin_mm": 1000.0 * self.limits.margin,
-            }
-        if checked is not None and checked.clearance is not None:
-            collisions["closest"] = {
-                "pair": list(checked.clearance.pair),
-                "distance_mm": 1000.0 * checked.clearance.distance,
-                "time_s": checked.clearance.time,
-            }
-            collisions["instants"] = checked.clearance.instants
+            collisions |= {"shapes": scene.origin, "assumed": scene.assumed, "pairs": len(scene.pairs)}
+            collisions["margin_mm"] = 1000.0 * self.limits.margin
+        if checked is not None and (found := checked.clearance) is not None:
+            apart = {"distance_mm": 1000.0 * found.distance, "time_s": found.time}
+            collisions |= {"closest": {"pair": list(found.pair), **apart}, "instants": found.instants}
         content: dict[str, Any] = {
             "robot": self.limits.model.name,
             "terms": design.terms,
@@ -152,13 +143,8 @@ def _limits(
     return limits, notes
 
 
-def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
-    """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv by its name."""
-    write_motion(path, model, design.time, design.q, design.qd, design.qdd)
-
-
 def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Floats, qdd: Floats) -> None:
-    """Write N rows of a motion as `write_excitation` does."""
+    """Write N rows: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv by its name."""
     if path.suffix.lower() == ".csv":
         named = list(zip(joints.joint_names, joints.joint_units, strict=True))
         kinds = (("q", ""), ("dq", "/s"), ("ddq", "/s2"))

@@ -13,7 +13,7 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import NOTHING, Mend, retimed_by
 from catenary.reports.overlay import overlay
-from catenary.reports.page import Table, TableColumn
+from catenary.reports.page import Column, Table
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
 from catenary.verdict.check import findings_of, robot_of
@@ -210,11 +210,8 @@ def _table(joints: Sequence[dict[str, Any]], *, measured: bool) -> Table:
         low, high = (DISPLAY[j["unit"]][1] * j[key] for key in ("lowest", "highest"))
         return f"{low:.2f} to {high:.2f} {j['error_unit']}"
 
-    def share(j: dict[str, Any]) -> str:
-        return "-" if j["share_of_limits"] is None else f"{100.0 * j['share_of_limits']:.0f} %"
-
-    columns = [TableColumn("joint", "name"), TableColumn("range", reach), TableColumn("of limits", share)]
-    columns.append(TableColumn("reversals", "reversals"))
-    seen = {"error RMS": ("error_rms", ".3f"), "largest": ("error_largest", ".2f")}
-    seen |= {heading: (heading, ".2f") for heading in ("hysteresis", "slack")}
-    return Table([*columns, *(TableColumn(heading, *key) for heading, key in seen.items() if measured)], joints)
+    columns: list[Column] = [("joint", "name"), ("range", reach), ("of limits", "share_of_limits:.0f %"), "reversals"]
+    if measured:
+        columns += [("error RMS", "error_rms:.3f"), ("largest", "error_largest:.2f")]
+        columns += [(width, f"{width}:.2f") for width in ("hysteresis", "slack")]
+    return Table(columns, joints)

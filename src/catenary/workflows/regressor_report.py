@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from catenary.arrays import Floats
 from catenary.gravity.compact_regressor import CompactRegressor, compact_regressor
 from catenary.gravity.gravity_regressor import standard_gravity_parameters, standard_labels
@@ -20,8 +22,8 @@ class RegressorReport:
     model: RobotModel
     compact: CompactRegressor
     bases: dict[str, BaseParameters]  # "level", "tilted", "turning"
-    standard_values: Floats | None  # (4 n_links,) None when links have no inertia
-    compact_values: Floats | None  # (p,)
+    standard_values: Floats  # (4 n_links,) NaN where links have no inertia
+    compact_values: Floats  # (p,)
 
     @property
     def unknown(self) -> list[int]:
@@ -46,10 +48,8 @@ class RegressorReport:
         names = [labels[parameter] for parameter in self.unknown]
         return tuple(base.describe(k, names, digits=4) for k in range(base.count))
 
-    def base_values(self, name: str) -> Floats | None:
-        """Return the values of a base's parameters, None when links have no inertia."""
-        if self.standard_values is None:
-            return None
+    def base_values(self, name: str) -> Floats:
+        """Return the values of a base's parameters, NaN where links have no inertia."""
         values: Floats = self.bases[name].combination @ self.standard_values[self.unknown]
         return values
 
@@ -94,13 +94,11 @@ class RegressorReport:
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in kg and kg m."""
         form, names = self.compact, standard_labels(self.model)
-        compact_values = _listed(self.compact_values, len(form.labels))
-        columns = zip(form.labels, form.units, compact_values, strict=True)
+        columns = zip(form.labels, form.units, self.compact_values, strict=True)
         parameters = [
             {"name": f"s{k}", "expression": label, "unit": unit, "value": value}
             for k, (label, unit, value) in enumerate(columns, 1)
         ]
-        standard_values = _listed(self.standard_values, len(names))
         kinds = zip(self.identifiable("level"), self.identifiable("tilted"), strict=True)
         return {
             "robot": self.model.name,
@@ -112,7 +110,7 @@ class RegressorReport:
             },
             "standard": [
                 {"name": name, "value": value, "level_base": level, "tilted_base": tilted}
-                for name, value, (level, tilted) in zip(names, standard_values, kinds, strict=True)
+                for name, value, (level, tilted) in zip(names, self.standard_values, kinds, strict=True)
             ],
             "base": {name: self._base_data(name) for name in self.bases},
             "added_by_tilting": list(self.added_by_tilting()),
@@ -121,7 +119,7 @@ class RegressorReport:
 
     def _base_data(self, name: str) -> dict[str, Any]:
         base = self.bases[name]
-        columns = zip(self.combinations(name), _listed(self.base_values(name), base.count), strict=True)
+        columns = zip(self.combinations(name), self.base_values(name), strict=True)
         return {
             "rank": base.count,
             "of": len(standard_labels(self.model)),
@@ -134,7 +132,7 @@ def describe_regressor(model: RobotModel) -> RegressorReport:
     """Describe a robot's gravity regressor; values need inertia, everything else does not."""
     compact = compact_regressor(model)
     model = compact.model  # its quarter turns exact
-    known = not model.missing_inertia
+    known, unknown = not model.missing_inertia, np.full(4 * len(model.link_names), np.nan)
     return RegressorReport(
         model=model,
         compact=compact,
@@ -143,10 +141,6 @@ def describe_regressor(model: RobotModel) -> RegressorReport:
             "tilted": gravity_base_parameters(model, TILTED),
             "turning": gravity_base_parameters(model, None),
         },
-        standard_values=standard_gravity_parameters(model).values if known else None,
-        compact_values=compact.parameters() if known else None,
+        standard_values=standard_gravity_parameters(model).values if known else unknown,
+        compact_values=compact.parameters() if known else np.full(len(compact.labels), np.nan),
     )
-
-
-def _listed(values: Floats | None, count: int) -> list[float | None]:
-    return [None] * count if values is None else [float(v) for v in values]

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 
 from catenary import gravity_torque, load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains
+from catenary.workflows.gravity.trials import RAVEN_START
 from papers.experiment import Result
 from papers.gravity import own_compensation
 from papers.gravity.own_compensation import DG, LAWS, LEVEL, PD, SG, TOLD, held

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from catenary import load_robot
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.trajectories.cartesian import CartesianSinusoids
-from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.trials import RAVEN_START
 from papers.experiment import Case, Scope
 from papers.gravity import frequency
 from papers.gravity.frequency import ACCELEROMETER, FREQUENCIES, NONE, UNIT, responses

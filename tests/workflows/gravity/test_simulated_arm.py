@@ -12,9 +12,8 @@ from catenary.sensing.imu import SensedGravity
 from catenary.simulation.base_motion import SwayingBase, Wave
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Rest
-from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import base_sensor, rigid_arm, simulated_arm, with_gains
-from catenary.workflows.gravity.trials import track
+from catenary.workflows.gravity.trials import make_controller, track
 
 UR5E = "examples/ur5e.urdf"
 DECK = SwayingBase(

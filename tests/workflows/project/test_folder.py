@@ -7,8 +7,15 @@ import pytest
 
 from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import json_text
-from catenary.workflows.project.folder import STEPS, Project, ProjectSettings, project_settings, write
-from catenary.workflows.project.state import StepsFile, read_state
+from catenary.workflows.project.folder import (
+    STEPS,
+    Project,
+    ProjectSettings,
+    StepsFile,
+    project_settings,
+    read_state,
+    write,
+)
 
 
 class Work:

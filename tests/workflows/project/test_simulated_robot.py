@@ -16,8 +16,9 @@ from catenary.simulation.cable_telemetry import telemetry_of
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project import robot as simulated_robot
-from catenary.workflows.project.calibrate import TEST, TRAIN, excitation, random_motion
+from catenary.workflows.project.calibrate import TEST, TRAIN, random_motion
 from catenary.workflows.project.folder import Project
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import SimulatedRobot
 from simulated_project import SHORT
@@ -33,7 +34,7 @@ def project(project_folder: Path) -> Project:
 
 def test_what_was_done_is_not_done_again(project: Project) -> None:
     assert not ROBOT.home(project)
-    assert not ROBOT.record(project, TRAIN, *excitation(project), after="home")
+    assert not ROBOT.record(project, TRAIN, *kind_of(project.settings).excitation(), after="home")
     assert not ROBOT.home(Project(project.folder, replace(SHORT, direction="J1", test_minutes=1.0)))
 
 

@@ -12,10 +12,9 @@ from catenary.recording.bag_reader import open_recording, open_recordings, rescu
 from catenary.recording.bag_writer import BagKind, write_group_bags
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
-from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.folder import Project, contents, describe, hold, missing, write
 from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.robot import empty
-from catenary.workflows.project.state import contents, describe, hold, missing
 
 
 def extract_recording(project: Project, name: str) -> bool:

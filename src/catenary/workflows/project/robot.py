@@ -31,20 +31,9 @@ from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import ProjectKind, kind_of
-from catenary.workflows.robot.homing import (
-    HOMING,
-    LOOK,
-    PATIENCE,
-    AnswerYes,
-    Check,
-    Guide,
-    clear_workspace,
-    have_done,
-    home_client,
-)
+from catenary.workflows.robot import homing
 from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, pause, paused_if_interrupted
-from catenary.workflows.robot.recorded_passes import record_passes
-from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off
+from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off, record_passes
 from catenary.workflows.simulated_recording import driven
 
 _log = logging.getLogger(__name__)
@@ -223,11 +212,11 @@ class RosRobot(ProjectRobot):
     def __init__(
         self,
         transport: Transport,
-        guide: Guide,
+        guide: homing.Guide,
         *,
         simulated: bool = False,
-        patience: float = PATIENCE,
-        homing_patience: float = HOMING,
+        patience: float = homing.PATIENCE,
+        homing_patience: float = homing.HOMING,
     ) -> None:
         """Take a transport, and how long [s] to wait for what a person does, and for homing."""
         self._transport, self._guide, self._simulated = transport, guide, simulated
@@ -300,21 +289,21 @@ class RosRobot(ProjectRobot):
     def _make_homed(self, client: CrtkClient, project: Project) -> None:
         """Home it if it is not, with encoders whose readings come."""
         if not self._is_clear:
-            clear_workspace(self._guide)
+            homing.clear_workspace(self._guide)
             self._is_clear = True
-        if isinstance(self._guide, AnswerYes) and client.operating_state().state == "FAULT":
+        if isinstance(self._guide, homing.AnswerYes) and client.operating_state().state == "FAULT":
             raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
         kind = kind_of(project.settings)
         if not client.operating_state().is_homed:
             self._have(kind.encoders, lambda: self._no_encoders(kind))  # their readings count from the homing on
-            home_client(client, self._guide, patience=self._homing_patience)
+            homing.home_client(client, self._guide, patience=self._homing_patience)
         if not self._comes(lambda: _not_registered(client, kind)):
             self._have(kind.encoders, lambda: _not_registered(client, kind))
 
     def _enable(self, client: CrtkClient) -> None:
         if client.operating_state().state == "ENABLED":
             return
-        if isinstance(self._guide, AnswerYes) or client.dialect == "crtk":  # a dVRK has no pedal that enables it
+        if isinstance(self._guide, homing.AnswerYes) or client.dialect == "crtk":  # a dVRK has no pedal that enables it
             client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
 
         self._have(
@@ -322,15 +311,15 @@ class RosRobot(ProjectRobot):
             lambda: None if (now := client.operating_state().state) == "ENABLED" else f"the robot is {now}",
         )
 
-    def _have(self, text: str, missing: Check) -> None:
-        have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
+    def _have(self, text: str, missing: homing.Check) -> None:
+        homing.have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
 
-    def _comes(self, missing: Check) -> bool:
+    def _comes(self, missing: homing.Check) -> bool:
         """Wait a little for what needs nobody's help; return whether the robot reports it."""
-        for _ in range(round(SOON / LOOK)):
+        for _ in range(round(SOON / homing.LOOK)):
             if missing() is None:
                 return True
-            self._transport.sleep(LOOK)
+            self._transport.sleep(homing.LOOK)
         return missing() is None
 
     def _no_encoders(self, kind: ProjectKind) -> str | None:
