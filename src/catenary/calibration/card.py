@@ -46,7 +46,8 @@ def model_card(
     # JSON has no infinity: null is no limit
     asked["max_error"] = run.max_error and [e if math.isfinite(e) else None for e in run.max_error]
     asked["accept"] = list(run.accept)
-    mean, spread_of = data.X.mean(axis=0), data.X.std(axis=0)
+    known = data.X[data.complete]
+    mean, spread_of = known.mean(axis=0), known.std(axis=0)
     return {
         "robot": run.robot if run.robot is not None else data.robot,
         "instrument": run.instrument,

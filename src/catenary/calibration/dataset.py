@@ -39,7 +39,7 @@ class TrainingSource:
 
 @dataclass(frozen=True)
 class CalibrationData:
-    """N usable rows of one or more recordings, in order."""
+    """N usable rows of one or more recordings, in order; features that are not known yet are NaN."""
 
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
@@ -83,6 +83,11 @@ class CalibrationData:
         columns = ("X", "q_nominal", "error", "leaping", "recording", "position", "time")
         return replace(self, **{name: getattr(self, name)[mask] for name in columns})
 
+    @property
+    def complete(self) -> NDArray[np.bool_]:
+        """Whether all features of a row are known, (N,): what can be learnt from."""
+        return np.asarray(np.isfinite(self.X).all(axis=1))
+
     def split_by_time(self, held_out: float) -> tuple["CalibrationData", "CalibrationData"]:
         """Return the first part of every recording and its last, whose share is `held_out`."""
         if not 0.0 < held_out < 1.0:
@@ -117,7 +122,12 @@ def date_of(seconds: float) -> str | None:
 
 
 def calibration_data(
-    logs: Sequence[MotionLog], features: FeatureSet, *, max_error: Floats | None = None, every: int = 1
+    logs: Sequence[MotionLog],
+    features: FeatureSet,
+    *,
+    max_error: Floats | None = None,
+    every: int = 1,
+    whole: bool = False,
 ) -> CalibrationData:
     """Collect the usable rows of recordings of one robot.
 
@@ -126,6 +136,8 @@ def calibration_data(
     Args:
         max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
         every: Take every such row of a recording alone; features follow all.
+        whole: Take rows before midlines are known, too, as a model's error is to be that of all rows: it gives the
+            fixed offset there.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
@@ -136,11 +148,11 @@ def calibration_data(
         if not (max_error > 0.0).all():
             raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
     has_time = all(log.time is not None for log in logs)
-    work = partial(_usable_rows, features=features, max_error=max_error, every=every, has_time=has_time)
+    work = partial(_usable_rows, features=features, max_error=max_error, every=every, whole=whole, has_time=has_time)
     parts, sources = zip(*of_each(work, logs), strict=True)
     X, q_nominal, error, leaping, position, time = map(np.concatenate, zip(*parts, strict=True))
     recording = np.repeat(np.arange(len(logs)), [len(part[0]) for part in parts])
-    if len(X) == 0:
+    if not np.isfinite(X).all(axis=1).any():
         raise InputError(
             "data: no usable row in "
             + "; ".join(
@@ -171,7 +183,14 @@ def calibration_data(
 
 
 def _usable_rows(
-    log: MotionLog, _: Progress, *, features: FeatureSet, max_error: Floats | None, every: int, has_time: bool
+    log: MotionLog,
+    _: Progress,
+    *,
+    features: FeatureSet,
+    max_error: Floats | None,
+    every: int,
+    whole: bool,
+    has_time: bool,
 ) -> tuple[tuple[NDArray[Any], ...], TrainingSource]:
     """Return X, q_nominal, error, leaping, position and time of a recording's usable rows, and what was left out."""
     if log.q_encoder is None:
@@ -180,7 +199,7 @@ def _usable_rows(
     q, ok = log.q_nominal[::every], log.ok[::every]
     error = log.q_encoder[::every] - q
     complete = np.isfinite(X).all(axis=1)
-    usable = ok & complete
+    usable = ok & (complete | whole)
     far = np.zeros(error.shape, dtype=bool)
     if max_error is not None:
         far[usable] = np.abs(error[usable]) > max_error
@@ -244,12 +263,16 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     for i, source in enumerate(data.sources):
         left_out = {
             "without measurement": source.without_truth,
-            "before midlines are known": source.incomplete,
             f"beyond the error limit ({counted(source.beyond)})": source.dropped,
         }
         text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
         if text:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
+        if source.incomplete:
+            notes.append(
+                f"{source.name}: {source.incomplete} of {source.rows} rows lie before midlines are known: no model "
+                "learns from them, and one with midlines gives the fixed offset there"
+            )
         if source.leaps:
             notes.append(f"{source.name}: play states did not follow leaps of {counted(source.leaps)}")
         if strange := int(data.leaping[data.recording == i].sum()):

@@ -107,11 +107,12 @@ def _rows(logs: Sequence[MotionLog], features: FeatureSet, run: FitRun) -> Rows:
     """Return the rows that are fitted to, those held out, and all of them."""
     count = sum(len(log) for log in logs)
     every = 1 if count <= MOST_ROWS else -(-count // SAMPLED_ROWS)  # neighbours in a longer recording tell hardly more
-    everything = calibration_data(logs, features, max_error=error_limits(run.max_error, logs[0]), every=every)
+    limits = error_limits(run.max_error, logs[0])
+    everything = calibration_data(logs, features, max_error=limits, every=every, whole=True)
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
-    _require_rows(data, run.folds)
+    _require_rows(data.rows(data.complete), run.folds)
     return data, late, everything
 
 
@@ -178,6 +179,7 @@ def _off_path(model: CalibrationModel, data: CalibrationData) -> Floats:
     """
     if model.kind == "offset":
         return np.zeros_like(model.offset)
+    data = data.rows(data.complete)
     linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
     joints = model.features.joints  # whose position, torque and memory go together
     rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(joints)}

@@ -141,7 +141,9 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
     """Fit a calibration model to rows of data.
 
     Joints with the same inputs are fitted together, with the zeros of several recordings left out of what they learn.
+    Rows on which a feature is not known teach nothing.
     """
+    data = data.rows(data.complete)
     if data.features != inputs.features:
         raise InputError(
             f"data: holds {', '.join(data.features.names)}; the inputs are {', '.join(inputs.features.names)}"
