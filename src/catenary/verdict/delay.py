@@ -37,6 +37,7 @@ FAR, TRIM = 10.0, 6.0  # robust deviations beyond which rows are left out: of th
 BLOCKS = 8
 TOLERANCE, TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
 RESOLUTION = 1e-3  # [deg, mm] below which nothing is left unexplained
+APART, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
 PAUSE = 4.0  # steps between rows across which nothing is read
 STEADY = 5.0  # deviations by which a change along the recording must stand out
 
@@ -109,7 +110,7 @@ def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: f
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
         sure = "certain" if max(low, -high) > tolerance else "likely"
     along = grid[np.argmin(costs[:, :, 1:].sum(axis=0), axis=0)]
-    own, gains = _apart(grid, costs[:, :, 0])
+    own, gains = _apart(grid, costs[:, :, 0], max(APART, 4.0 * tolerance) if in_time else APART_ROWS)
     apart_by, fine = float(np.sqrt(worth * gains.sum())), between / 10.0 * np.arange(-10, 11)
     of_joints = zip(joints, looks, own, worth * gains, strict=True) if apart_by > LIKELY else ()
     apart = [(log.joint_names[i], float(d + fine[look.costs(d + fine)[:, 0].argmin()]))
@@ -251,13 +252,16 @@ def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _apart(grid: Floats, costs: Floats) -> tuple[Floats, Floats]:
+def _apart(grid: Floats, costs: Floats, least: float) -> tuple[Floats, Floats]:
     """Return each joint's delay where it may choose between two, and what it gains by that over one of all, (joints,).
 
     Args:
         costs: (joints, delays).
+        least: How far the two are apart, at least.
     """
     pairs = np.minimum(costs[:, :, None], costs[:, None, :]).sum(axis=0)
+    near = (np.abs(grid[:, None] - grid) < least) & ~np.eye(len(grid), dtype=bool)
+    pairs = np.where(near, np.inf, pairs)  # one delay of all remains a choice
     two = np.array(np.unravel_index(np.argmin(pairs), pairs.shape))
     one = int(np.argmin(costs.sum(axis=0)))
     chosen = two[np.argmin(costs[:, two], axis=1)]

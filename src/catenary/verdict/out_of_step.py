@@ -25,7 +25,9 @@ FEWEST_WINDOWS = 3  # in which a lag must be clear for two clocks to be told fro
 MOST_PAIRS = 3000  # rows that a lag is judged by
 LEAST_SHARE = 1e-6  # unexplained, that counts as none
 APART = 3  # rows by which lags must differ along the recording
-DOUBTED = 2.5  # deviations by which joints with delays of their own are noted; real arms' stray by up to 2.3
+# deviations by which joints with delays of their own are noted, and refused; real arms' stray by up to 2.3, and a made
+# joint whose friction turns at once by 3.2
+DOUBTED, UNLIKE = 3.3, 4.0
 WORSE = 1.3  # times more unexplained variance, that rows in step may leave a joint: early rows cancel its hysteresis
 
 
@@ -50,10 +52,10 @@ def _delay_findings(log: MotionLog, place: NDArray[np.int64]) -> list[Finding]:
     says = f"measurements lie {own} {near.unit} behind commands, {all_joints}, expected the same"
     culprit = "sensors with clocks of their own; or, where q_nominal is a setpoint, joints that lag unlike"
     joints = tuple(joint for joint, _ in near.apart)
-    unlike = Finding("clock", joints, says, culprit, refuses=near.apart_by > CERTAIN, delay=known)
+    unlike = Finding("clock", joints, says, culprit, refuses=near.apart_by > UNLIKE, delay=known)
     if unlike.refuses:
         return [unlike]
-    return [unlike] * (near.apart_by > DOUBTED) + _common_findings(log, place, near, known)
+    return _common_findings(log, place, near, known) + [unlike] * (near.apart_by > DOUBTED)
 
 
 def _common_findings(log: MotionLog, place: NDArray[np.int64], near: Delay, known: Delay | None) -> list[Finding]:
