@@ -29,6 +29,14 @@ def second(robot: ServedRobot, verb: str = "servo_jr") -> Any:
     return Loopback("other", robot.network).publisher(robot.name(verb), "sensor_msgs/JointState")
 
 
+def moved_by_second(robot: ServedRobot, other: Any) -> np.ndarray:
+    """Send one command of another program's; return by how much the setpoint moved."""
+    before = robot.setpoint
+    other.publish(JointState(position=shoulder(2e-4)))
+    robot.tick(3)
+    return robot.setpoint - before
+
+
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])
 def test_a_second_program_is_refused_and_told_who_holds_the_arm(dialect: Any) -> None:
     robot = ServedRobot(dialect)
@@ -48,14 +56,9 @@ def test_the_arm_is_free_half_a_second_after_the_last_command() -> None:
     other = second(robot)
     robot.joints("servo_jr", shoulder(1e-4))
     robot.tick(450)
-    before = robot.setpoint
-    other.publish(JointState(position=shoulder(2e-4)))
-    robot.tick(3)
-    assert_array_equal(robot.setpoint, before)
+    assert_array_equal(moved_by_second(robot, other), 0.0)
     robot.tick(100)
-    other.publish(JointState(position=shoulder(2e-4)))
-    robot.tick(3)
-    assert_allclose(robot.setpoint - before, shoulder(2e-4), atol=EXACT)
+    assert_allclose(moved_by_second(robot, other), shoulder(2e-4), atol=EXACT)
 
 
 def test_commands_that_came_in_one_tick_are_told_apart() -> None:
@@ -77,16 +80,11 @@ def test_time_in_which_the_server_stood_still_frees_no_arm(seen: bool) -> None:
     robot.tick(200)
     robot.joints("servo_jr", shoulder(1e-4))
     robot.tick(2)
-    before = robot.setpoint
     robot.clock.sleep(2.0)
     robot.tick(100 if seen else 0)
-    other.publish(JointState(position=shoulder(2e-4)))
-    robot.tick(3)
-    assert_array_equal(robot.setpoint, before)
+    assert_array_equal(moved_by_second(robot, other), 0.0)
     robot.tick(600)
-    other.publish(JointState(position=shoulder(2e-4)))
-    robot.tick(3)
-    assert_allclose(robot.setpoint - before, shoulder(2e-4), atol=EXACT)
+    assert_allclose(moved_by_second(robot, other), shoulder(2e-4), atol=EXACT)
 
 
 def test_a_move_is_not_taken_over_but_anybody_may_stop_it() -> None:

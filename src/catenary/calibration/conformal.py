@@ -110,10 +110,11 @@ def expected(
     times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
+    high = np.hypot(mean * times, off_path)
     stated: dict[str, Floats] = {
         "rmse_low": mean * np.minimum(1.0 / times, SEEN * np.minimum(known, 1.0) + 1.0 - SEEN),
-        "rmse_high": np.hypot(mean * times, off_path),
-        "rmse_margin": np.maximum(np.hypot(mean * times, off_path), offset),
+        "rmse_high": high,
+        "rmse_margin": np.maximum(high, offset),
     }
     if intervals is not None:
         held = np.abs(errors.after_model) <= np.where(errors.inside, intervals.inside, intervals.outside)

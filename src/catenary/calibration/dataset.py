@@ -152,18 +152,7 @@ def calibration_data(
     parts, sources = zip(*of_each(work, logs), strict=True)
     X, q_nominal, error, leaping, position, time = map(np.concatenate, zip(*parts, strict=True))
     recording = np.repeat(np.arange(len(logs)), [len(part[0]) for part in parts])
-    if not np.isfinite(X).all(axis=1).any():
-        raise InputError(
-            "data: no usable row in "
-            + "; ".join(
-                f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.incomplete} before midlines are '
-                f"known, {s.dropped} beyond the error limit)"
-                for s in sources
-            )
-            + "; a midline is known once its joint has turned either way: record longer"
-            * any(s.incomplete for s in sources)
-        )
-    return CalibrationData(
+    data = CalibrationData(
         joint_names=first.joint_names,
         joint_units=first.joint_units,
         features=features,
@@ -180,6 +169,18 @@ def calibration_data(
         every=every,
         began=tuple(log.began for log in logs),
     )
+    if not data.complete.any():
+        raise InputError(
+            "data: no usable row in "
+            + "; ".join(
+                f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.incomplete} before midlines are '
+                f"known, {s.dropped} beyond the error limit)"
+                for s in sources
+            )
+            + "; a midline is known once its joint has turned either way: record longer"
+            * any(s.incomplete for s in sources)
+        )
+    return data
 
 
 def _usable_rows(

@@ -126,8 +126,8 @@ class FeatureSet:
     @property
     def averaged(self) -> Flags:
         """Midlines, (F,): means of a torque, which lie close together in training beside the torque itself."""
-        first = len(self.signals)
-        return np.isin(np.arange(len(self.names)), np.arange(first, first + len(self.midlines)))
+        after_signals = np.arange(len(self.names)) - len(self.signals)
+        return (after_signals >= 0) & (after_signals < len(self.midlines))
 
     def _columns(self) -> list[tuple[str, str, str]]:
         unit = dict(zip(self.signals, self.units, strict=True))

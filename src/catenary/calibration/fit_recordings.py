@@ -132,8 +132,8 @@ def _concluded(
     data = data.rows(np.isin(data.places, places))
     everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)
-    apart = np.zeros_like(model.offset) if validation is None else _off_path(model, data)
-    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage, off_path=apart)
+    off_path = np.zeros_like(model.offset) if validation is None else _off_path(model, data)
+    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage, off_path=off_path)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
@@ -150,12 +150,12 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
-        more = apart * [DISPLAY[unit][1] for unit in data.joint_units]
+        more = off_path * [DISPLAY[unit][1] for unit in data.joint_units]
         spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, more)
         doubted = [
             f"{joint.joint} {far:.3g} {joint.unit}"
             for joint, far in zip(spread, more.tolist(), strict=True)
-            if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)
+            if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)  # which holds it: more than the rest of that
         ]
         if doubted:
             told = "where joints meet that its training has apart, models that are as good on it differ by more than"
