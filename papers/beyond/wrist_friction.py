@@ -43,7 +43,7 @@ TOOLS, LOADED = "davinci_tools", {"positions": ("q",), "current": ("q", "current
 FOLDERS = ("4L2", "4L4", *(f"4L{joint}{k}" for joint in ("Pitch", "Roll") for k in (1, 2, 3, 4)), "5L2")
 
 
-@run(revision=1)
+@run(revision=2)
 def errors(train: Sequence[str], method: str, minutes: float, data: Path) -> Result:
     """Return RMSE per joint [deg|mm] on what models of parts did not see, and on every other long recording.
 
@@ -75,7 +75,7 @@ def _rmse(model: Any, log: MotionLog) -> list[float]:
     return [joint.rmse for joint in evaluate(model, rows).joints]
 
 
-@run(revision=1)
+@run(revision=2)
 def slack(rows: int, data: Path) -> Result:
     """Return J6's position and J5's error [deg] where J6 alone moves: measured, and by models of another recording."""
     log = log_of(ALONE, data).part(0, rows)
@@ -89,7 +89,7 @@ def slack(rows: int, data: Path) -> Result:
     return {name: [None if value != value else value for value in values.tolist()] for name, values in found.items()}
 
 
-@run(revision=1)
+@run(revision=2)
 def loaded(folder: str, signal: str, data: Path) -> Result:
     """Return the RMSE of a jaw [deg] on runs of mixed load that models of a folder's other runs predict, in fours."""
     options = FitOptions(kind="hysteretic", inputs=LOADED[signal])
@@ -97,7 +97,7 @@ def loaded(folder: str, signal: str, data: Path) -> Result:
     return {"rmse": found.spread[0].rmse_mean}
 
 
-@run(revision=1)
+@run(revision=2)
 def carried(folder: str, signal: str, data: Path) -> Result:
     """Return by other folder the RMSE of a jaw [deg] by a folder's model, and the share of rows in its valid range.
 

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.intervals import Intervals
@@ -15,6 +16,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import SCALE, SLOPES, ZERO, adjusted, refresh_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from tests.truth.recordings import raven
 
 KINDS = {
     "offset": FitOptions(kind="offset"),
@@ -157,3 +159,20 @@ def test_too_few_rows_are_refused(models: dict[str, CalibrationModel]) -> None:
     old = models["linear"]
     with pytest.raises(InputError, match="30 usable rows of the new day, expected at least 40"):
         refresh_model(old, rows_of(old, a_day(7, 30)))
+
+
+def test_rows_before_midlines_are_known_count_in_what_a_refresh_prints() -> None:
+    """A model of midlines gives the fixed offset there: its errors are those of every measured row."""
+    known, options = raven("random"), FitOptions(kind="hysteretic", coupled=())
+    inputs = choose_inputs(known.logs, options)
+    model = fit(calibration_data(known.logs, inputs.features), inputs, options)
+    day = calibration_data([replace(known.again[0], q_encoder=known.again[0].q_encoder + 0.02)], model.features)
+    early = ~day.complete
+    assert early.any()
+    found = refresh_model(model, day)
+    assert_allclose(found.before, day.error - model.correction(day.X, day.q_nominal), atol=1e-12)
+    assert_allclose(found.left[early], day.error[early] - found.model.offset, atol=1e-12)
+    assert_allclose(found.model.offset - model.offset, 0.02, atol=4e-3)
+    for change, joint in zip(found.changes, evaluate(model, day).joints, strict=True):
+        assert change.rmse_before == pytest.approx(joint.rmse)
+        assert change.rmse_low <= change.rmse_after <= change.rmse_high

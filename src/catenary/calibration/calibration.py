@@ -109,7 +109,7 @@ class Calibration(CalibrationModel):
         """
         logs = self._logs(q_nominal, q_encoder, **arrays)
         limits = error_limits(trained_limits(self.card)[0], logs[0])
-        data = calibration_data(logs, self.features, max_error=limits, whole=True)
+        data = calibration_data(logs, self.features, max_error=limits)
         judge_recordings(self, self.card, logs, accept=accept, max_error=limits)
         return evaluate_rows(self, data, window=window)
 

@@ -29,7 +29,7 @@ class TrainingSource:
     sha256: str | None
     rows: int  # in the recording, of those that were asked for
     without_truth: int  # rows whose `ok` is not set
-    incomplete: int  # rows on which an input is not known, as a midline before the first reversals
+    incomplete: int  # of the rows left, those with an input that is not known, as a midline before the first reversals
     dropped: int  # rows beyond the error limit that was asked for
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
@@ -122,22 +122,16 @@ def date_of(seconds: float) -> str | None:
 
 
 def calibration_data(
-    logs: Sequence[MotionLog],
-    features: FeatureSet,
-    *,
-    max_error: Floats | None = None,
-    every: int = 1,
-    whole: bool = False,
+    logs: Sequence[MotionLog], features: FeatureSet, *, max_error: Floats | None = None, every: int = 1
 ) -> CalibrationData:
     """Collect the usable rows of recordings of one robot.
 
-    A row is usable when it has a measurement (`ok`) and all features are known.
+    A row is usable when it has a measurement (`ok`). Where a midline is not known yet a model gives the fixed offset:
+    such rows count as its errors and teach nothing (`complete`).
 
     Args:
         max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
         every: Take every such row of a recording alone; features follow all.
-        whole: Take rows before midlines are known, too, as a model's error is to be that of all rows: it gives the
-            fixed offset there.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
@@ -148,7 +142,7 @@ def calibration_data(
         if not (max_error > 0.0).all():
             raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
     has_time = all(log.time is not None for log in logs)
-    work = partial(_usable_rows, features=features, max_error=max_error, every=every, whole=whole, has_time=has_time)
+    work = partial(_usable_rows, features=features, max_error=max_error, every=every, has_time=has_time)
     parts, sources = zip(*of_each(work, logs), strict=True)
     X, q_nominal, error, leaping, position, time = map(np.concatenate, zip(*parts, strict=True))
     recording = np.repeat(np.arange(len(logs)), [len(part[0]) for part in parts])
@@ -184,14 +178,7 @@ def calibration_data(
 
 
 def _usable_rows(
-    log: MotionLog,
-    _: Progress,
-    *,
-    features: FeatureSet,
-    max_error: Floats | None,
-    every: int,
-    whole: bool,
-    has_time: bool,
+    log: MotionLog, _: Progress, *, features: FeatureSet, max_error: Floats | None, every: int, has_time: bool
 ) -> tuple[tuple[NDArray[Any], ...], TrainingSource]:
     """Return X, q_nominal, error, leaping, position and time of a recording's usable rows, and what was left out."""
     if log.q_encoder is None:
@@ -200,10 +187,9 @@ def _usable_rows(
     q, ok = log.q_nominal[::every], log.ok[::every]
     error = log.q_encoder[::every] - q
     complete = np.isfinite(X).all(axis=1)
-    usable = ok & (complete | whole)
     far = np.zeros(error.shape, dtype=bool)
     if max_error is not None:
-        far[usable] = np.abs(error[usable]) > max_error
+        far[ok] = np.abs(error[ok]) > max_error
     inside = ~far.any(axis=1)
     source = TrainingSource(
         name=log.name,
@@ -211,15 +197,15 @@ def _usable_rows(
         marks=log.marks,
         rows=len(q),
         without_truth=int((~ok).sum()),
-        incomplete=int((ok & ~complete).sum()),
-        dropped=int((usable & ~inside).sum()),
+        incomplete=int((ok & inside & ~complete).sum()),
+        dropped=int((ok & ~inside).sum()),
         simulated=log.simulated,
         leaps={name: count for name, count in spikes.items() if count},
         beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
     )
     index = np.arange(0, len(log), every, dtype=float)
     time = log.time[::every] if has_time and log.time is not None else index
-    return tuple(each[usable & inside] for each in (X, q, error, leaping, index / len(log), time)), source
+    return tuple(each[ok & inside] for each in (X, q, error, leaping, index / len(log), time)), source
 
 
 def sampling_rate(log: MotionLog) -> float | None:

@@ -108,7 +108,7 @@ def _rows(logs: Sequence[MotionLog], features: FeatureSet, run: FitRun) -> Rows:
     count = sum(len(log) for log in logs)
     every = 1 if count <= MOST_ROWS else -(-count // SAMPLED_ROWS)  # neighbours in a longer recording tell hardly more
     limits = error_limits(run.max_error, logs[0])
-    everything = calibration_data(logs, features, max_error=limits, every=every, whole=True)
+    everything = calibration_data(logs, features, max_error=limits, every=every)
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)

@@ -81,6 +81,7 @@ def find_level(
     parts = []
     for level in tried:
         data = _rows_at(model, logs, friction, level, max_error)
+        data = data.rows(data.complete)
         parts.append((data.error - model.correction(data.X, data.q_nominal))[:, taking])
     left = np.array(parts)
     block = np.arange(left.shape[1]) * blocks // left.shape[1]
@@ -102,8 +103,9 @@ def find_level(
         return None
     data, new = (_rows_at(model, logs, friction, tried[c], max_error) for c in (0, chosen))
     before = data.error - model.correction(data.X, data.q_nominal)
+    known = np.flatnonzero(data.complete)
     for c in set(best):
-        rows = np.isin(block, np.flatnonzero(np.array(best) == c))
+        rows = known[np.isin(block, np.flatnonzero(np.array(best) == c))]
         data.X[rows] = _rows_at(model, logs, friction, tried[c], max_error).X[rows]
     factors = dict(zip(names, np.exp(tried[chosen]).tolist(), strict=False))
     features = new.features

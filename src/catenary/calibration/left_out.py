@@ -45,7 +45,7 @@ def errors_with_left_out(
     if not any(source.dropped for source in data.sources) and not any(each.any() for each in asked):
         return ()
     logs = [replace(log, ok=log.ok | each) for log, each in zip(logs, asked, strict=True)]
-    everything = calibration_data(logs, model.features, every=data.every, whole=True)
+    everything = calibration_data(logs, model.features, every=data.every)
     kept = np.isin(everything.recording + everything.position, data.recording + data.position)
     gone = everything.rows(~kept)
     if not len(gone):

@@ -143,7 +143,7 @@ def refresh_with(
     limits = error_limits(max_error, logs[0])
     found = judge_recordings(model, card, logs, accept=accept, max_error=limits, learning=True, done="refreshed")
     data = calibration_data(logs, model.features, max_error=limits)
-    day = find_level(model, logs, BLOCKS, limits) if len(data) >= FEWEST_ROWS else None
+    day = find_level(model, logs, BLOCKS, limits) if data.complete.sum() >= FEWEST_ROWS else None
     refreshed = refresh_model(model, data, day)
     notes = (*data_notes(logs, data), *found, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)

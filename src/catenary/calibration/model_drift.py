@@ -93,7 +93,7 @@ def find_drift(
     stretches = []
     for log in logs:
         log = model.matched(log)
-        data = calibration_data([log], model.features, max_error=max_error, whole=True)
+        data = calibration_data([log], model.features, max_error=max_error)
         place = np.rint(data.position * len(log)).astype(int)  # rows of the recording
         number = np.searchsorted(_cuts(log), place, side="right")
         for homing in np.unique(number):

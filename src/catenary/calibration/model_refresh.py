@@ -78,7 +78,7 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
 
     Rows outside the valid range count, and widen it, where the predictor with a new zero is nearer to the truth there
     than the fixed offset with one, on blocks, for every joint of its group. Elsewhere the predictor is changed by the
-    rows inside alone.
+    rows inside alone. Rows before midlines are known teach nothing; their errors are the fixed offset's.
 
     Args:
         day: What `find_level` gives; the model is taken from there, and its rows in place of `data`.
@@ -87,7 +87,9 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
         A model of the same structure. Its fixed offset moves with the correction; its intervals are the wider of the
         old ones and those of the errors that were left on blocks, or none where the rows are too few to tell.
     """
-    model, data = (model, data) if day is None else (day.model, day.data)
+    model, every = (model, data) if day is None else (day.model, day.data)
+    known = every.complete
+    data = every.rows(known)
     data.require_joints_of(model)
     if data.features != model.features:
         raise InputError("data: holds other features than the model takes")
@@ -95,44 +97,45 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
         raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {FEWEST_ROWS}")
     block = np.arange(len(data)) * BLOCKS // len(data)
     inside = model.inside(data.X)
-    offset, left = model.offset.copy(), np.empty_like(data.error)
+    offset, left = model.offset.copy(), np.empty_like(every.error)
     groups: list[JointGroup] = []
     notes: list[str] = []
     found: dict[int, str] = {}
     for group in model.groups:
         one = _refresh_group(model, group, data, block, inside[:, group.joints[0]])
         groups.append(one.group)
-        left[:, group.joints] = one.left
+        left[np.ix_(known, np.array(group.joints))] = one.left
         notes += one.notes
         for k, joint in enumerate(group.joints):
             offset[joint] += one.offset_moved[k]
             found[joint] = one.how[k]
-    old = model.correction(data.X, data.q_nominal) if day is None else data.error - day.before
+    left[~known] = every.error[~known] - offset
+    old = model.correction(every.X, every.q_nominal) if day is None else every.error - day.before
     if day is not None:
         told = ", ".join(f"{name} {factor:.2f}" for name, factor in day.factors.items())
         notes.append(f"friction of this day over the model's: {told}")
         found |= {j: LEVEL if found[j] == NOTHING else f"{LEVEL}, {found[j]}" for j in day.joints}
     refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY), groups=tuple(groups))
-    change = refreshed.correction(data.X, data.q_nominal) - old
+    change = refreshed.correction(every.X, every.q_nominal) - old
     # where the new rows did not go, corrections moved as far as on them
     largest = np.maximum(model.largest + np.abs(change).max(axis=0), largest_shown(refreshed, data))
     refreshed = replace(refreshed, largest=largest)
     if model.intervals is not None:
-        inside = refreshed.correct(data.X, data.q_nominal)[1]
-        errors = CrossValidation((), data.error - offset, left, inside, data.recording)
+        inside = refreshed.correct(every.X, every.q_nominal)[1]
+        errors = CrossValidation((), every.error - offset, left, inside, every.recording)
         intervals = _widest(model.intervals, errors)
         if intervals is None:
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
         refreshed = replace(refreshed, intervals=intervals)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
-    before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
+    before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (every.error - old, left))
     promise = rmse_of_other_minutes(left)
     numbers = (scale * np.array([change.mean(axis=0), before, after, *promise])).T.tolist()
     changes = tuple(
         JointChange(name, DISPLAY[unit][0], found[j], *numbers[j])
         for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
     )
-    return Refreshed(refreshed, changes, tuple(notes), data.error - old, left)
+    return Refreshed(refreshed, changes, tuple(notes), every.error - old, left)
 
 
 def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:

@@ -90,7 +90,7 @@ class HeldAgainst:
 
     def evaluate(self, window: float | None = None) -> EvaluationResult:
         """Return the model's errors, also over windows of time [s], each a tenth of the data when None."""
-        data = calibration_data(self.logs, self.model.features, max_error=self.limits, whole=True)
+        data = calibration_data(self.logs, self.model.features, max_error=self.limits)
         seen = tuple(log.name for log in self.logs if log.is_among(self.card["data"]))
         notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
         notes += [f"{name}: the model was fitted to rows of this recording; its error is no test" for name in seen]
