@@ -16,6 +16,7 @@ from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog
 from oracles.calibration_models import random_model
 from recordings import recording
+from tests.truth.recordings import raven
 
 RNG = np.random.default_rng(0)
 SIGNALS = np.cumsum(0.2 * RNG.normal(size=(300, 5)), axis=0)  # three positions, two torques
@@ -162,3 +163,10 @@ def test_an_unknown_input_has_the_offsets_half_width_and_an_unknown_position_non
     X[0, 4] = np.nan
     q[1, 2] = np.nan
     assert_array_equal(model().correct(X, q)[2], [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]])
+
+
+@pytest.mark.parametrize(("motion", "doubted"), [("zigzag", True), ("random", False)])
+def test_a_line_learnt_where_joints_move_together_is_doubted_where_they_do_not(motion: str, doubted: bool) -> None:
+    """Products of inputs explain a zig-zag as well: what they say elsewhere is what its minutes cannot tell."""
+    notes = fit_logs(raven(motion).logs, FitOptions(kind="linear"), FitRun()).notes
+    assert any("where joints meet" in note for note in notes) == doubted

@@ -95,6 +95,7 @@ def test_minutes_that_are_in_the_data_twice_are_told_within_one_recording_and_am
     twice = [np.concatenate([getattr(half, name)] * 2) for name in ("q_nominal", "q_encoder", "ok")]
     joined = replace(log, q_nominal=twice[0], q_encoder=twice[1], ok=twice[2])
     assert [(name, each.says[:3]) for name, each in repeated_findings([joined])] == [("poses", "49%")]
+    assert "twice" in [each.name for each in findings_of(joined)]
     again = replace(half, name="copy")
     assert [name for name, _ in repeated_findings([log, other, again])] == ["copy"]
     assert repeated_findings([log, other]) == []

@@ -20,7 +20,7 @@ from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, JointChoice, choose, composed, joined
 from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.predictors import fit_linear
+from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import mends_of
@@ -32,6 +32,8 @@ from catenary.verdict.check import Passed, robot_of, verdict
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 MOST_ROWS, SAMPLED_ROWS = 50_000, 20_000
+VAGUE = 2.0  # times its lower end, that a range of errors says little beyond
+PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
 
@@ -132,7 +134,7 @@ def _concluded(
     data = data.rows(np.isin(data.places, places))
     everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)
-    off_path = np.zeros_like(model.offset) if validation is None else _off_path(model, data)
+    off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage, off_path=off_path)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
@@ -150,17 +152,24 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
-        more = off_path * [DISPLAY[unit][1] for unit in data.joint_units]
-        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, more)
+        scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
+        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, scale * off_path)
         doubted = [
             f"{joint.joint} {far:.3g} {joint.unit}"
-            for joint, far in zip(spread, more.tolist(), strict=True)
+            for joint, far in zip(spread, (scale * apart).tolist(), strict=True)
             if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)  # which holds it: more than the rest of that
         ]
         if doubted:
             told = "where joints meet that its training has apart, models that are as good on it differ by more than"
             remedy = "record random motion" + ", or take --model linear" * (options.kind == "polynomial")
             notes = (*notes, f"{told} they err: {', '.join(doubted)}; {remedy}")
+        vague = [
+            f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
+            for joint in spread
+            if joint.rmse_low is not None and joint.rmse_high is not None and joint.rmse_high > VAGUE * joint.rmse_low
+        ]
+        if vague:
+            notes = (*notes, f"other minutes may err by {', '.join(vague)}, which says little: record longer")
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
     card["delays"] = [
@@ -171,27 +180,45 @@ def _concluded(
     return FitResult(model, card, data, spread, held_out, notes, choices, left_out, tuple(logs))
 
 
-def _off_path(model: CalibrationModel, data: CalibrationData) -> Floats:
+def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, Floats]:
     """Return how much more a model may be wrong off the path that it learnt from, within its valid range, (n,) [rad|m].
 
-    A linear model of the same rows is nearly as good on the path. How far the two lie apart where joints meet as they
-    stood in different rows is what neither knows. Where joints met all along, as in random motion, it is little.
+    A linear model of the same rows is nearly as good on the path; as one that is linear itself, one with products of
+    its inputs. How far the two lie apart where joints meet as they stood in different rows is what neither knows. Where
+    joints met all along, as in random motion, it is little.
+
+    Returns:
+        What widens intervals, where products are left out: off the path they bend more than joints do. Then all.
     """
+    nothing = np.zeros_like(model.offset)
     if model.kind == "offset":
-        return np.zeros_like(model.offset)
+        return nothing, nothing
     data = data.rows(data.complete)
+    data = data.rows(np.arange(len(data)) % (len(data) // SAMPLED_ROWS + 1) == 0)
     linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
+    lines = [group for group in model.groups if isinstance(group.predictor, Linear)]
+    bent = [
+        fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=PRODUCTS_RIDGE * len(data.X))
+        for group in lines
+    ]
+
+    def apart_on(X: Floats) -> Floats:
+        other = linear.predict(X)
+        for group, predictor in zip(lines, bent, strict=True):
+            other[:, list(group.joints)] = predictor.predict(np.ascontiguousarray(X[:, group.columns]))
+        squares: Floats = np.mean((model.correction(X, data.q_nominal[: len(X)]) - other) ** 2, axis=0)
+        return squares
+
     joints = model.features.joints  # whose position, torque and memory go together
     rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(joints)}
     met = np.column_stack([column[rows[joint]] for column, joint in zip(data.X.T, joints, strict=True)])
     met = met[model.inside(met).all(axis=1)]
     if len(met) == 0:
-        return np.zeros_like(model.offset)
-    here, there = (
-        np.mean((model.correction(X, data.q_nominal[: len(X)]) - linear.predict(X)) ** 2, axis=0) for X in (data.X, met)
-    )
-    apart: Floats = np.sqrt(np.maximum(there - here, 0.0))
-    return apart
+        return nothing, nothing
+    apart = np.sqrt(np.maximum(apart_on(met) - apart_on(data.X), 0.0))
+    widening = apart.copy()
+    widening[[joint for group in lines for joint in group.joints]] = 0.0
+    return widening, apart
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:

@@ -32,6 +32,7 @@ from catenary.verdict.units_and_scale import range_findings, slope_findings, tin
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
+REPEATED = "twice"
 REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 
 
@@ -55,6 +56,7 @@ def findings_of(
         log = replace(log, ok=log.ok & within)
     ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
+    findings += [each for _, each in repeated_findings([log])]
     pairs = pairs_of(log)
     if pairs is not None:
         findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
@@ -129,9 +131,9 @@ def verdict(
         (log.name, each)
         for log, findings in zip(logs, of_each(of_log, logs), strict=True)
         for each in findings
-        if not (testing and each.name in NEEDED_TO_LEARN)
+        if not (testing and each.name in NEEDED_TO_LEARN) and each.name != REPEATED
     ]
-    found += [] if testing else repeated_findings(logs)
+    found += [] if testing else repeated_findings(logs)  # within each, and of each in others
     of_name = {name: each.delay for name, each in found if each.delay is not None}
     return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
 
@@ -180,6 +182,6 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
         if share > MOST_SHARED:
             says = f"{share:.0%} of its motion is in the data twice, digit by digit: it is no test of a fit to it"
             found.append(
-                (log.name, Finding("twice", (), says, "one recording copied, or joined to itself", refuses=False))
+                (log.name, Finding(REPEATED, (), says, "one recording copied, or joined to itself", refuses=False))
             )
     return found

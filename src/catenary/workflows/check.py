@@ -37,6 +37,7 @@ from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
+from catenary.verdict.check import repeated_findings
 from catenary.verdict.finding import Finding
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.file_report import FileReport, Line
@@ -217,7 +218,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     """
     terms = "static" if log.time is None else "full"
     options = IdentifyOptions(terms=terms, consistent=False, friction=())  # type: ignore[arg-type]  # one of the two
-    found: tuple[Finding, ...] = tuple(stamp_findings(log))
+    found = (*stamp_findings(log), *(each for _, each in repeated_findings([log])))
     faults = [f"{each.name}: {each}" for each in found if each.refuses]
     remarks = [f"{each.name}: {each}" for each in found if not each.refuses]
     try:
