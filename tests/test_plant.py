@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.errors import InputError
+from catenary.errors import DataError, InputError
 from catenary.plant import Joints, MotionLog, places_of
+from catenary.verdict.check import repeated_findings, require_apart
 from recordings import recording
 
 LOG = recording(np.random.default_rng(0), rows=6)
@@ -178,3 +179,23 @@ def test_minutes_of_a_recording_are_known_again_in_single_precision_and_others_o
     assert 0.02 < alike.mean() < 0.5
     assert not days[1].is_among([{"sha256": None, "marks": days[0].marks}])
     assert not log.is_among([])
+
+
+@pytest.mark.parametrize("rate", [17.0, 61.0])
+def test_minutes_are_known_again_at_another_rate_by_a_calendars_clock_and_where_the_arm_was(rate: float) -> None:
+    log = replace(recording(np.random.default_rng(0), rows=3000), began=1.7e9)
+    assert log.time is not None
+    time = np.arange(log.time[400] + 0.003, log.time[1500], 1.0 / rate)
+    q = np.column_stack([np.interp(time, log.time, column) for column in log.q_nominal.T])
+    ok = np.ones(len(time), dtype=bool)
+    again = MotionLog("again", log.joint_names, log.joint_units, q, ok, q + 0.01, time - 5.0, began=log.began + 5.0)
+    assert again.is_among([log.identity])
+    assert not replace(again, began=0.0).is_among([log.identity])  # a clock of its own tells nothing
+    assert not replace(again, began=again.began + 7.0).is_among([log.identity])  # another motion then
+    other_arm = replace(again, q_nominal=np.roll(q, 1, axis=1))
+    assert not other_arm.is_among([log.identity])
+    assert [each.says for _, each in repeated_findings([log, again])] == [
+        f'its minutes are those of "{log.name}": it is no test of a fit to it'
+    ]
+    with pytest.raises(DataError, match="read at another rate"):
+        require_apart([log], [again])

@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, frozen
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
@@ -17,6 +17,8 @@ JOINT_UNITS = ("rad", "m")
 GAP_STEPS, GAP_SHARE = 10.0, 0.95
 # rows by which a recording is known again, and how many together: single ones are alike by chance, at rest or coarse
 MARKS, LEAST_MARKS = 256, 8
+POSES, SAME_POSE = 64, 0.02  # by which minutes are known again at another rate, and how near, as a share of the range
+FIRST_DATE = 1e9  # [s since 1970] a clock that says less is no calendar's
 HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd, of no pattern: rows that differ in one digit have unlike hashes
 UNUSED = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
@@ -391,10 +393,42 @@ class MotionLog:
         found = dict.fromkeys(f"{mark:x}" for part in rows for mark in hashes[part] if mark)
         return tuple(found)
 
+    @property
+    def poses(self) -> tuple[tuple[float, ...], ...]:
+        """When [s since 1970] and where the arm was on some rows; none where the clock is no calendar's."""
+        if self.time is None or self.began < FIRST_DATE:
+            return ()
+        rows = np.unique(np.linspace(0, len(self) - 1, POSES).astype(np.int64))
+        return tuple(map(tuple, np.column_stack([self.began + self.time, self.q_nominal])[rows].tolist()))
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What a card lists under `data`, by which it is known again."""
+        return {"sha256": self.sha256, "marks": self.marks, "poses": self.poses}
+
+    def was_there(self, when_and_where: ArrayLike) -> bool:
+        """Return whether the arm was at `poses` of a recording when they say: minutes of it, read at whatever rate."""
+        poses = np.asarray(when_and_where, dtype=float)
+        moved = np.ptp(self.q_nominal, axis=0) > 0.0
+        if self.time is None or poses.ndim != 2 or poses.shape[1] != 1 + len(moved) or not moved.any():
+            return False
+        order = np.argsort(self.time, kind="stable")
+        time, at = self.time[order], poses[:, 0] - self.began
+        k = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+        steps = np.diff(time)
+        there = (at >= time[0]) & (at <= time[-1]) & (steps[k - 1] <= GAP_STEPS * np.median(steps))
+        if there.sum() < LEAST_MARKS:
+            return False
+        q = np.column_stack([np.interp(at[there], time, column) for column in self.q_nominal[order].T])
+        away = np.abs(q - poses[there, 1:])[:, moved] / np.ptp(self.q_nominal, axis=0)[moved]
+        return bool(np.median(away.max(axis=1)) < SAME_POSE)
+
     def is_among(self, sources: Iterable[Mapping[str, Any]]) -> bool:
         """Return whether it, or minutes of it, are among the recordings that a card lists under `data`."""
         sources = list(sources)
         if self.sha256 is not None and self.sha256 in {one["sha256"] for one in sources}:
+            return True
+        if any(self.was_there(one.get("poses", ())) for one in sources):
             return True
         known = np.array([int(mark, 16) for one in sources for mark in one.get("marks", ())], dtype=np.uint64)
         hits = np.r_[False, np.isin(known, self.row_hashes)]

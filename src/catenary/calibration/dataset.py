@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
-from catenary.plant import Jointed, MotionLog, joints_text
+from catenary.plant import FIRST_DATE, Jointed, MotionLog, joints_text
 from catenary.side_by_side import Progress, of_each
 from catenary.units import DISPLAY
 
-# [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
-FIRST_DATE, LAST_DATE = 1e9, 1e10
+LAST_DATE = 1e10  # [s since 1970]
 MOST_OF_ROWS = 0.8  # that one of several recordings may hold: without it there must be others to learn from
 
 
@@ -35,6 +34,7 @@ class TrainingSource:
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
     beyond: Mapping[str, int] = field(default_factory=dict)  # by joint, rows dropped for its error
     marks: tuple[str, ...] = ()  # hashes of some rows, as of `MotionLog.marks`
+    poses: tuple[tuple[float, ...], ...] = ()  # as of `MotionLog.poses`
 
 
 @dataclass(frozen=True)
@@ -195,6 +195,7 @@ def _usable_rows(
         name=log.name,
         sha256=log.sha256,
         marks=log.marks,
+        poses=log.poses,
         rows=len(q),
         without_truth=int((~ok).sum()),
         incomplete=int((ok & inside & ~complete).sum()),

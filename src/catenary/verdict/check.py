@@ -153,6 +153,9 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
                 says = f'{same} of its {len(own)} measured rows are in "{other.name}", which is trained on'
                 culprit = "one recording copied, cut or renamed"
                 found.append((log.name, Finding("tested", (), says, culprit)))
+            elif log.was_there(other.poses):
+                says = f'at its times the arm was where "{other.name}" has it, which is trained on'
+                found.append((log.name, Finding("tested", (), says, "one recording, read at another rate")))
     return judge(found, accept)
 
 
@@ -176,12 +179,14 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     numbers = np.concatenate(where)
     again = np.ones(len(numbers), dtype=bool)
     again[first] = False
-    found = []
+    found, known = [], [(log.name, log.poses) for log in logs]
     for number, log in enumerate(logs):
+        says = [f'its minutes are those of "{other}"' for other, poses in known[:number] if log.was_there(poses)]
         share = float(again[numbers == number].mean()) if (numbers == number).any() else 0.0
         if share > MOST_SHARED:
-            says = f"{share:.0%} of its motion is in the data twice, digit by digit: it is no test of a fit to it"
-            found.append(
-                (log.name, Finding(REPEATED, (), says, "one recording copied, or joined to itself", refuses=False))
-            )
+            says = [f"{share:.0%} of its motion is in the data twice, digit by digit"]
+        if says:
+            culprit = "one recording copied, joined to itself, or read at another rate"
+            told = f"{says[0]}: it is no test of a fit to it"
+            found.append((log.name, Finding(REPEATED, (), told, culprit, refuses=False)))
     return found

@@ -281,7 +281,7 @@ def identify_files(
     if held:
         told = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
         notes.append(f"{', '.join(joints)} are identified; held: {told}")
-    known = [{"sha256": log.sha256, "marks": log.marks} for log in read]
+    known = [log.identity for log in read]
     again = [log.name for log in read_tests if log.is_among(known)]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += filter_notes(model, options)
