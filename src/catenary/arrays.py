@@ -128,7 +128,9 @@ def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only copy."""
+    """Return a read-only copy; an array that is mapped from disk for reading is one already."""
+    if isinstance(array, np.memmap) and not array.flags.writeable:
+        return array
     copy = np.array(array)
     copy.setflags(write=False)
     return copy

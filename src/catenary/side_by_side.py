@@ -68,18 +68,26 @@ def on_workers(workers: int = 1, cluster: str | None = None) -> Iterator[None]:
 
 
 def of_each(
-    work: Callable[[Item, Progress], Result], items: Sequence[Item], *, progress: Progress = silent
+    work: Callable[[Item, Progress], Result],
+    items: Sequence[Item],
+    *,
+    progress: Progress = silent,
+    kept: Callable[[Result], Result] = lambda result: result,
 ) -> list[Result]:
-    """Return work(item, progress of it) of every item, in order; side by side where `on_workers` says so."""
+    """Return work(item, progress of it) of every item, in order; side by side where `on_workers` says so.
+
+    Args:
+        kept: What is kept of each result, in this process, as soon as it is there.
+    """
     from joblib import Parallel, delayed, effective_n_jobs
 
     count, results = len(items), []
     if min(effective_n_jobs(None), count) < 2:  # the default of joblib: what `on_workers` says, else 1
         for i, item in enumerate(items):
-            results.append(_alone(work, item, part_of(progress, i, count)))
+            results.append(kept(_alone(work, item, part_of(progress, i, count))))
         return results
     for result in Parallel(return_as="generator")(delayed(_alone)(work, item, silent) for item in items):
-        results.append(result)
+        results.append(kept(result))
         progress(len(results) / count)
     return results
 

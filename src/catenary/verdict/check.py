@@ -33,6 +33,7 @@ from catenary.verdict.units_and_scale import range_findings, slope_findings, tin
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
 REPEATED = "twice"
+MOST_HASHES = 1_000_000  # that are compared
 REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 
 
@@ -162,6 +163,7 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
 def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     """Note minutes that are in the data twice, to seven digits: a fit then sees blocks that are left out."""
     hashes, where = [], []
+    sample = np.uint64(1 + sum(map(len, logs)) // MOST_HASHES)  # of what they are: copies are sampled alike
     for number, log in enumerate(logs):
         if log.q_encoder is not None or log.tau is not None:
             of_row = log.row_hashes[log.ok]
@@ -171,8 +173,9 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
             stretches = sum(
                 (of_row[k : k + count] * factors[k] for k in range(REPEATED_ROWS)), np.zeros(count, np.uint64)
             )
+            stretches = stretches[stretches % sample == 0]
             hashes.append(stretches)
-            where.append(np.full(count, number))
+            where.append(np.full(len(stretches), number, dtype=np.int32))
     if not hashes:
         return []
     _, first = np.unique(np.concatenate(hashes), return_index=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,10 @@ from catenary.files import sha256_of, table_ending
 from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, read_log, read_recording
+from catenary.recording.on_disk import on_disk
 from catenary.side_by_side import Progress, of_each, silent
+
+LONG = 20_000  # rows of a recording, one of several, that lies on disk until its turn comes
 
 
 def fit_calibration(
@@ -36,9 +40,14 @@ def fit_calibration(
     reading: Reading | None = None,
     progress: Progress = silent,
 ) -> FitResult:
-    """Fit a calibration model to files of recordings; see `fit_logs`."""
-    logs = of_each(lambda path, _: read_recording(path, reading), paths)
+    """Fit a calibration model to files of recordings; see `fit_logs`. Long ones lie on disk meanwhile."""
+    logs = of_each(lambda path, _: read_recording(path, reading), paths, kept=partial(_kept, of=len(paths)))
     return fit_logs(logs, options, run, progress=progress)
+
+
+def _kept(log: MotionLog, of: int) -> MotionLog:
+    """Return a recording, one of so many, on disk if it is long: others are looked at while it waits."""
+    return on_disk(log) if of > 1 and len(log) > LONG else log
 
 
 @dataclass(frozen=True)
@@ -170,7 +179,7 @@ def recordings_for(
     """Read recordings that a model is held against; see `recording_for`."""
     if not paths:
         raise InputError("data: expected at least one recording, got none")
-    logs = [recording_for(model, path, reading) for path in paths]
+    logs = [_kept(recording_for(model, path, reading), len(paths)) for path in paths]
     return [model.matched(log) for log in logs] if isinstance(model, CalibrationModel) else logs
 
 
