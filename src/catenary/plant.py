@@ -399,7 +399,7 @@ class MotionLog:
         if self.time is None or self.began < FIRST_DATE:
             return ()
         rows = np.unique(np.linspace(0, len(self) - 1, POSES).astype(np.int64))
-        return tuple(map(tuple, np.column_stack([self.began + self.time, self.q_nominal])[rows].tolist()))
+        return tuple(map(tuple, np.column_stack([self.began + self.time, self.q_nominal])[rows].round(5).tolist()))
 
     @property
     def identity(self) -> dict[str, Any]:
