@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
@@ -376,7 +377,7 @@ class MotionLog:
             return (0,)
         return (0, *(int(i) + 1 for i in np.flatnonzero(np.diff(self.time) < 0.0)))
 
-    @property
+    @cached_property
     def row_hashes(self) -> NDArray[np.uint64]:
         """A hash of each row (N,), of what was reported, measured and exerted, in single precision: 0 if unmeasured."""
         arrays = [each for each in (self.q_nominal, self.q_encoder, self.tau) if each is not None]
