@@ -160,6 +160,7 @@ def test_what_cannot_be_done_is_refused(
     words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("papers.pages.COMMITTED", tmp_path)
     monkeypatch.setitem(sys.modules, "distributed", None)
     (tmp_path / "a_file").write_text("mine")
     with pytest.raises(SystemExit) as end:
