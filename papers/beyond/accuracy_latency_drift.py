@@ -31,7 +31,7 @@ from papers.calibration.peers.unscented import Filter
 from papers.calibration.published import TABLE_3_OURS
 from papers.calibration.recordings import BEST, METHODS, NETWORK, calibration_log, draws, fitted, homed
 from papers.calibration.six_hours import OFFSET
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
@@ -114,10 +114,7 @@ def present(o: Outcomes) -> list[str]:
 
 
 def left(o: Outcomes, method: str) -> Floats:
-    """Return what a method leaves of the fixed offset's error in hours 0 and 5 [%]: geometric mean over joints, (2,).
-
-    Of the fixed offset in hour 0, both.
-    """
+    """Return errors in hours 0 and 5 over the fixed offset's in hour 0 [%], geometric mean over joints, (2,)."""
     ends = tables_3_and_4.hours(o, method).mean(axis=0)[[0, -1]]
     offset = tables_3_and_4.hours(o, OFFSET).mean(axis=0)[0]
     shares: Floats = 100.0 * np.exp(np.mean(np.log(ends / offset), axis=1))
@@ -144,7 +141,7 @@ def report(o: Outcomes) -> Report:
     if not names:
         return Report()
     said = sentence({name: (*left(o, name), timed[name]) for name in names})
-    return Report([table(title, header, rows(row, names))], [TitledPicture(caption, _picture(o))], [said])
+    return Report([table(title, header, rows(row, names))], {caption: _picture(o)}, [said])
 
 
 def sentence(found: dict[str, Sequence[float]]) -> str:

@@ -59,11 +59,7 @@ def put_on(robot: tuple[CablePlant, SetBase], set_to: MovingBase) -> CablePlant:
 
 
 def with_gravity(log: MotionLog, base: MovingBase, start: float) -> MotionLog:
-    """Return a recording that carries the gravity model's torques as signals, GRAVITY and DIFFERENCE.
-
-    Args:
-        start: When the recording began [s] since power-on.
-    """
+    """Return a recording, begun at `start` [s] since power-on, with the gravity model's GRAVITY and DIFFERENCE."""
     if log.time is None or log.tau is None:
         raise InputError(f'recording "{log.name}": has no time or no torques')
     samples = base.sample(start + log.time)

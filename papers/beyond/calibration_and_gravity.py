@@ -34,11 +34,10 @@ from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond import tilted_calibration as tilted
 from papers.beyond.bases import BASES, LEVEL_BASE, ROCKING, homed_level, put_on
 from papers.calibration.recordings import SPARSITIES, calibration_log, draws, fitted, unguarded
-from papers.claims import Missing
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.gravity.raven_base import SHOWN, turned_base
-from papers.kit import JOINTS, UNITS, by_robot, cells, rows, sample, table, unless_missing
+from papers.kit import JOINTS, UNITS, Missing, by_robot, cells, rows, sample, table, unless_missing
 
 N = 3
 SETTLE = 1.0  # [s] at a motion's start
@@ -239,7 +238,7 @@ def report(o: Outcomes) -> Report:
         "Left: what the gravity model is wrong by against the true joints. Middle: true tracking error. Both on every "
         "base, mean over robots. Right: RMSE of joint 1 on every base by the torque among the inputs"
     )
-    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
+    return Report(tables, {caption: _picture(o)}, _remarks(o))
 
 
 def _tracking(o: Outcomes, base: str, name: str) -> list[str]:

@@ -19,13 +19,7 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 
 
 def crossings(duration: float, widths: Floats, speeds: Floats) -> list[int]:
-    """Return how often each joint crosses its range: close to what its speed allows, no two with a common divisor.
-
-    Args:
-        duration: [s].
-        widths: (n,) of the ranges [rad|m].
-        speeds: (n,) at which they are crossed, about [rad/s|m/s].
-    """
+    """Return how often joints cross ranges (n,) [rad|m] in [s] at about these speeds: no two with a common divisor."""
     chosen: list[int] = []
     for wish in duration * speeds / widths:
         free = [k for k in range(2, int(2 * wish) + 1) if all(gcd(k, other) == 1 for other in chosen)]
@@ -38,13 +32,7 @@ def crossings(duration: float, widths: Floats, speeds: Floats) -> list[int]:
 def designed(
     duration: float, *, lower: ArrayLike = CALIBRATION_LOWER, upper: ArrayLike = CALIBRATION_UPPER
 ) -> SmoothedPath:
-    """Return the motion, of three joints, at about the middle of the speeds of random motion.
-
-    Args:
-        duration: [s].
-        lower: (3,) lower end of the joints' ranges [rad or m].
-        upper: (3,) upper end.
-    """
+    """Return the motion [s] of three joints between two ends (3,) [rad|m], at the middle of random motion's speeds."""
     low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
     if not (low < high).all():
         raise InputError(f"lower, upper: expected lower below upper for each joint, got {low} and {high}")

@@ -21,21 +21,9 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, D
 from papers.beyond.designed_motion import designed
 from papers.calibration import recordings
 from papers.calibration.figure_3 import reversals
-from papers.claims import Claims, by_count
-from papers.experiment import (
-    Case,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    run,
-)
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledTable, run
 from papers.figures import legend_below, panels
-from papers.kit import IN_UNITS, JOINTS, UNITS, cells, grid, rows, sample, table
+from papers.kit import IN_UNITS, JOINTS, UNITS, by_count, cells, grid, rows, sample, table
 
 ZIGZAG: Direction = "J2-J3"
 WIDE, RANDOM = "J2-J3, whole box", "random"
@@ -140,7 +128,7 @@ def report(o: Outcomes) -> Report:
         "RMSE of a joint against how often it turned back in training; full marks are the network, open ones the "
         f"linear model, squares the zig-zag {ZIGZAG}"
     )
-    return Report(tables, [TitledPicture(caption, _picture(o, lengths))], remarks)
+    return Report(tables, {caption: _picture(o, lengths)}, remarks)
 
 
 def _paths_table(o: Outcomes, length: Sequence[float]) -> TitledTable:
@@ -229,10 +217,13 @@ def _pairs(own: Floats, other: Floats) -> str:
     return ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(own, other, strict=True))
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "beyond-paths", "beyond", "Which path earns its minutes", __doc__,
+    cases, report, minutes=21.0, drawn=2,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The more often a joint turns back in training, the smaller its error",
     "expected",
     "-",
@@ -255,7 +246,7 @@ def _reversals_explain(o: Outcomes) -> Judgement:
     return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(told))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "In the zig-zag's range, more reversals alone lower the network's error",
     "expected",
     "-",
@@ -268,7 +259,7 @@ def _reversals_in_range(o: Outcomes) -> Judgement:
     return _less(o, NARROW, [ZIGZAG])
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Random motion is worth more than the zig-zag J2-J3 of the same length",
     "expected",
     "-",
@@ -278,7 +269,7 @@ def _random_better(o: Outcomes) -> Judgement:
     return _less(o, RANDOM, [ZIGZAG])
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The designed motion is worth more than the best of the seven zig-zags of the same length",
     "expected",
     "-",
@@ -291,7 +282,7 @@ def _designed_best(o: Outcomes) -> Judgement:
     return _less(o, DESIGNED, DIRECTIONS)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "A fifth of the time is enough: the designed motion for as long as 1/2 takes, against J2-J3 at 1/2 + 1/3 + 1/4",
     "expected",
     "-",
@@ -302,9 +293,3 @@ def _designed_best(o: Outcomes) -> Judgement:
 def _short_enough(o: Outcomes) -> Judgement:
     short, long = middle(o, DESIGNED, SHORT, recordings.NETWORK), middle(o, ZIGZAG, LONG, recordings.NETWORK)
     return by_count(short <= long, f"J1, J2, J3: {_pairs(short, long)}")
-
-
-EXPERIMENT = Experiment(
-    "beyond-paths", "beyond", "Which path earns its minutes", __doc__,
-    cases, report, minutes=21.0, claims=CLAIMS, drawn=2,
-)  # fmt: skip

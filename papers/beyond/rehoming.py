@@ -33,10 +33,9 @@ from catenary.workflows.robot.motion import move_to
 from papers.beyond.registration import AXES, ELBOW_FIRST, HOME_POSE, OFFSETS, carried_back, registration, registrations
 from papers.calibration import recordings
 from papers.calibration.homings import Between, home_here, random_tests
-from papers.claims import Missing
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, log_scale, panels
-from papers.kit import by_robot, grid, rows, table, unless_missing
+from papers.kit import Missing, by_robot, grid, rows, table, unless_missing
 
 HOMINGS = 5
 POSES = 40
@@ -212,7 +211,7 @@ def report(o: Outcomes) -> Report:
             table("Joint 2's registration by where homing begins", mechanism, _mechanism(o)),
             table("J2 [deg], RMSE after homings, spread over robots", header, rows(cure, SHOWN, MODELS)),
         ],
-        [TitledPicture(caption, _picture(o))],
+        {caption: _picture(o)},
         _remarks(o),
     )
 

@@ -22,10 +22,9 @@ from papers.beyond.bases import BASES, DIFFERENCE, GRAVITY, LEVEL_BASE, homed_le
 from papers.calibration.homings import outside
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.recordings import TEST_SECONDS, baselines, draws, fitted, mean, rmse, rows_of, unguarded
-from papers.claims import Missing
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, log_scale, panels
-from papers.kit import IN_UNITS, by_robot, joint_tables, rows
+from papers.kit import IN_UNITS, Missing, by_robot, joint_tables, rows
 
 NETWORKS = 2
 # the base and the sparsity of every part of a training
@@ -144,7 +143,7 @@ def report(o: Outcomes) -> Report:
         "mean over robots, filled the network, empty the linear model"
     )
     tables = joint_tables(title, ["trained", "inputs", "model", *BASES], content)
-    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
+    return Report(tables, {caption: _picture(o)}, _remarks(o))
 
 
 def joints(*found: Floats) -> str:

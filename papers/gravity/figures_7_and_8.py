@@ -14,12 +14,11 @@ from itertools import pairwise
 from typing import Any
 
 from catenary.arrays import Floats
-from papers.claims import Claims, by_count, graded
-from papers.experiment import Experiment, Judgement, Outcomes, Report, TitledPicture
+from papers.experiment import Experiment, Judgement, Outcomes, Report
 from papers.figures import COLORS, LABELS, legend_above, panels
 from papers.gravity.published import FIGURE_7_DEG, LARGEST_BASE_DEG
 from papers.gravity.static_poses import CONTROLLERS, DRIVEN, Approach, angles_of, approaches_of, cases, rms, static
-from papers.kit import by_robot, cells, rows, sample, table, told, unless_missing
+from papers.kit import by_count, by_robot, cells, graded, rows, sample, table, told, unless_missing
 
 OF_FIGURE_8 = """Figure 8 of the gravity paper: the PD term's share of the torque, over the base's angle.
 
@@ -74,7 +73,7 @@ def report_7(o: Outcomes) -> Report:
         "Joint 1: calculated gravity terms beside the torque that PD alone holds with, nominal robot; driven to each "
         "pose from below, and placed there"
     )
-    return Report(tables, [TitledPicture(caption, _torques(o))], _of_joints_2_and_3(o))
+    return Report(tables, {caption: _torques(o)}, _of_joints_2_and_3(o))
 
 
 @unless_missing
@@ -105,10 +104,13 @@ def _torques(o: Outcomes) -> Any:
     return figure
 
 
-CLAIMS_7 = Claims()
+FIGURE_7 = Experiment(
+    "gravity-figure-7", "figure 7", "Calculated gravity terms beside the torque of PD", __doc__,
+    cases, report_7, minutes=13.0,
+)  # fmt: skip
 
 
-@CLAIMS_7(
+@FIGURE_7.claim(
     "On a level base both calculated terms match the PD torques of joint 1",
     "V-A, figure 7",
     "matched, no number",
@@ -122,7 +124,7 @@ def _match(o: Outcomes) -> Judgement:
     return graded(largest <= MATCHED, largest <= NEAR, told(off, ".1f", " %"))
 
 
-@CLAIMS_7(
+@FIGURE_7.claim(
     f"At {TILTED_DEG} deg the SG term of joint 1 diverges, the DG term does not",
     "V-A, figure 7",
     "drawn, no number",
@@ -138,7 +140,7 @@ def _diverge(o: Outcomes) -> Judgement:
     return graded(diverges, tilted.mean() > most, said)
 
 
-@CLAIMS_7(
+@FIGURE_7.claim(
     "The SG term of joint 1 becomes less accurate at increasing base angles",
     "V-A",
     "as expected, no number",
@@ -154,12 +156,6 @@ def _rises(o: Outcomes, measure: Measure, name: str, words: str) -> Judgement:
     found = {f"{angle} deg": measure(o, name, angle, DRIVEN)[:, 0] for angle in angles_of(o)}
     steps = pairwise(each.mean() for each in found.values())
     return by_count([late > early for early, late in steps], f"{words}: {told(found, '.1f', ' %')}")
-
-
-FIGURE_7 = Experiment(
-    "gravity-figure-7", "figure 7", "Calculated gravity terms beside the torque of PD", __doc__,
-    cases, report_7, minutes=13.0, claims=CLAIMS_7,
-)  # fmt: skip
 
 
 def report_8(o: Outcomes) -> Report:
@@ -178,7 +174,7 @@ def report_8(o: Outcomes) -> Report:
             table(f"RMS error over the poses, {approach}", "base, controller | J1 [deg] | J2 [deg] | J3 [mm]", errors),
         ]
     caption = "PD share of joint 1 over the base's angle; every robot a line, the nominal one in bold"
-    return Report(tables, [TitledPicture(caption, _shares(o))], _shares_of_joints_2_and_3(o))
+    return Report(tables, {caption: _shares(o)}, _shares_of_joints_2_and_3(o))
 
 
 @unless_missing
@@ -211,10 +207,13 @@ def _shares(o: Outcomes) -> Any:
     return figure
 
 
-CLAIMS_8 = Claims()
+FIGURE_8 = Experiment(
+    "gravity-figure-8", "figure 8", "The PD term's share of the torque at static poses", OF_FIGURE_8,
+    cases, report_8, minutes=1.0,
+)  # fmt: skip
 
 
-@CLAIMS_8(
+@FIGURE_8.claim(
     "With DG the PD term exerts nearly zero torque on joint 1 at every base angle",
     "V-A, figure 8",
     "nearly zero, no number",
@@ -228,7 +227,7 @@ def _near_zero(o: Outcomes) -> Judgement:
     return by_count(small, f"{LABELS['dg']}: {told(found, '.1f', ' %')}")
 
 
-@CLAIMS_8(
+@FIGURE_8.claim(
     "With SG the PD term has to do more on joint 1 with increasing base angles",
     "V-A, figure 8",
     "rises, no number",
@@ -239,7 +238,7 @@ def _share_rises(o: Outcomes) -> Judgement:
     return _rises(o, shares, "sg", LABELS["sg"])
 
 
-@CLAIMS_8(
+@FIGURE_8.claim(
     f"At {LARGEST_BASE_DEG} deg the contrast on joint 1 is stark",
     "V-A, figure 8",
     "stark contrast, no number",
@@ -249,9 +248,3 @@ def _contrast(o: Outcomes) -> Judgement:
     sg, dg = (shares(o, name, LARGEST_BASE_DEG)[:, 0] for name in COMPENSATED)
     ratio = sg.mean() / dg.mean()
     return graded(ratio >= CONTRAST, ratio > 1.0, f"SG {sg:.1f} %, DG {dg:.1f} %")
-
-
-FIGURE_8 = Experiment(
-    "gravity-figure-8", "figure 8", "The PD term's share of the torque at static poses", OF_FIGURE_8,
-    cases, report_8, minutes=1.0, claims=CLAIMS_8,
-)  # fmt: skip

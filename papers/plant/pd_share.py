@@ -73,14 +73,7 @@ def poses_of_joint_1(start: Floats) -> SmoothedPath:
 
 
 def pd_share(arm: CableArm, base_deg: float, *, sensed: bool, corrector: StateCorrector | None = None) -> PDShare:
-    """Hold all poses on a tilted base.
-
-    Args:
-        arm: Its numbers.
-        base_deg: Of the base about z of the mechanism's frame 0, joint 1's axis.
-        sensed: DG; otherwise SG.
-        corrector: Joint positions that the controller takes are calibrated ones; the reported ones when None.
-    """
+    """Hold all poses on a base turned about joint 1's axis, by DG or SG, at calibrated positions with a corrector."""
     plant = CablePlant(arm, substeps=1, base=turned_base(base_deg))
     plant.home()
     controller = HeldTool(plant.firmware, sensed=sensed)

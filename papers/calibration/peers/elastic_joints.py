@@ -129,15 +129,7 @@ def _stretch(error: Floats, load: Floats, qd: Floats, softest: float, stiffest: 
 
 @inlined
 def advance(x: Floats, joints: Joints, torque: Floats, bias: Floats, inverse: Floats, step: float, count: int) -> None:
-    """Advance theta, q, theta', q' (12,) by some semi-implicit Euler steps; `x` is overwritten.
-
-    Args:
-        x: State [rad, rad, m and per second].
-        torque: (3,) of the motors, held.
-        bias: (3,) h, held.
-        inverse: (3, 3) of M, held.
-        step: [s].
-    """
+    """Advance a state x (12,) by semi-implicit Euler steps of `step` [s]; torque, h and the inverse of M are held."""
     for _ in range(count):
         push_0 = joints.stiffness[0] * (x[0] - x[3]) + joints.damping[0] * (x[6] - x[9])
         push_1 = joints.stiffness[1] * (x[1] - x[4]) + joints.damping[1] * (x[7] - x[10])

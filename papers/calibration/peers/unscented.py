@@ -43,14 +43,7 @@ def filtered(drive: Drive, joints: Joints) -> Floats:
 
 @compiled
 def run_filter(drive: Drive, joints: Joints, counts: np.ndarray, x: Floats, P: Floats, states: Floats) -> None:
-    """Filter row after row.
-
-    Args:
-        counts: (N,) steps of integration before each row.
-        x: (12,) the first state, overwritten.
-        P: (12, 12) its covariance, overwritten.
-        states: (N, 12) receives the estimates.
-    """
+    """Filter rows, after `counts` (N,) steps each, from state x (12,) and covariance P, overwritten, into `states`."""
     points = np.empty((2 * STATES, STATES))
     noise = np.zeros(STATES)
     for row in range(len(drive.time)):
