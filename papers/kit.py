@@ -3,7 +3,8 @@
 A claim is decided by statements that hold or not, for each joint or robot: of several it is told how many do.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from itertools import product
 from typing import Any
 
@@ -103,15 +104,11 @@ def cells(values: Floats, digits: int = 3) -> list[str]:
 
 def rows(row: Callable[..., Sequence[Any]], *axes: Iterable[Any]) -> list[list[str]]:
     """Return a row for every combination that has run; a sample in it is told to three digits."""
-    return list(_rows(row, axes))
-
-
-def _rows(row: Callable[..., Sequence[Any]], axes: Sequence[Iterable[Any]]) -> Iterator[list[str]]:
+    made = []
     for each in product(*axes):
-        try:
-            yield [f"{cell}" for cell in row(*each)]
-        except Missing:
-            continue
+        with suppress(Missing):
+            made.append([f"{cell}" for cell in row(*each)])
+    return made
 
 
 def table(title: str, header: str | Sequence[str], content: Sequence[Sequence[str]]) -> TitledTable:
@@ -138,11 +135,4 @@ def told(values: Mapping[Any, Any], form: str = ".3f", unit: str = "", *, betwee
 
 def unless_missing(tell: Callable[[Outcomes], str]) -> Callable[[Outcomes], list[str]]:
     """Let a function that tells something of outcomes return it in a list, empty where cases have not run."""
-
-    def remarks(outcomes: Outcomes) -> list[str]:
-        try:
-            return [tell(outcomes)]
-        except Missing:
-            return []
-
-    return remarks
+    return lambda outcomes: [cell for (cell,) in rows(lambda: [tell(outcomes)])]

@@ -13,7 +13,6 @@ from papers.store import Finished, write_raw
 
 RAW = ".raw.json.xz"  # ending of the file that holds what the cases of an experiment left
 FITTED = "Fitted: the simulated robot was fitted to this number, or to one that implies it."
-VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
 
 
 def judged(experiment: Experiment, outcomes: Outcomes) -> list[tuple[Claim, Judgement]]:
@@ -36,7 +35,7 @@ def shown_verdict(verdict: str, *, fitted: bool) -> str:
 def verdict_table(claims: Sequence[tuple[Claim, Judgement]]) -> Table:
     """Return claims beside what came out of them."""
     return Table(
-        VERDICTS,
+        ["claim", "published", "here", "verdict", "criterion"],
         [
             [
                 f"{claim.says} ({claim.place})",

@@ -10,15 +10,19 @@ zag's range and in the whole box.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import gcd
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from catenary import random_sinusoids, record_simulated, zigzag
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
 from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.sinusoids import FASTEST, SLOWEST, TURN_TIME
+from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, Direction, zigzag_rows
-from papers.beyond.designed_motion import designed
 from papers.calibration import recordings
 from papers.calibration.figure_3 import reversals
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledTable, run
@@ -35,6 +39,38 @@ MODELS = (recordings.NETWORK, "linear")
 COLORS = {WIDE: "#c9a227", RANDOM: "#1c2430", NARROW: "#d9622b", DESIGNED: "#2f8f6b"}
 ZIGZAG_COLOR = "#4b6b94"
 EXPLAINS = -0.5  # rank correlation of reversals and error, at most
+
+
+def crossings(duration: float, widths: Floats, speeds: Floats) -> list[int]:
+    """Return how often joints cross ranges (n,) [rad|m] in [s] at about these speeds: no two with a common divisor."""
+    chosen: list[int] = []
+    for wish in duration * speeds / widths:
+        free = [k for k in range(2, int(2 * wish) + 1) if all(gcd(k, other) == 1 for other in chosen)]
+        if not free:
+            raise InputError(f"duration: {duration:g} s leave no time to cross a joint's range twice")
+        chosen.append(min(free, key=lambda k: abs(k - wish)))
+    return chosen
+
+
+def designed(
+    duration: float, *, lower: ArrayLike = CALIBRATION_LOWER, upper: ArrayLike = CALIBRATION_UPPER
+) -> SmoothedPath:
+    """Return the motion [s] of three joints between two ends (3,) [rad|m], at the middle of random motion's speeds.
+
+    A cable's error depends on where the joint is and on which side of its friction and slack the last move left it. So
+    each joint crosses its range at constant speed and turns back at the ends, which shows it in both directions
+    everywhere; the numbers of crossings have no common divisor, so that over the whole motion any position of one joint
+    meets all positions of the others, as a zig-zag's sweeps do.
+    """
+    low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
+    if not (low < high).all():
+        raise InputError(f"lower, upper: expected lower below upper for each joint, got {low} and {high}")
+    counts = crossings(duration, high - low, (SLOWEST + FASTEST) / 2.0)
+    lines = []
+    for j, count in enumerate(counts):
+        times = np.linspace(0.0, duration - TURN_TIME, count + 1)
+        lines.append(BrokenLine(times, np.where(np.arange(count + 1) % 2, high[j], low[j]), TURN_TIME))
+    return SmoothedPath(lines)
 
 
 def trajectory(name: str, sparsities: Sequence[float], rng: np.random.Generator) -> Trajectory:
@@ -218,9 +254,8 @@ def _pairs(own: Floats, other: Floats) -> str:
 
 
 EXPERIMENT = Experiment(
-    "beyond-paths", "beyond", "Which path earns its minutes", __doc__,
-    cases, report, minutes=21.0, drawn=2,
-)  # fmt: skip
+    "beyond-paths", "beyond", "Which path earns its minutes", __doc__, cases, report, minutes=21.0, drawn=2
+)
 
 
 @EXPERIMENT.claim(

@@ -18,6 +18,7 @@ joints: the tool's positions, which homing moves too, are figure 9's matter.
 
 import itertools
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -265,12 +266,10 @@ def _picture(o: Outcomes) -> Any:
     mechanism.set_xlabel("coupling's error x way of J1 after J2 [deg]", fontsize=8)
     mechanism.set_title("shift of J2's registration [deg]", fontsize=10)
     for (order, cure), color in DRAWN.items():
-        try:
-            reached = errors(o, order, cure, "linear").mean(axis=0)
-        except Missing:
-            continue
         label = (f"from {order}" if order != TWICE else order) + ("" if cure == NOTHING else f", {cure}")
-        cured.plot(reached, "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label)
+        with suppress(Missing):
+            reached = errors(o, order, cure, "linear").mean(axis=0)
+            cured.plot(reached, "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label)
     log_scale(cured)
     cured.set_xlabel("homings", fontsize=8)
     cured.set_title("RMSE of J2 [deg], linear", fontsize=10)

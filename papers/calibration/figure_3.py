@@ -175,9 +175,8 @@ def _directions(o: Outcomes) -> dict[str, Result]:
 
 
 EXPERIMENT = Experiment(
-    "calibration-figure-3", "figure 3", "Zig-zags in joint space", __doc__,
-    cases, report, minutes=1.0, drawn=0,
-)  # fmt: skip
+    "calibration-figure-3", "figure 3", "Zig-zags in joint space", __doc__, cases, report, minutes=1.0, drawn=0
+)
 
 
 @EXPERIMENT.claim(

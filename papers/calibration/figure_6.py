@@ -34,11 +34,6 @@ MOVED: tuple[Condition, ...] = ("unloaded", "loaded")
 STEADY = 0.05  # [deg|mm] change in idle hours that is none: the paper's largest is 0.048
 TWICE = 1.5  # loss under load over the loss without; the paper's are 1.8 (network), 2.2 (linear), 2.4 (fixed offset)
 CLOSE = 0.25  # share of a published error within which ours reproduces it
-_LOAD = (
-    "set of a cable grows with its tension, and the weight, beyond the remote centre, takes torque off joint 1 (the "
-    "table of torques): wear by that cable's tension cannot make joint 1 lose more. The paper names fatigue of cables "
-    "over small sheaves under load; which part carries the weight there, it does not say, and nothing here has it"
-)
 _NO_WEAR_BY_LOAD = "nothing here makes joint 1 wear by the load: under the weight its cable carries less"
 _SAME_TABLE = (
     "the simulated robot's drift was fitted to the linear model of six inputs in hour 5 unloaded, and its other "
@@ -50,10 +45,6 @@ DECAYS = 1.5  # error in hour 5 over hour 0 that is a significant decrease in ac
 WIDE = 0.2  # [deg|mm] the height of a box that the paper marks with an arrow
 MANY = 0.5  # of the regressions' entries
 LATE = (3, 4, 5)  # after hour 3
-_SAME_STATES = (
-    "wear changes the simulated robot's errors and hardly its inputs: few rows leave the ground of training (errors "
-    "with and without a guard agree in the tables), so that the polynomial is asked what it was trained for"
-)
 _DRIFT = "hour 5's error is mostly drift, which no training before it has seen"
 
 
@@ -270,7 +261,9 @@ def _idle_keeps(o: Outcomes) -> Judgement:
     "joint 1: 0.772 against 0.358 deg linear, 0.741 against 0.411 network",
     f"loss from hour 0 to hour 5 less without load, {CLEARLY}, for both models on all joints; same direction: for more "
     "than half",
-    _LOAD,
+    "set of a cable grows with its tension, and the weight, beyond the remote centre, takes torque off joint 1 (the "
+    "table of torques): wear by that cable's tension cannot make joint 1 lose more. The paper names fatigue of cables "
+    "over small sheaves under load; which part carries the weight there, it does not say, and nothing here has it",
 )
 def _loaded_worse(o: Outcomes) -> Judgement:
     pairs = [[losses(o, condition, model) for condition in MOVED] for model in LEARNT]
@@ -390,7 +383,8 @@ def _idle_polynomial(o: Outcomes) -> Judgement:
     "0.235 to 1.529 deg unloaded, 0.221 to 1.045 deg loaded",
     f"error in hour 5 at least {1.0 - CLOSE} times the published one, unloaded and loaded, mean over robots; same "
     f"direction: it loses more than the linear model in both, {CLEARLY}",
-    _SAME_STATES,
+    "wear changes the simulated robot's errors and hardly its inputs: few rows leave the ground of training (errors "
+    "with and without a guard agree in the tables), so that the polynomial is asked what it was trained for",
 )
 def _moved_polynomial(o: Outcomes) -> Judgement:
     close, more, told = [], [], []

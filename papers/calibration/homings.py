@@ -56,17 +56,7 @@ COMBINATIONS = (
 )
 COLORS = {BASELINE: "#8a94a3", NONE: "#d9622b", ONE: "#2f8f6b"}
 # reasons, by measurement
-TOOL = (
-    "Where the linear model of 16 inputs fails, the tool's positions make it fail: they hardly move in training, "
-    "homing moves them, and the model goes where their weights point. The linear model without them does not. How far "
-    "the paper's tool moved is not printed"
-)
 AS_ON_JOINT_1 = "the linear model's errors after homings are made by the tool's positions, as on joint 1"
-DRAWN_ANEW = (
-    "A homing shifts joint 2's registration only where joint 2 meets its stop before joint 1 (beyond-rehoming), from a "
-    "minority of the poses where a motion ends, and every homing draws it anew: errors come and go, they do not add "
-    "up. Homing also takes away by how much cables have set, which the baseline keeps"
-)
 # criteria
 FLAT = 1.5  # greatest over least error of a curve that does not change
 WORSE = 1.5  # error after five homings over the error before
@@ -302,9 +292,8 @@ def _greatest(o: Outcomes, chain: str, method: str) -> Floats:
 
 
 EXPERIMENT = Experiment(
-    "calibration-figure-9", "figure 9", "Calibration after homing again", __doc__,
-    cases, report, minutes=21.0,
-)  # fmt: skip
+    "calibration-figure-9", "figure 9", "Calibration after homing again", __doc__, cases, report, minutes=21.0
+)
 
 
 @EXPERIMENT.claim(
@@ -313,7 +302,9 @@ EXPERIMENT = Experiment(
     "network 0.117-0.146 and 0.133-0.152, linear 0.155-0.207 and 0.163-0.218 deg",
     f"greatest over least of the six at most {FLAT}, medians over robots, for both models and datasets; same "
     "direction: for more than half",
-    TOOL,
+    "Where the linear model of 16 inputs fails, the tool's positions make it fail: they hardly move in training, "
+    "homing moves them, and the model goes where their weights point. The linear model without them does not. How far "
+    "the paper's tool moved is not printed",
 )
 def _joint_1(o: Outcomes) -> Judgement:
     return _flat(o, 0, outliers=0)
@@ -325,7 +316,9 @@ def _joint_1(o: Outcomes) -> Judgement:
     "network 0.255 to 0.627, linear 0.317 to 0.712 deg",
     f"error after five homings at least {WORSE} times that before, medians over robots, and more, {CLEARLY}, for both "
     "models; same direction: the latter for both",
-    DRAWN_ANEW,
+    "A homing shifts joint 2's registration only where joint 2 meets its stop before joint 1 (beyond-rehoming), from a "
+    "minority of the poses where a motion ends, and every homing draws it anew: errors come and go, they do not add "
+    "up. Homing also takes away by how much cables have set, which the baseline keeps",
 )
 def _joint_2(o: Outcomes) -> Judgement:
     ends = {method: per_robot(o, NONE, method)[:, [0, -1], 1].T for method in MODELS}

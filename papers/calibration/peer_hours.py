@@ -13,12 +13,11 @@ import numpy as np
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
 from papers.calibration.inputs import SIXTEEN
-from papers.calibration.peers.elastic_joints import identified
+from papers.calibration.peers.elastic_joints import Filter, identified
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
 from papers.calibration.peers.rows import Peer, Places, joined, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
-from papers.calibration.peers.unscented import Filter
 from papers.calibration.six_hours import DENOMINATORS, HOUR, joint_rmse, recorded, tip_rmse
 from papers.experiment import Case, Outcomes, Plain, Result, Scope, run
 

@@ -216,9 +216,8 @@ def _better(o: Outcomes, sets: Sequence[str], conditions: Sequence[Condition]) -
 
 # beside the cases of figures 6 and 8 and table II
 EXPERIMENT = Experiment(
-    "calibration-table-5", "table V", "Network or linear regression", __doc__,
-    cases, report, minutes=3.0, drawn=2,
-)  # fmt: skip
+    "calibration-table-5", "table V", "Network or linear regression", __doc__, cases, report, minutes=3.0, drawn=2
+)
 
 
 @EXPERIMENT.claim(

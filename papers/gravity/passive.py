@@ -223,9 +223,8 @@ def _picture(o: Outcomes) -> Any:
 
 
 EXPERIMENT = Experiment(
-    "gravity-passive", "section V-A", "Passive hold by gravity compensation alone", __doc__,
-    cases, report, minutes=8.0,
-)  # fmt: skip
+    "gravity-passive", "section V-A", "Passive hold by gravity compensation alone", __doc__, cases, report, minutes=8.0
+)
 
 
 @EXPERIMENT.claim(

@@ -196,9 +196,8 @@ def report_4(o: Outcomes) -> Report:
 
 
 FIGURE_4 = Experiment(
-    "regressor-figure-4", "figure 4", "19 joints under PD alone", __doc__,
-    cases_4, report_4, minutes=2.0,
-)  # fmt: skip
+    "regressor-figure-4", "figure 4", "19 joints under PD alone", __doc__, cases_4, report_4, minutes=2.0
+)
 
 
 @FIGURE_4.claim(
@@ -273,9 +272,8 @@ def _compared(
 
 
 FIGURE_5 = Experiment(
-    "regressor-figure-5", "figure 5", "19 joints learn their gravity", OF_FIGURE_5,
-    cases_5, report_5, minutes=10.0,
-)  # fmt: skip
+    "regressor-figure-5", "figure 5", "19 joints learn their gravity", OF_FIGURE_5, cases_5, report_5, minutes=10.0
+)
 
 
 @FIGURE_5.claim(

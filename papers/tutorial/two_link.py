@@ -21,7 +21,7 @@ from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
-from papers.kit import by_count, grid, sample, table
+from papers.kit import by_count, filled, grid, sample, table
 
 TICK = 1e-3  # [s] over which a torque is held, as a 1 kHz loop holds it
 START, GOAL = np.deg2rad([-60.0, 30.0]), np.deg2rad([50.0, 100.0])
@@ -136,15 +136,16 @@ def cases(scope: Scope) -> Sequence[Case]:
 
 def report(o: Outcomes) -> Report:
     """Return errors by controller and speed, and those of the fast motion over time."""
-    tables = []
-    for name, speed in SPEEDS.items():
-        rows = []
-        for told, result in o.items(errors_of, speed=speed):
-            cells = [f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key]]
-            rows.append([told["controller"], *cells])
-        if rows:
-            header = ["controller", "largest error q0 [deg]", "q1 [deg]", "at rest q0 [deg]", "q1 [deg]"]
-            tables.append(table(f"The {name} motion, up to {speed * FASTEST:g} rad/s", header, rows))
+
+    def errors(speed: float) -> list[list[str]]:
+        return [
+            [told["controller"], *(f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key])]
+            for told, result in o.items(errors_of, speed=speed)
+        ]
+
+    header = "controller | largest error q0 [deg] | q1 [deg] | at rest q0 [deg] | q1 [deg]"
+    titles = {f"The {name} motion, up to {speed * FASTEST:g} rad/s": speed for name, speed in SPEEDS.items()}
+    tables = filled(table(title, header, errors(speed)) for title, speed in titles.items())
     return Report(tables, {"Errors of both joints over the fast motion": _picture(o)})
 
 
