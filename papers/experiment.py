@@ -32,11 +32,7 @@ NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a se
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a function: what it is called with decides its result.
-
-    `key` names the result: the function, its revision, its arguments, and the data files of robots on which it may
-    depend.
-    """
+    """One run of a function: what it is called with decides its result."""
 
     function: str  # module and name
     revision: int
@@ -99,11 +95,7 @@ class Run:
 
 
 def run(*, revision: int) -> Callable[[Callable[..., Result]], Run]:
-    """Mark a function as one that cases call.
-
-    Args:
-        revision: Raised whenever a change of the code changes results, so that they are made anew.
-    """
+    """Mark a function as one that cases call; a change of the code that changes results raises its revision."""
     return lambda function: Run(function, revision)
 
 
@@ -187,19 +179,18 @@ class Judgement(NamedTuple):
     measured: str
 
 
+Judge = Callable[[Outcomes], Judgement]
+
+
 @dataclass(frozen=True)
 class Claim:
-    """One statement of a paper, and how it is decided whether it holds here.
-
-    The criterion is written before the run. `why` says, where a claim does not hold, what the reason is as far as
-    it was found.
-    """
+    """One statement of a paper, and how it is decided, by a criterion written before the run, whether it holds here."""
 
     says: str
     place: str  # in the paper: section, table, figure; "beyond ..." where no paper claims it
     published: str  # the paper's own numbers
     criterion: str
-    judge: Callable[[Outcomes], Judgement]
+    judge: Judge
     why: str = ""
     fitted: bool = False  # the simulated robot was fitted to this number, or to one that implies it
 
@@ -211,19 +202,12 @@ class TitledTable(NamedTuple):
     table: Table
 
 
-class TitledPicture(NamedTuple):
-    """A picture of results, in the paper's form where there is one."""
-
-    caption: str
-    figure: "Figure"
-
-
 @dataclass(frozen=True)
 class Report:
     """What the cases show together."""
 
     tables: Sequence[TitledTable] = ()
-    pictures: Sequence[TitledPicture] = ()
+    pictures: Mapping[str, "Figure"] = field(default_factory=dict)  # by caption, in the paper's form where there is one
     remarks: Sequence[str] = ()
 
 
@@ -239,11 +223,22 @@ class Experiment:
     report: Callable[[Outcomes], Report]
     _: KW_ONLY
     minutes: float  # of one processor, all of it
-    claims: Sequence[Claim] = field(default_factory=tuple)
+    claims: list[Claim] = field(default_factory=list)
     drawn: int = 5  # robots beside the nominal one
     simulated: bool = True  # False where all of it is measured on real arms
     needs_data: bool = False  # recordings of real arms, of which some cases are
     of: Paper | None = None  # the paper, where its name does not begin with it
+
+    def claim(
+        self, says: str, place: str, published: str, criterion: str, why: str = "", *, fitted: bool = False
+    ) -> Callable[[Judge], Judge]:
+        """Add a claim, in the claims' order, that the function below judges; see `Claim`."""
+
+        def keep(judge: Judge) -> Judge:
+            self.claims.append(Claim(says, place, published, criterion, judge, why, fitted))
+            return judge
+
+        return keep
 
     @property
     def paper(self) -> str:

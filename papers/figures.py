@@ -41,11 +41,7 @@ def panels(columns: int, height: float, *, rows: int = 1, **options: Any) -> tup
 
 
 def legend_below(figure: "Figure", *panels: Any, columns: int | None = None) -> None:
-    """Draw one legend of what panels show below all of them, each label once.
-
-    Args:
-        columns: Of the legend; all in one row when None.
-    """
+    """Draw one legend of what panels show below all of them, each label once; all in one row without columns."""
     handles: dict[str, Any] = {}
     for panel in panels:
         handles |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))

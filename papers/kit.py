@@ -1,6 +1,10 @@
-"""What experiments are written with: cases by a grid, samples over robots, and tables that skip what has not run."""
+"""What experiments are written with: cases by a grid, samples over robots, tables that skip what has not run, verdicts.
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+A claim is decided by statements that hold or not, for each joint or robot: of several it is told how many do.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from itertools import product
 from typing import Any
 
@@ -8,12 +12,16 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import Missing, mean_and_spread
-from papers.experiment import Case, Outcomes, Plain, Run, TitledTable
+from papers.experiment import Case, Judgement, Outcomes, Plain, Run, TitledTable
 
 JOINTS = ("J1", "J2", "J3")
 UNITS = ("deg", "deg", "mm")
 IN_UNITS = ("J1 [deg]", "J2 [deg]", "J3 [mm]")
+NOT_MEASURED = Judgement("not measured", "-")
+
+
+class Missing(Exception):
+    """No case that was asked for has run: a claim is not measured then, and a row is left out."""
 
 
 class Sample(np.ndarray):
@@ -33,6 +41,30 @@ class Sample(np.ndarray):
         return f"{median(self):.{digits}f} (mean {told})" if spec.endswith("m") else told
 
 
+def mean_and_spread(values: Iterable[float], digits: int = 3) -> str:
+    """Return mean and standard deviation of a sample as text; the value alone where there is one."""
+    sample = np.array([value for value in values if value is not None], dtype=float)
+    if sample.size == 0:
+        return "-"
+    if sample.size == 1:
+        return f"{sample[0]:.{digits}f}"
+    return f"{sample.mean():.{digits}f} ± {sample.std(ddof=1):.{digits}f}"
+
+
+def graded(reproduced: bool | np.bool_, direction: bool | np.bool_, measured: str) -> Judgement:
+    """Judge a claim of one number: reproduced, or else of the paper's direction, or neither."""
+    return Judgement("reproduced" if reproduced else "same direction" if direction else "not reproduced", measured)
+
+
+def by_count(holds: Iterable[bool], measured: str) -> Judgement:
+    """Judge a claim of several parts: reproduced where all hold, the same direction where more than half do."""
+    parts = [bool(each) for each in holds]
+    if not parts:
+        return NOT_MEASURED
+    counted = f"{measured} ({sum(parts)} of {len(parts)})" if len(parts) > 1 else measured
+    return graded(all(parts), sum(parts) > len(parts) / 2, counted)
+
+
 def median(values: Floats) -> Any:
     """Return the median over robots of numbers whose first axis is the robot: one robot of six decides no claim."""
     return np.median(np.asarray(values), axis=0)
@@ -44,10 +76,7 @@ def by_robot(values: Any) -> Floats:
 
 
 def sample(outcomes: Outcomes, run: Run, /, *path: str | int, **where: Plain) -> Floats:
-    """Return what a function's cases with these arguments have at a path of their results, robot by robot.
-
-    Results that lack the first step of the path are left out.
-    """
+    """Return what a function's cases have at a path of their results, robot by robot; some may lack its first step."""
     found: list[Any] = [one for one in outcomes.of(run, **where) if not path or path[0] in one]
     for part in path:
         found = [one[part] for one in found]
@@ -75,15 +104,11 @@ def cells(values: Floats, digits: int = 3) -> list[str]:
 
 def rows(row: Callable[..., Sequence[Any]], *axes: Iterable[Any]) -> list[list[str]]:
     """Return a row for every combination that has run; a sample in it is told to three digits."""
-    return list(_rows(row, axes))
-
-
-def _rows(row: Callable[..., Sequence[Any]], axes: Sequence[Iterable[Any]]) -> Iterator[list[str]]:
+    made = []
     for each in product(*axes):
-        try:
-            yield [f"{cell}" for cell in row(*each)]
-        except Missing:
-            continue
+        with suppress(Missing):
+            made.append([f"{cell}" for cell in row(*each)])
+    return made
 
 
 def table(title: str, header: str | Sequence[str], content: Sequence[Sequence[str]]) -> TitledTable:
@@ -110,11 +135,4 @@ def told(values: Mapping[Any, Any], form: str = ".3f", unit: str = "", *, betwee
 
 def unless_missing(tell: Callable[[Outcomes], str]) -> Callable[[Outcomes], list[str]]:
     """Let a function that tells something of outcomes return it in a list, empty where cases have not run."""
-
-    def remarks(outcomes: Outcomes) -> list[str]:
-        try:
-            return [tell(outcomes)]
-        except Missing:
-            return []
-
-    return remarks
+    return lambda outcomes: [cell for (cell,) in rows(lambda: [tell(outcomes)])]

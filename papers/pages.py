@@ -27,8 +27,8 @@ from typing import Any
 from catenary.errors import InputError
 from catenary.files import write_atomically
 from papers.catalog import MODULES, experiment, named
-from papers.claims import NOT_MEASURED
 from papers.experiment import BEYOND
+from papers.kit import NOT_MEASURED
 from papers.results_files import FITTED, RAW, markdown, shown_verdict, told_of
 
 ROOT = Path(__file__).parents[1]
@@ -78,12 +78,7 @@ Results = Mapping[str, Mapping[str, Any]]
 
 
 def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
-    """Take finished results into the repository, and write pages and blocks anew; return what was written.
-
-    Args:
-        out: Where they were run.
-        names: Of experiments; those that have not run are left as they are. All of them when None.
-    """
+    """Take finished results of experiments, or of all, out of a folder into the repository; return what was written."""
     written: list[Path] = []
     finished = [name for name in (MODULES if names is None else names) if (out / f"{name}.json").exists()]
     if names and not finished:

@@ -7,13 +7,12 @@ from typing import Any
 
 from catenary.files import json_text, write_atomically
 from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
-from papers.claims import NOT_MEASURED, Missing
 from papers.experiment import Case, Claim, Experiment, Judgement, Outcomes, Report, Scope
+from papers.kit import NOT_MEASURED, Missing
 from papers.store import Finished, write_raw
 
 RAW = ".raw.json.xz"  # ending of the file that holds what the cases of an experiment left
 FITTED = "Fitted: the simulated robot was fitted to this number, or to one that implies it."
-VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
 
 
 def judged(experiment: Experiment, outcomes: Outcomes) -> list[tuple[Claim, Judgement]]:
@@ -36,7 +35,7 @@ def shown_verdict(verdict: str, *, fitted: bool) -> str:
 def verdict_table(claims: Sequence[tuple[Claim, Judgement]]) -> Table:
     """Return claims beside what came out of them."""
     return Table(
-        VERDICTS,
+        ["claim", "published", "here", "verdict", "criterion"],
         [
             [
                 f"{claim.says} ({claim.place})",
@@ -82,7 +81,7 @@ def summary(
             {"title": one.title, "header": list(one.table.header), "rows": [list(row) for row in one.table.rows]}
             for one in report.tables
         ],
-        "pictures": [one.caption for one in report.pictures],
+        "pictures": list(report.pictures),
         "remarks": list(report.remarks),
         "claims": [
             {
@@ -108,10 +107,7 @@ def _days(dates: Sequence[str]) -> str:
 def outcome(
     experiment: Experiment, scope: Scope, kept: Mapping[Case, Finished], missing: int = 0
 ) -> tuple[dict[str, Any], Report, list[tuple[Claim, Judgement]]]:
-    """Return what NAME.json holds, the report and the verdicts that follow from what cases left.
-
-    Quick results, and those of which cases are missing, hold no verdicts.
-    """
+    """Return what NAME.json holds, the report, and the verdicts: none of quick results, or where cases are missing."""
     outcomes = Outcomes({case: finished.result for case, finished in kept.items()})
     report = experiment.report(outcomes)
     claims = judged(experiment, outcomes) if not (scope.quick or missing) else []
@@ -126,12 +122,12 @@ def write_results(
     content, report, claims = outcome(experiment, scope, kept, missing)
     folder.mkdir(parents=True, exist_ok=True)
     write_raw(folder / f"{experiment.name}{RAW}", kept)
-    for number, drawn in enumerate(report.pictures, 1):
-        write_atomically(folder / f"{experiment.name}-{number}.svg", svg(drawn.figure))
+    for number, drawn in enumerate(report.pictures.values(), 1):
+        write_atomically(folder / f"{experiment.name}-{number}.svg", svg(drawn))
     blocks: list[Block] = [Text(paragraph) for paragraph in experiment.about.split("\n\n")]
     if missing:
         blocks.append(Text(f"{missing} cases are missing: see the folder failures, and run it again."))
-    blocks += [picture(drawn.figure, drawn.caption) for drawn in report.pictures]
+    blocks += [picture(drawn, caption) for caption, drawn in report.pictures.items()]
     for one in report.tables:
         blocks += [Heading(one.title), one.table]
     if report.remarks:

@@ -84,14 +84,9 @@ def run_cases(
     until: float = math.inf,
     told: Told = lambda case, ended: None,
 ) -> list[Failure]:
-    """Run those cases that have no result yet, each once; keep every result as it comes.
+    """Run those cases that have no result yet, each once, and keep every result as it comes; return failures.
 
-    Args:
-        workers: Processes on this machine; one runs in this process.
-        until: On the clock of `time.monotonic` [s], when no further case begins; those that have begun end.
-
-    Returns:
-        The cases that failed.
+    One worker runs in this process. After `until`, on the clock of `time.monotonic` [s], no further case begins.
     """
     missing = [case for case in dict.fromkeys(cases) if store.read(case) is None]
     failures: list[Failure] = []

@@ -45,15 +45,9 @@ def sweep(
     minutes: float = math.inf,
     console: Console,
 ) -> int:
-    """Run what has no result yet; write and print every experiment's tables as its last case ends.
+    """Run what has no result yet; write every experiment's tables as its last case ends; return how many cases failed.
 
-    Args:
-        out: Folder of results.
-        workers: Processes on this machine.
-        minutes: By the clock, after which no case begins; the next sweep goes on with those that are left.
-
-    Returns:
-        How many cases failed.
+    After some minutes by the clock no case begins; the next sweep goes on with those that are left.
     """
     until = time.monotonic() + 60.0 * minutes
     store = Store(out)
@@ -102,11 +96,7 @@ def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
 
 
 def judge(name: str, committed: Path, out: Path) -> None:
-    """Write and print what committed raw results show today: no robot runs.
-
-    Args:
-        out: Folder that is written.
-    """
+    """Write into a folder and print what committed raw results show today: no robot runs."""
     raw = committed / f"{name}{RAW}"
     kept = read_raw(raw)
     told = json.loads((committed / f"{name}.json").read_text(encoding="utf-8"))

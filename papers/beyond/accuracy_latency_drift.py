@@ -22,16 +22,15 @@ from catenary.plant import MotionLog
 from papers.calibration import tables_3_and_4
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.peer_hours import PEERS, PROCESS, RECURRENT, SPACING, TWO_PHASE, UKF, UKF_TOLD, at_rows
-from papers.calibration.peers.elastic_joints import identified
+from papers.calibration.peers.elastic_joints import Filter, identified
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import PREVIOUS, fit_recurrent
 from papers.calibration.peers.rows import rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
-from papers.calibration.peers.unscented import Filter
 from papers.calibration.published import TABLE_3_OURS
 from papers.calibration.recordings import BEST, METHODS, NETWORK, calibration_log, draws, fitted, homed
 from papers.calibration.six_hours import OFFSET
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
@@ -114,10 +113,7 @@ def present(o: Outcomes) -> list[str]:
 
 
 def left(o: Outcomes, method: str) -> Floats:
-    """Return what a method leaves of the fixed offset's error in hours 0 and 5 [%]: geometric mean over joints, (2,).
-
-    Of the fixed offset in hour 0, both.
-    """
+    """Return errors in hours 0 and 5 over the fixed offset's in hour 0 [%], geometric mean over joints, (2,)."""
     ends = tables_3_and_4.hours(o, method).mean(axis=0)[[0, -1]]
     offset = tables_3_and_4.hours(o, OFFSET).mean(axis=0)[0]
     shares: Floats = 100.0 * np.exp(np.mean(np.log(ends / offset), axis=1))
@@ -144,7 +140,7 @@ def report(o: Outcomes) -> Report:
     if not names:
         return Report()
     said = sentence({name: (*left(o, name), timed[name]) for name in names})
-    return Report([table(title, header, rows(row, names))], [TitledPicture(caption, _picture(o))], [said])
+    return Report([table(title, header, rows(row, names))], {caption: _picture(o)}, [said])
 
 
 def sentence(found: dict[str, Sequence[float]]) -> str:

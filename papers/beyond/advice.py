@@ -20,9 +20,8 @@ from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, block_squares
 from papers.beyond.intervals import DVRK_UNITS, LATER, RECORDINGS, TRAININGS
 from papers.calibration.dvrk import HELD_OUT, limit_of, log_of
-from papers.claims import Claims, graded
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Result, Scope, run
-from papers.kit import filled, table
+from papers.kit import filled, graded, table
 
 AUTO = "auto"
 WITHIN = 1.05  # times the error of the single kind that turns out best
@@ -113,7 +112,7 @@ def report(o: Outcomes) -> Report:
             table("`auto` on the last fifth, over the kind that is best there", ["recording", *DVRK_UNITS], later),
             table(on_others, ["chosen on", "tested on", *DVRK_UNITS], elsewhere),
         ]),
-        [],
+        {},
         [_REMARK],
     )  # fmt: skip
 
@@ -140,7 +139,11 @@ def _cells(errors: Mapping[str, Sequence[float]], chosen: Sequence[str]) -> list
     return found
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "beyond-advice", "beyond, which model",
+    "The kind of model that is chosen joint by joint, held against every kind", __doc__,
+    cases, report, minutes=7.0, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip
 
 
 def _no_worse(o: Outcomes, *, later: bool) -> Judgement:
@@ -152,15 +155,9 @@ def _no_worse(o: Outcomes, *, later: bool) -> Judgement:
 
 
 for later, where in ((True, "on the last fifth of a recording."), (False, "on other recordings.")):
-    CLAIMS(
+    EXPERIMENT.claim(
         f"`auto` is no more than 5 % worse than the best single kind {where}",
         "docs/calibration.md",
         "-",
         "on every joint; same direction: on most",
     )(partial(_no_worse, later=later))
-
-EXPERIMENT = Experiment(
-    "beyond-advice", "beyond, which model",
-    "The kind of model that is chosen joint by joint, held against every kind", __doc__,
-    cases, report, minutes=7.0, claims=CLAIMS, drawn=0, simulated=False, needs_data=True,
-)  # fmt: skip

@@ -13,6 +13,7 @@ of the torque itself; conditions and raw torque are those of calibration on tilt
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -32,13 +33,12 @@ from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.trials import HOLD_START, hold, with_approach
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond import tilted_calibration as tilted
-from papers.beyond.bases import BASES, LEVEL_BASE, ROCKING, homed_level, put_on
+from papers.beyond.tilted_calibration import BASES, LEVEL_BASE, ROCKING, homed_level, put_on
 from papers.calibration.recordings import SPARSITIES, calibration_log, draws, fitted, unguarded
-from papers.claims import Missing
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.gravity.raven_base import SHOWN, turned_base
-from papers.kit import JOINTS, UNITS, by_robot, cells, rows, sample, table, unless_missing
+from papers.kit import JOINTS, UNITS, Missing, by_robot, cells, rows, sample, table, unless_missing
 
 N = 3
 SETTLE = 1.0  # [s] at a motion's start
@@ -239,7 +239,7 @@ def report(o: Outcomes) -> Report:
         "Left: what the gravity model is wrong by against the true joints. Middle: true tracking error. Both on every "
         "base, mean over robots. Right: RMSE of joint 1 on every base by the torque among the inputs"
     )
-    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
+    return Report(tables, {caption: _picture(o)}, _remarks(o))
 
 
 def _tracking(o: Outcomes, base: str, name: str) -> list[str]:
@@ -303,13 +303,11 @@ def _picture(o: Outcomes) -> Any:
     error.set_title("true tracking error, RMS", fontsize=10)
     for k, (torque, color) in enumerate(zip(TORQUES, ("#8a94a3", "#d9622b"), strict=True)):
         for i, training in enumerate(TRAININGS):
-            try:
-                means = [tilted.errors(o, training, torque, base, "linear")[:, 0].mean() for base in BASES]
-            except Missing:
-                continue
             places = np.arange(len(BASES)) + 0.2 * (2 * i + k - 1.5)
             style = {"color": color, "alpha": 1.0 if i == 0 else 0.55, "label": f"{TORQUES[torque]}, {training}"}
-            calibrated.bar(places, means, 0.18, **style)
+            with suppress(Missing):
+                means = [tilted.errors(o, training, torque, base, "linear")[:, 0].mean() for base in BASES]
+                calibrated.bar(places, means, 0.18, **style)
     calibrated.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
     calibrated.set_title("linear model, RMSE of J1 [deg]", fontsize=10)
     legend_below(figure, error, calibrated, columns=4)

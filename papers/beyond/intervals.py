@@ -20,7 +20,7 @@ from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.dvrk import HELD_OUT, limit_of, log_of
 from papers.calibration.recordings import TEST_SECONDS, draws, homed, random_log
 from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, run
-from papers.kit import IN_UNITS, table
+from papers.kit import IN_UNITS, filled, table
 
 TRAININGS = ("random_train", "insertion_train", "peg_transfer_train", "sampled_train")
 RECORDINGS = (*TRAININGS, *(f"error_exp{k}" for k in range(1, 6)))
@@ -118,7 +118,7 @@ def report(o: Outcomes) -> Report:
         table("Real arm: other recordings, `neural, best`", ["fitted to", "tested on", *end], elsewhere),
         table("Simulated RAVEN-II", ["robot", "model", "tested on", *IN_UNITS, "outside"], raven),
     ]
-    return Report([table for table in tables if table.table.rows], [], _remarks(o))
+    return Report(filled(tables), {}, _remarks(o))
 
 
 def _cells(found: Plain) -> list[str]:

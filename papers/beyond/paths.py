@@ -10,32 +10,24 @@ zag's range and in the whole box.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import gcd
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from catenary import random_sinusoids, record_simulated, zigzag
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
 from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.sinusoids import FASTEST, SLOWEST, TURN_TIME
+from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, Direction, zigzag_rows
-from papers.beyond.designed_motion import designed
 from papers.calibration import recordings
 from papers.calibration.figure_3 import reversals
-from papers.claims import Claims, by_count
-from papers.experiment import (
-    Case,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    run,
-)
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledTable, run
 from papers.figures import legend_below, panels
-from papers.kit import IN_UNITS, JOINTS, UNITS, cells, grid, rows, sample, table
+from papers.kit import IN_UNITS, JOINTS, UNITS, by_count, cells, grid, rows, sample, table
 
 ZIGZAG: Direction = "J2-J3"
 WIDE, RANDOM = "J2-J3, whole box", "random"
@@ -47,6 +39,38 @@ MODELS = (recordings.NETWORK, "linear")
 COLORS = {WIDE: "#c9a227", RANDOM: "#1c2430", NARROW: "#d9622b", DESIGNED: "#2f8f6b"}
 ZIGZAG_COLOR = "#4b6b94"
 EXPLAINS = -0.5  # rank correlation of reversals and error, at most
+
+
+def crossings(duration: float, widths: Floats, speeds: Floats) -> list[int]:
+    """Return how often joints cross ranges (n,) [rad|m] in [s] at about these speeds: no two with a common divisor."""
+    chosen: list[int] = []
+    for wish in duration * speeds / widths:
+        free = [k for k in range(2, int(2 * wish) + 1) if all(gcd(k, other) == 1 for other in chosen)]
+        if not free:
+            raise InputError(f"duration: {duration:g} s leave no time to cross a joint's range twice")
+        chosen.append(min(free, key=lambda k: abs(k - wish)))
+    return chosen
+
+
+def designed(
+    duration: float, *, lower: ArrayLike = CALIBRATION_LOWER, upper: ArrayLike = CALIBRATION_UPPER
+) -> SmoothedPath:
+    """Return the motion [s] of three joints between two ends (3,) [rad|m], at the middle of random motion's speeds.
+
+    A cable's error depends on where the joint is and on which side of its friction and slack the last move left it. So
+    each joint crosses its range at constant speed and turns back at the ends, which shows it in both directions
+    everywhere; the numbers of crossings have no common divisor, so that over the whole motion any position of one joint
+    meets all positions of the others, as a zig-zag's sweeps do.
+    """
+    low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
+    if not (low < high).all():
+        raise InputError(f"lower, upper: expected lower below upper for each joint, got {low} and {high}")
+    counts = crossings(duration, high - low, (SLOWEST + FASTEST) / 2.0)
+    lines = []
+    for j, count in enumerate(counts):
+        times = np.linspace(0.0, duration - TURN_TIME, count + 1)
+        lines.append(BrokenLine(times, np.where(np.arange(count + 1) % 2, high[j], low[j]), TURN_TIME))
+    return SmoothedPath(lines)
 
 
 def trajectory(name: str, sparsities: Sequence[float], rng: np.random.Generator) -> Trajectory:
@@ -140,7 +164,7 @@ def report(o: Outcomes) -> Report:
         "RMSE of a joint against how often it turned back in training; full marks are the network, open ones the "
         f"linear model, squares the zig-zag {ZIGZAG}"
     )
-    return Report(tables, [TitledPicture(caption, _picture(o, lengths))], remarks)
+    return Report(tables, {caption: _picture(o, lengths)}, remarks)
 
 
 def _paths_table(o: Outcomes, length: Sequence[float]) -> TitledTable:
@@ -229,10 +253,12 @@ def _pairs(own: Floats, other: Floats) -> str:
     return ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(own, other, strict=True))
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "beyond-paths", "beyond", "Which path earns its minutes", __doc__, cases, report, minutes=21.0, drawn=2
+)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The more often a joint turns back in training, the smaller its error",
     "expected",
     "-",
@@ -255,7 +281,7 @@ def _reversals_explain(o: Outcomes) -> Judgement:
     return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(told))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "In the zig-zag's range, more reversals alone lower the network's error",
     "expected",
     "-",
@@ -268,7 +294,7 @@ def _reversals_in_range(o: Outcomes) -> Judgement:
     return _less(o, NARROW, [ZIGZAG])
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Random motion is worth more than the zig-zag J2-J3 of the same length",
     "expected",
     "-",
@@ -278,7 +304,7 @@ def _random_better(o: Outcomes) -> Judgement:
     return _less(o, RANDOM, [ZIGZAG])
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The designed motion is worth more than the best of the seven zig-zags of the same length",
     "expected",
     "-",
@@ -291,7 +317,7 @@ def _designed_best(o: Outcomes) -> Judgement:
     return _less(o, DESIGNED, DIRECTIONS)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "A fifth of the time is enough: the designed motion for as long as 1/2 takes, against J2-J3 at 1/2 + 1/3 + 1/4",
     "expected",
     "-",
@@ -302,9 +328,3 @@ def _designed_best(o: Outcomes) -> Judgement:
 def _short_enough(o: Outcomes) -> Judgement:
     short, long = middle(o, DESIGNED, SHORT, recordings.NETWORK), middle(o, ZIGZAG, LONG, recordings.NETWORK)
     return by_count(short <= long, f"J1, J2, J3: {_pairs(short, long)}")
-
-
-EXPERIMENT = Experiment(
-    "beyond-paths", "beyond", "Which path earns its minutes", __doc__,
-    cases, report, minutes=21.0, claims=CLAIMS, drawn=2,
-)  # fmt: skip

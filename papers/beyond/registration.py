@@ -85,11 +85,7 @@ def registration(plant: CablePlant) -> Floats:
 
 
 def carried_back(log: MotionLog, firmware: Firmware, to: Floats) -> MotionLog:
-    """Return a recording with the positions that the robot would have reported under another registration.
-
-    Args:
-        to: (3,) the other registration, of `registration` [rad, rad, m].
-    """
+    """Return a recording as it would have been under another `registration`, (3,) [rad, rad, m]."""
     shifts = shift_of(firmware, np.column_stack([log.signals[name] for name in OFFSETS]))
     return replace(log, q_nominal=log.q_nominal - shifts + to)
 

@@ -18,6 +18,7 @@ joints: the tool's positions, which homing moves too, are figure 9's matter.
 
 import itertools
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -33,10 +34,9 @@ from catenary.workflows.robot.motion import move_to
 from papers.beyond.registration import AXES, ELBOW_FIRST, HOME_POSE, OFFSETS, carried_back, registration, registrations
 from papers.calibration import recordings
 from papers.calibration.homings import Between, home_here, random_tests
-from papers.claims import Missing
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, log_scale, panels
-from papers.kit import by_robot, grid, rows, table, unless_missing
+from papers.kit import Missing, by_robot, grid, rows, table, unless_missing
 
 HOMINGS = 5
 POSES = 40
@@ -212,7 +212,7 @@ def report(o: Outcomes) -> Report:
             table("Joint 2's registration by where homing begins", mechanism, _mechanism(o)),
             table("J2 [deg], RMSE after homings, spread over robots", header, rows(cure, SHOWN, MODELS)),
         ],
-        [TitledPicture(caption, _picture(o))],
+        {caption: _picture(o)},
         _remarks(o),
     )
 
@@ -266,12 +266,10 @@ def _picture(o: Outcomes) -> Any:
     mechanism.set_xlabel("coupling's error x way of J1 after J2 [deg]", fontsize=8)
     mechanism.set_title("shift of J2's registration [deg]", fontsize=10)
     for (order, cure), color in DRAWN.items():
-        try:
-            reached = errors(o, order, cure, "linear").mean(axis=0)
-        except Missing:
-            continue
         label = (f"from {order}" if order != TWICE else order) + ("" if cure == NOTHING else f", {cure}")
-        cured.plot(reached, "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label)
+        with suppress(Missing):
+            reached = errors(o, order, cure, "linear").mean(axis=0)
+            cured.plot(reached, "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label)
     log_scale(cured)
     cured.set_xlabel("homings", fontsize=8)
     cured.set_title("RMSE of J2 [deg], linear", fontsize=10)

@@ -22,7 +22,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.recording.logs import read_log
 from papers.calibration.dvrk import JOINTS, RECORDINGS, SAMPLED_LIMIT, UNITS, log_of
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.kit import filled, grid, table
 
@@ -175,16 +175,11 @@ def report(o: Outcomes) -> Report:
         within = inside > WITHIN
         counts = [f"{np.median(rmse[part]):.2f} ({part.sum()})" for part in (within, ~within)]
         others.append([signal, *counts])
-    pictures = (
-        []
-        if not list(o.of(slack))
-        else [
-            TitledPicture("Where J6 alone moves, J5 is dragged along; models are of another motion", _slack(o)),
-            TitledPicture(
-                "RMSE on other recordings by minutes of one: points are recordings, lines their medians", _minutes(o)
-            ),
-        ]
-    )
+    pictures = {}
+    if o.of(slack):
+        pictures["Where J6 alone moves, J5 is dragged along; models are of another motion"] = _slack(o)
+        of_minutes = "RMSE on other recordings by minutes of one: points are recordings, lines their medians"
+        pictures[of_minutes] = _minutes(o)
     return Report(
         filled([
             table("RMSE on what models of parts did not see", header, unseen),

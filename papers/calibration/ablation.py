@@ -24,10 +24,9 @@ from papers.calibration import recordings
 from papers.calibration.inputs import ALL_138, SIXTEEN
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
 from papers.calibration.six_hours import joint_rmse, left_by
-from papers.claims import Claims, by_count, graded, mean_and_spread
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
-from papers.kit import IN_UNITS, JOINTS, cells, filled, grid, rows, sample, table
+from papers.kit import IN_UNITS, JOINTS, by_count, cells, filled, graded, grid, mean_and_spread, rows, sample, table
 
 # groups beside positions and torques, by the columns of the robot's state that they hold
 FURTHER = {
@@ -145,7 +144,7 @@ def report(o: Outcomes) -> Report:
         table(title, ["shuffled", *without_units], rows(grown, SHUFFLED)),
     ]
     caption = "RMSE by features, mean over robots; lines are the paper's 16 inputs; bars may leave the picture"
-    return Report(filled(tables), [TitledPicture(caption, _picture(o))])
+    return Report(filled(tables), {caption: _picture(o)})
 
 
 def _picture(o: Outcomes) -> Any:
@@ -167,10 +166,13 @@ def _picture(o: Outcomes) -> Any:
     return figure
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "calibration-ablation", "II-C, II-H, reference 44", "Features left out and added", __doc__,
+    cases, report, minutes=29.0, drawn=2,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint positions and motor torques are important to the calibration",
     "II-C, II-H",
     "-",
@@ -188,7 +190,7 @@ def _both_needed(o: Outcomes) -> Judgement:
     return graded(all(half.all() for half in halves), all(half.mean() > 0.5 for half in halves), told)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Nothing else in the robot's state is",
     "II-H",
     "-",
@@ -210,7 +212,7 @@ def _nothing_else(o: Outcomes) -> Judgement:
     )
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 3 is the only joint in which torques are more important than positions",
     "III",
     "-",
@@ -224,9 +226,3 @@ def _torques_on_joint_3(o: Outcomes) -> Judgement:
     ratio = by_joint(torques / positions, digits=2)
     told = f"error with torques alone over that with positions alone: {ratio}"
     return statement(less(torques, positions)[2:], less(positions, torques)[:2], told)
-
-
-EXPERIMENT = Experiment(
-    "calibration-ablation", "II-C, II-H, reference 44", "Features left out and added", __doc__,
-    cases, report, minutes=29.0, claims=CLAIMS, drawn=2,
-)  # fmt: skip

@@ -26,7 +26,7 @@ from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
 from papers.calibration.peers.rows import Peer, Rows, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.kit import by_robot, cells, grid, table
 
@@ -164,7 +164,7 @@ def report(o: Outcomes) -> Report:
         ]
         tables.append(table(f"{recording}: RMSE on the last fifth", header, content))
     caption = "RMSE over the fixed offset's, geometric mean over recordings; bars from least to greatest recording"
-    return Report(tables, [TitledPicture(caption, _picture(o))] if tables else [])
+    return Report(tables, {caption: _picture(o)} if tables else {})
 
 
 SHOWN = {

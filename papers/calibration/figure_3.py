@@ -17,21 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, Delaunay, KDTree
 
+from catenary import zigzag
 from catenary.arrays import Floats
-from catenary.trajectories.zigzag import (
-    CALIBRATION_LOWER,
-    CALIBRATION_UPPER,
-    DIRECTIONS,
-    Direction,
-    zigzag,
-    zigzag_rows,
-)
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, Direction, zigzag_rows
 from papers.calibration.published import BOX_SHARES, DURATIONS
 from papers.calibration.recordings import SPARSITIES
-from papers.claims import Claims, Missing, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
-from papers.kit import IN_UNITS, JOINTS, grid, table, told
+from papers.kit import IN_UNITS, JOINTS, Missing, by_count, grid, table, told
 
 DENOMINATORS = (2, 3, 4, 5, 6)
 COMBINATIONS = ((1 / 2, 1 / 3), SPARSITIES)
@@ -149,7 +142,7 @@ def report(o: Outcomes) -> Report:
             *(f"{found['volume']:.3f}", f"{found['hole']:.2f}"),
         ])  # fmt: skip
     paths = table("Time, reversals, range, and evenly covered share of it, by joint", header, content)
-    return Report([paths], [TitledPicture("Directions (top), sparsities (bottom)", _picture(o))])
+    return Report([paths], {"Directions (top), sparsities (bottom)": _picture(o)})
 
 
 def _picture(o: Outcomes) -> Any:
@@ -181,10 +174,12 @@ def _directions(o: Outcomes) -> dict[str, Result]:
     return found
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "calibration-figure-3", "figure 3", "Zig-zags in joint space", __doc__, cases, report, minutes=1.0, drawn=0
+)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "All trajectories have the same centre",
     "II-B",
     "equations 4 and 5",
@@ -197,7 +192,7 @@ def _centre(o: Outcomes) -> Judgement:
     return by_count([distance <= CENTRE for distance in away.values()], f"from the box's middle: {told(away)}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "All trajectories cover the same volume of the normalised joint space",
     "II-B",
     "equations 4 and 5",
@@ -211,7 +206,7 @@ def _volume(o: Outcomes) -> Judgement:
     return by_count([abs(volume / middle - 1.0) <= VOLUME for volume in volumes.values()], told(volumes))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "A single direction has 1/sqrt 3 of a joint's range, a double sqrt 2/sqrt 3, the triple all of it",
     "II-B",
     "0.58, 0.82, 1.00",
@@ -228,7 +223,7 @@ def _ranges(o: Outcomes) -> Judgement:
     return by_count(holds, f"share of the swept joints' ranges: {', '.join(said)}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "There is sparsity across the sweeps only, none along them",
     "II-B, figure 3",
     "-",
@@ -246,7 +241,7 @@ def _sparsity_across(o: Outcomes) -> Judgement:
     return by_count(holds, f"evenly covered of J1, J2, J3; {'; '.join(said)}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Smaller sparsity covers better and takes longer",
     "II-B, figure 3",
     "-",
@@ -260,7 +255,7 @@ def _sparser(o: Outcomes) -> Judgement:
     return by_count([*(np.diff(seconds) > 0.0), *(np.diff(holes) < 0.0)], f"time and largest hole: {said}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Recording takes 209 s at 1/2, 537 s at 1/2 + 1/3, 1013 s at 1/2 + 1/3 + 1/4",
     "II-F",
     "209, 537, 1013 s",
@@ -274,7 +269,7 @@ def _seconds(o: Outcomes) -> Judgement:
     return by_count(holds, ", ".join(f"{written(each)} {seconds:.0f} s" for each, seconds in found.items()))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Calibration takes 8 to 21 minutes, of which recording takes 4 to 17",
     "abstract, II-A",
     "8 to 21 minutes: recording 4 to 17, homing below 2, data processing and training below 1 each",
@@ -287,9 +282,3 @@ def _calibration(o: Outcomes) -> Judgement:
     holds = [abs(ours / paper - 1.0) <= MINUTES for ours, paper in zip(whole, CALIBRATION, strict=True)]
     said, of_which = (" to ".join(f"{minutes:.1f}" for minutes in each) for each in (whole, recording))
     return by_count(holds, f"{said} min, of which recording {of_which}")
-
-
-EXPERIMENT = Experiment(
-    "calibration-figure-3", "figure 3", "Zig-zags in joint space", __doc__,
-    cases, report, minutes=1.0, claims=CLAIMS, drawn=0,
-)  # fmt: skip

@@ -20,29 +20,14 @@ from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from papers import kit
+from papers.calibration import recordings
 from papers.calibration.homings import outside
 from papers.calibration.judging import CLEARLY, changes, less, near, statement
 from papers.calibration.published import DURATIONS, FIGURE_5_J1, FIGURE_5_J2, FIGURE_5_J2_POLYNOMIAL, FIGURE_5_J3
-from papers.calibration.recordings import (
-    METHODS,
-    NETWORK,
-    SETS,
-    TEST_SECONDS,
-    baselines,
-    calibration_log,
-    draws,
-    fitted,
-    homed,
-    mean,
-    random_log,
-    rmse,
-    rows_of,
-    unguarded,
-)
-from papers.claims import Claims, by_count, graded
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.calibration.recordings import METHODS, NETWORK, SETS, baselines, fitted, mean, rmse, rows_of, unguarded
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
-from papers.kit import IN_UNITS, grid, sample, told
+from papers.kit import IN_UNITS, by_count, graded, grid, sample, told
 
 RECORDINGS = {"1/2": 5, "1/3": 5, "1/4": 5, "1/5": 3, "1/6": 3}
 MODELS = (NETWORK, "polynomial", "linear")
@@ -82,19 +67,19 @@ def parts(name: str) -> list[str]:
 
 
 def recorded(
-    seed: int | None, recordings: Mapping[str, int], finest: str, *, test_seconds: float = TEST_SECONDS
+    seed: int | None, counts: Mapping[str, int], finest: str, *, test_seconds: float = recordings.TEST_SECONDS
 ) -> Session:
-    """Record a session as far as a sparsity and its test.
-
-    What is recorded does not depend on how far the session goes.
-    """
-    plant = homed(seed)
+    """Record a session as far as a sparsity and its test; what is recorded does not depend on how far it goes."""
+    plant = recordings.homed(seed)
     train: dict[str, list[MotionLog]] = {}
     test = {}
-    for sparsity, count in recordings.items():
+    for sparsity, count in counts.items():
         n = int(sparsity.removeprefix("1/"))
-        train[sparsity] = [calibration_log(plant, draws(seed, 50, n, k), sparsities=(1.0 / n,)) for k in range(count)]
-        test[sparsity] = random_log(plant, draws(seed, 51, n), test_seconds)
+        train[sparsity] = [
+            recordings.calibration_log(plant, recordings.draws(seed, 50, n, k), sparsities=(1.0 / n,))
+            for k in range(count)
+        ]
+        test[sparsity] = recordings.random_log(plant, recordings.draws(seed, 51, n), test_seconds)
         if sparsity == finest:
             break
     return Session(train, test)
@@ -133,8 +118,10 @@ def _seconds(log: MotionLog) -> float:
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and combination."""
-    recordings, names, seconds = ({"1/2": 1}, SETS[:1], 60.0) if scope.quick else (RECORDINGS, SETS, TEST_SECONDS)
-    told = {"recordings": recordings, "networks": scope.networks_of, "test_seconds": seconds}
+    counts, names, seconds = (
+        ({"1/2": 1}, SETS[:1], 60.0) if scope.quick else (RECORDINGS, SETS, recordings.TEST_SECONDS)
+    )
+    told = {"recordings": counts, "networks": scope.networks_of, "test_seconds": seconds}
     return grid(sparsity_errors, {"seed": scope.robots, "name": names}, **told)
 
 
@@ -188,7 +175,7 @@ def report(o: Outcomes) -> Report:
     outside = sample(o, sparsity_errors, "outside").mean()
     remark = f"Test rows outside the models' valid range, where they are asked all the same: {100.0 * outside:.1f} %."
     tables = kit.joint_tables(title, ["sparsity", "time [s]", *SHOWN], content)
-    return Report(tables, [TitledPicture(caption, _picture(o, seconds))], [remark])
+    return Report(tables, {caption: _picture(o, seconds)}, [remark])
 
 
 def _picture(o: Outcomes, seconds: dict[str, float]) -> Any:
@@ -241,10 +228,13 @@ def _longer_gains(
     return near(reached, papers, CLOSE, direction=[less(longer[m], shorter[m]) for m in PAIR])
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "calibration-figure-5", "figure 5", "Calibration error by sparsity and recording time", __doc__,
+    cases, report, minutes=41.0, drawn=2,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 1 after 209 s: network and linear model improve on the fixed offset considerably",
     "II-F, figure 5",
     "network 0.232, linear 0.446, fixed offset 0.846 deg",
@@ -257,7 +247,7 @@ def _joint_1_shortest(o: Outcomes) -> Judgement:
     return near(reached, FIGURE_5_J1[SHORTEST], CLOSE, direction=direction)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 1 after 209 s: the polynomial shows no significant improvement",
     "II-F, figure 5",
     "0.834, fixed offset 0.846 deg",
@@ -272,7 +262,7 @@ def _polynomial_shortest(o: Outcomes) -> Judgement:
     return graded(no_better, worst, told(reached))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 1 after 1013 s: all three models improve",
     "II-F, figure 5",
     "network 0.120, polynomial 0.119, linear 0.176 deg",
@@ -285,7 +275,7 @@ def _joint_1_longest(o: Outcomes) -> Judgement:
     return near(reached, FIGURE_5_J1[LONGEST], CLOSE, direction=better)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "More sparsity, more error",
     "II-F, figure 5",
     "joint 1 by 0.112, 0.727 and 0.270 deg from 209 s to 1013 s; joint 2 network 0.288 to 0.203, linear 0.364 to 0.248 "
@@ -303,7 +293,7 @@ def _more_sparsity(o: Outcomes) -> Judgement:
     return by_count(holds, "from below 500 s to above 800 s: " + "; ".join(said))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 1: the standard deviation over recordings falls as sparsity gets smaller",
     "II-F, figure 5",
     "-",
@@ -320,7 +310,7 @@ def _deviation_falls(o: Outcomes) -> Judgement:
     return by_count(holds, "; ".join(said))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 1: the fixed offset does not gain by smaller sparsity",
     "II-F, figure 5",
     "-",
@@ -332,7 +322,7 @@ def _offset_constant(o: Outcomes) -> Judgement:
     return graded(close, False, f"{first} to {last}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "With little data the network is best",
     "II-F, III",
     "joint 1 0.232 against 0.446 and 0.834 deg; joint 2 0.288 against 0.364 deg; joint 3 0.202 against 0.307 mm",
@@ -348,7 +338,7 @@ def _network_needs_least(o: Outcomes) -> Judgement:
     return statement(linear, polynomial, f"below 500 s: {told(reached, between='; ')}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 2 gains between 500 and 800 s",
     "II-F, figure 5",
     "network 0.288 to 0.203, linear 0.364 to 0.248 deg",
@@ -360,7 +350,7 @@ def _joint_2(o: Outcomes) -> Judgement:
     return _longer_gains(o, 1, {"short": short, "long": long}, FIGURE_5_J2)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 2: the polynomial is unstable, and outperforms neither other even with the longest recording",
     "II-F, figure 5",
     "0.302 deg at the longest",
@@ -376,7 +366,7 @@ def _joint_2_polynomial(o: Outcomes) -> Judgement:
     return by_count([largest > len(SETS) / 2, no_better], said)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 3: 537 s are better than less than 500 s",
     "II-F, figure 5",
     "network 0.202 to 0.121, linear 0.307 to 0.132 mm",
@@ -388,7 +378,7 @@ def _joint_3(o: Outcomes) -> Judgement:
     return _longer_gains(o, 2, {"short": short, ENOUGH_FOR_J3: [ENOUGH_FOR_J3]}, FIGURE_5_J3)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 3: no considerable further improvement beyond 537 s",
     "II-F, figure 5",
     "-",
@@ -401,9 +391,3 @@ def _joint_3_flat(o: Outcomes) -> Judgement:
     after, at = (_of(o, names, PAIR, 2) for names in (longer, [ENOUGH_FOR_J3]))
     ratios = {method: after[method] / at[method] for method in PAIR}
     return by_count([ratio.mean() >= FLAT for ratio in ratios.values()], f"error left of that: {told(ratios)}")
-
-
-EXPERIMENT = Experiment(
-    "calibration-figure-5", "figure 5", "Calibration error by sparsity and recording time", __doc__,
-    cases, report, minutes=41.0, claims=CLAIMS, drawn=2,
-)  # fmt: skip

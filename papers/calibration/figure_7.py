@@ -11,9 +11,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from papers.calibration.recordings import BEST, NETWORK, fitted, rows_of, unguarded
-from papers.calibration.sessions import DENOMINATORS, HOUR, TEST_RATE, recorded
-from papers.calibration.six_hours import MODELS, OFFSET, fit_options, left_by
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.calibration.six_hours import DENOMINATORS, HOUR, MODELS, OFFSET, TEST_RATE, fit_options, left_by, recorded
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, panels
 from papers.gravity.raven_base import SHOWN
 from papers.kit import IN_UNITS, rows, table
@@ -75,7 +74,7 @@ def report(o: Outcomes) -> Report:
     return Report(
         [table("RMSE of the sections that are drawn", header, rows(row, names))],
         # positions themselves lie on one another
-        [TitledPicture("Remaining errors over time, in sections of three hours", _picture(result, names))],
+        {"Remaining errors over time, in sections of three hours": _picture(result, names)},
     )
 
 

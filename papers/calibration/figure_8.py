@@ -32,26 +32,13 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.neural import PAPER, PAPER_LARGER, NetworkSettings
 from catenary.calibration.predictors import Network, fit_polynomial
 from catenary.calibration.valid_range import standardisation
-from papers.calibration import published
+from papers.calibration import published, six_hours
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
 from papers.calibration.recordings import NETWORK, SETS, fitted, network_model, parameters, rows_of, unguarded
-from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
-from papers.calibration.six_hours import (
-    INPUTS,
-    LONGEST,
-    OFFSET,
-    SHORTEST,
-    cases_of,
-    fit_options,
-    joint_rmse,
-    left_by,
-    measured,
-    six_hours,
-)
-from papers.claims import Claims, Missing, by_count, mean_and_spread
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.calibration.six_hours import DENOMINATORS, HOUR, INPUTS, LONGEST, fit_options, joint_rmse, left_by, recorded
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, log_scale, panels
-from papers.kit import IN_UNITS, JOINTS, by_robot, filled, rows, table, told
+from papers.kit import IN_UNITS, JOINTS, Missing, by_count, by_robot, filled, mean_and_spread, rows, table, told
 
 TOLERANCE = 1e-9  # of the largest singular value of the standardised inputs
 ALL = ("all", "stamped")  # columns of `six_hours`
@@ -63,11 +50,6 @@ HUGE = 10.0  # [deg|mm], of an error whose thousandths nobody asks for
 # criteria
 CONSIDERABLE = 1.5  # error of 138 inputs over that of 16; the network's are 2.1, 2.9 and 2.3 in the paper
 CLOSE = 0.25  # share of a published error within which ours reproduces it
-_CLEAN = (
-    "the simulated state has as many columns but not as many measurements: 138 have the rank told in the table, the "
-    "other arm holds its setpoint, and nothing but the time stamp moves on by itself; rows without it and with it tell "
-    "its part"
-)
 
 
 def principal(data: CalibrationData) -> tuple[Floats, Floats, Floats]:
@@ -145,7 +127,7 @@ def sizes() -> Result:
 def by_set(o: Outcomes, model: str, columns: str, sets: Sequence[str] = SETS) -> dict[str, Floats]:
     """Return errors by training set, the mean of the hours by robot and joint, (robots, 3); without those not run."""
     if columns == "16" or model not in ("polynomial", LARGER):
-        found = measured(o, "unloaded", model, sets, columns=columns)
+        found = six_hours.measured(o, "unloaded", model, sets, columns=columns)
         return dict(zip(sets, found.mean(axis=2).swapaxes(0, 1), strict=False)) if found.size else {}
     rows: dict[str, list[Floats]] = {}
     for result in o.of(all_inputs, columns=columns):
@@ -161,9 +143,9 @@ def cases(scope: Scope) -> list[Case]:
     sets = SETS[:1] if scope.quick else LONGEST
     models = ("linear",) if scope.quick else ("linear", NETWORK)
     variants = ALL[:1] if scope.quick else ALL
-    found = cases_of(scope, ("unloaded",))
+    found = six_hours.cases_of(scope, ("unloaded",))
     for columns in variants:
-        found += cases_of(scope, ("unloaded",), models, columns=columns)
+        found += six_hours.cases_of(scope, ("unloaded",), models, columns=columns)
     return [
         *found,
         sizes.case(),
@@ -231,7 +213,7 @@ def report(o: Outcomes) -> Report:
         "RMSE, mean of six unloaded hours; boxes are training sets, each the mean over robots, three of the eleven for "
         "the larger network and the polynomial of 138 inputs"
     )
-    return Report(filled(tables), [TitledPicture(caption, _picture(o))])
+    return Report(filled(tables), {caption: _picture(o)})
 
 
 def _in_text(errors: Sequence[Floats]) -> str:
@@ -244,7 +226,7 @@ def trainings(o: Outcomes, model: str) -> str:
     """Return how often a network is trained; "-" for a regression, which has no seed."""
     if model == LARGER:
         return "1"
-    counts = {len(told["networks"]) for told, result in o.items(six_hours) if model in result}
+    counts = {len(told["networks"]) for told, result in o.items(six_hours.six_hours) if model in result}
     return ", ".join(str(each) for each in sorted(counts)) if model == NETWORK else "-"
 
 
@@ -285,17 +267,19 @@ def errors_of(o: Outcomes, model: str, columns: str, sets: Sequence[str] = LONGE
     return by_robot(np.mean(list(found.values()), axis=0))
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "calibration-figure-8", "figure 8", "16 inputs or all 138", __doc__, cases, report, minutes=41.0, drawn=1
+)
 
 
-@CLAIMS("Networks have 12,103, 24,303 and 585,503 parameters", "II-H", "12,103, 24,303, 585,503", "equal")
+@EXPERIMENT.claim("Networks have 12,103, 24,303 and 585,503 parameters", "II-H", "12,103, 24,303, 585,503", "equal")
 def _counted(o: Outcomes) -> Judgement:
     counted, *_ = o.of(sizes)
     said = ", ".join(f"{name} {counted[name]:,}" for name in published.PARAMETERS)
     return by_count([counted[name] == wanted for name, wanted in published.PARAMETERS.items()], said)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "16 inputs: accurate on average over six hours, from short training to long",
     "II-H",
     "network 0.328, 0.264, 0.167; linear 0.361, 0.355, 0.167 (deg, deg, mm)",
@@ -310,13 +294,16 @@ def _selected(o: Outcomes) -> Judgement:
     return by_count(np.concatenate(off) <= CLOSE, told(found, between="; "))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "138 inputs: the network of 100-100 loses considerably",
     "II-H",
     "0.700 deg, 0.754 deg, 0.388 mm after the three longest",
     f"at least {CONSIDERABLE} times the error of 16 inputs on every joint, mean over robots, with the time stamp, "
     "which the paper's list has; same direction: on two",
-    f"{_CLEAN}. On joint 1 the stamp even helps: the drift of six hours goes with time",
+    "the simulated state has as many columns but not as many measurements: 138 have the rank told in the table, the "
+    "other arm holds its setpoint, and nothing but the time stamp moves on by itself; rows without it and with it tell "
+    "its part. On joint 1 "
+    "the stamp even helps: the drift of six hours goes with time",
 )
 def _network_worse(o: Outcomes) -> Judgement:
     few = errors_of(o, NETWORK, "16")
@@ -325,7 +312,7 @@ def _network_worse(o: Outcomes) -> Judgement:
     return by_count(worse, f"in times the error of 16: {told(ratios, '.2f', between='; ')}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The larger network is better than the small one with 138 inputs, but worse than the small one with 16",
     "II-H",
     "0.397 deg, 0.565 deg, 0.229 mm",
@@ -342,7 +329,7 @@ def _larger_between(o: Outcomes) -> Judgement:
     return statement(less(larger, small), less(few, larger), said)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "138 inputs ruin the linear model: it does not outperform the fixed offset",
     "II-H",
     "1.985 deg, 1.834 deg, 1.352 mm",
@@ -352,14 +339,14 @@ def _larger_between(o: Outcomes) -> Judgement:
     "several: minutes between recordings settle its weight. Two of the three longest sets are joined ones",
 )
 def _linear_ruined(o: Outcomes) -> Judgement:
-    offset = errors_of(o, OFFSET, "16")
+    offset = errors_of(o, six_hours.OFFSET, "16")
     found = {"fixed offset": offset} | {COLUMNS_SHOWN[each]: errors_of(o, "linear", each) for each in ALL}
-    found["after the three shortest, stamp"] = errors_of(o, "linear", "stamped", SHORTEST)
+    found["after the three shortest, stamp"] = errors_of(o, "linear", "stamped", six_hours.SHORTEST)
     ruined = found[COLUMNS_SHOWN["stamped"]].mean(axis=0) >= offset.mean(axis=0)
     return by_count(ruined, told(found, between="; "))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "138 inputs: the polynomial is worse than the linear model",
     "II-H",
     "no numbers",
@@ -369,9 +356,3 @@ def _linear_ruined(o: Outcomes) -> Judgement:
 def _polynomial_worse(o: Outcomes) -> Judgement:
     linear, polynomial = (errors_of(o, model, "stamped") for model in ("linear", "polynomial"))
     return by_count(less(linear, polynomial), f"polynomial {polynomial:.1f}; linear {linear}")
-
-
-EXPERIMENT = Experiment(
-    "calibration-figure-8", "figure 8", "16 inputs or all 138", __doc__,
-    cases, report, minutes=41.0, claims=CLAIMS, drawn=1,
-)  # fmt: skip

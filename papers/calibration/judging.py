@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from papers.claims import graded, mean_and_spread
-from papers.experiment import Judgement, Verdict
-from papers.kit import JOINTS, by_robot, told
+from papers.experiment import Judgement
+from papers.kit import JOINTS, by_robot, graded, mean_and_spread, told
 
 MARGIN = 0.05  # of the larger error
 CONSIDERABLE = 0.2  # of the larger error: what the paper calls considerably better
@@ -48,23 +47,15 @@ def statement(core: Iterable[bool], beside: Iterable[bool], measured: str) -> Ju
     more than half of all parts hold.
     """
     own, other = [bool(each) for each in core], [bool(each) for each in beside]
-    verdict: Verdict = "not reproduced"
-    if all(own) and all(other):
-        verdict = "reproduced"
-    elif sum(own) > len(own) / 2 and sum(own + other) > len(own + other) / 2:
-        verdict = "same direction"
+    direction = sum(own) > len(own) / 2 and sum(own + other) > len(own + other) / 2
     counted = f"{sum(own)} of {len(own)}, beside it {sum(other)} of {len(other)}"
-    return Judgement(verdict, f"{measured} ({counted})")
+    return graded(all(own + other), direction, f"{measured} ({counted})")
 
 
 def near(
     reached: Mapping[str, Floats], published: Mapping[str, float], share: float, *, direction: Iterable[bool]
 ) -> Judgement:
-    """Judge numbers by robot: reproduced where each mean is within a share of the published one.
-
-    Args:
-        reached: Numbers (robots,) by name.
-    """
+    """Judge numbers (robots,) by name: reproduced where each mean is within a share of the published one."""
     close = all(
         abs(values.mean() - published[name]) <= share * abs(published[name]) for name, values in reached.items()
     )

@@ -1,6 +1,6 @@
 """The peers over six unloaded hours: trained on the zig-zags and tested on the motions of figures 6 and 7.
 
-Robot, zig-zags and random motion are those of sessions.py; the motion is sampled at 30 Hz in place of 2 Hz, since the
+Robot, zig-zags and random motion are those of six_hours.py; the motion is sampled at 30 Hz in place of 2 Hz, since the
 recurrent network and the filter have a memory, and errors are taken on every 15th row. Training: 1/2 + 1/3 + 1/4. The
 recurrent network takes the paper's 16 inputs now and 0.4, 0.8, 1.2 and 1.6 s ago, as far apart as Hwang's commands.
 """
@@ -13,14 +13,12 @@ import numpy as np
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
 from papers.calibration.inputs import SIXTEEN
-from papers.calibration.peers.elastic_joints import identified
+from papers.calibration.peers.elastic_joints import Filter, identified
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
 from papers.calibration.peers.rows import Peer, Places, joined, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
-from papers.calibration.peers.unscented import Filter
-from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
-from papers.calibration.six_hours import joint_rmse, tip_rmse
+from papers.calibration.six_hours import DENOMINATORS, HOUR, joint_rmse, recorded, tip_rmse
 from papers.experiment import Case, Outcomes, Plain, Result, Scope, run
 
 UKF, UKF_TOLD = "Kalman filter", "Kalman filter, true stiffness"

@@ -24,27 +24,17 @@ TABLE_1: dict[str, dict[str, tuple[float, float, float]]] = {
                       (2.219, 7.945, 11.703)),
     }.items()
 }  # fmt: skip
-# section II-G: the linear model and the fixed offset in hour 0 and hour 5 of six hours of unloaded motion, and the
-# linear model in hours 0 and 5 with 500 g
-SIX_HOURS_LINEAR = ((0.169, 0.247, 0.132), (0.527, 0.353, 0.200))
-SIX_HOURS_OFFSET = ((0.879, 1.056, 0.482), (1.000, 1.139, 0.545))
-LOADED_LINEAR_HOUR_0 = (0.144, 0.266, 0.138)
-LOADED_LINEAR_HOUR_5 = (0.916, 0.588, 0.473)
-# section II-I: the linear model on J2 before the first and after the fifth of five homings, none seen in training
-HOMINGS_LINEAR_J2 = (0.317, 0.712)
-# the same on J1, least and greatest of all six, and on J3 but for an outlier, linear model and network together
-HOMINGS_LINEAR_J1 = (0.155, 0.207)
-HOMINGS_J3 = (0.113, 0.202)
-# the same, least and greatest of all six on J1 [deg], by model and how many homings its training data saw
+# section II-I, least and greatest of all six on J1 [deg], by model and how many homings its training data saw
 HOMINGS_J1 = {
     ("network", 0): (0.117, 0.146),
     ("network", 1): (0.133, 0.152),
-    ("linear", 0): HOMINGS_LINEAR_J1,
+    ("linear", 0): (0.155, 0.207),
     ("linear", 1): (0.163, 0.218),
 }
 # on J2 [deg] before the first and after the fifth, no homing seen; and the greatest of all six with one seen
-HOMINGS_J2 = {"network": (0.255, 0.627), "linear": HOMINGS_LINEAR_J2}
+HOMINGS_J2 = {"network": (0.255, 0.627), "linear": (0.317, 0.712)}
 HOMINGS_J2_SEEN = {"network": 0.413, "linear": 0.493}
+HOMINGS_J3 = (0.113, 0.202)  # of both models [mm], but for an outlier
 # table III: errors on J1 [deg], J2 [deg], J3 [mm] of unloaded arms, least and greatest of hours 0 to 5 where
 # two; others by source, robot and model
 TABLE_3_OURS: dict[str, tuple[tuple[float, float], ...]] = {
@@ -81,13 +71,13 @@ SIX_HOURS = {
         "network": ((0.124, 0.211, 0.113), (0.172, 0.217, 0.113)),
     },
     "unloaded": {
-        "fixed offset": SIX_HOURS_OFFSET,
-        "linear": SIX_HOURS_LINEAR,
+        "fixed offset": ((0.879, 1.056, 0.482), (1.000, 1.139, 0.545)),
+        "linear": ((0.169, 0.247, 0.132), (0.527, 0.353, 0.200)),
         "network": ((0.142, 0.232, 0.126), (0.553, 0.331, 0.165)),
     },
     "loaded": {
         "fixed offset": ((0.878, 1.092, 0.485), (1.174, 1.109, 0.554)),
-        "linear": (LOADED_LINEAR_HOUR_0, LOADED_LINEAR_HOUR_5),
+        "linear": ((0.144, 0.266, 0.138), (0.916, 0.588, 0.473)),
         "network": ((0.114, 0.251, 0.122), (0.855, 0.432, 0.181)),
     },
 }

@@ -43,12 +43,7 @@ METHODS = {
 
 
 def homed(seed: int | None, *, arm: CableArm | None = None, payload: float = 0.0, side: str = "left") -> CablePlant:
-    """Return a simulated robot, homed.
-
-    Args:
-        arm: Its numbers, of which `seed` then draws; the package's when None.
-        payload: At the tool's wrist [kg].
-    """
+    """Return a homed robot drawn by `seed` from an arm's numbers or the package's; payload at the wrist [kg]."""
     plant = CablePlant(arm, side=side, seed=seed, start=START, substeps=1, payload=payload)
     plant.home()
     return plant

@@ -4,8 +4,10 @@ Peng et al., II-G. Conditions, each a session of its own that starts from the ro
 0, brakes until hour 5, a test again), `unloaded`, and `loaded`, 500 g on the tool. The paper does not say what the arm
 carried in training; its loaded error at hour 0 is as small as the unloaded one, so the weight hangs in training too.
 
-Chosen where the paper is silent: sessions.py. The paper's models have no guard, so theirs is off in `errors`; ours
-keeps its guard, which gives the fixed offset where it knows nothing.
+Chosen where the paper is silent: each zig-zag of J2-J3 is recorded once, finest last, and combinations join these
+recordings. Tests are sampled twice a second: swings last ten seconds and more, and no model here has a memory. Idle
+tests take 20 minutes, as all other tests of the paper do. The paper's models have no guard, so theirs is off in
+`errors`; ours keeps its guard, which gives the fixed offset where it knows nothing.
 
 What the plant lacks for this: a cable's set changes while the joint moves, at a rate that grows with tension. So
 nothing drifts while the brakes hold, but the cables' slow branch (60 s). And joint 1 cannot drift twice as fast with
@@ -15,23 +17,32 @@ the weight, would have to be measured on an arm first.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from catenary import MotionLog
+from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
-from papers.calibration.inputs import ALL_138, SIXTEEN, STAMPED_138
+from papers.calibration import recordings
+from papers.calibration.inputs import ALL_138, SIXTEEN, STAMP, STAMPED_138
 from papers.calibration.recordings import BEST, METHODS, NETWORK, SETS, fitted, rows_of, unguarded
-from papers.calibration.sessions import CONDITIONS, DENOMINATORS, HOUR, Condition, recorded
 from papers.experiment import Case, Outcomes, Plain, Result, Scope, run
 from papers.gravity.raven_base import SHOWN
 
+Condition = Literal["idle", "unloaded", "loaded"]
+CONDITIONS: tuple[Condition, ...] = ("idle", "unloaded", "loaded")
+HOURS = {"idle": (0, 5), "unloaded": tuple(range(6)), "loaded": tuple(range(6))}  # tested
+PAYLOAD = 0.5  # [kg]
+HOUR = 3600.0
+BRAKED = 300.0  # [s] of the hours on brakes that are simulated, five times the slowest time constant
+TEST_RATE = 2.0  # [Hz]
+DENOMINATORS = (2, 3, 4, 5, 6)  # of the sparsities
 SHORTEST, LONGEST = SETS[:3], SETS[-3:]  # of which the paper gives means
 SHORT = SETS[:3]  # below 500 s
 LONG = SETS[6:]  # above 800 s
@@ -40,6 +51,77 @@ INPUTS = {"16": SIXTEEN, "all": ALL_138, "stamped": STAMPED_138}
 RAW, OFFSET = "raw", "fixed offset"
 MODELS = ("linear", "polynomial", NETWORK, BEST)
 ROBOT, TIP = "raven2_full", "tool"  # frame between the jaws
+
+
+@dataclass(frozen=True)
+class Session:
+    """Recordings of one robot in one condition."""
+
+    train: dict[int, MotionLog]  # by the sparsity's denominator
+    test: dict[int, MotionLog]  # by hour
+
+    def training(self, name: str) -> list[MotionLog]:
+        """Return the recordings of a training set, "1/2+1/3"."""
+        return [self.train[n] for n in denominators(name)]
+
+
+def denominators(name: str) -> list[int]:
+    """Return 2 and 3 for "1/2+1/3"."""
+    return [int(part.removeprefix("1/")) for part in name.split("+")]
+
+
+def recorded(
+    seed: int | None,
+    condition: Condition,
+    *,
+    zigzags: Sequence[int] = DENOMINATORS,
+    hour_seconds: float = HOUR,
+    columns: Sequence[str] = (),
+    test_rate: float = TEST_RATE,
+) -> Session:
+    """Record a session: the zig-zags, 1/n for every n, then six hours, tests sampled at a rate [Hz].
+
+    With further columns of the robot's state its other arm is in them, and holds its setpoint meanwhile.
+    """
+    number = CONDITIONS.index(condition)
+    plant = recordings.homed(seed, payload=PAYLOAD if condition == "loaded" else 0.0)
+    beside = recordings.homed(seed, side="right") if columns else None
+    train = {
+        n: _stamped(
+            recordings.calibration_log(
+                plant, recordings.draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns, beside=beside
+            )
+        )
+        for n in zigzags
+    }
+
+    def motion(seconds: float, *what: int) -> MotionLog:
+        rng = recordings.draws(seed, 30 + number, *what)
+        path = random_sinusoids(rng, seconds)
+        return _stamped(
+            record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns, beside=beside)
+        )
+
+    if condition == "idle":
+        seconds = min(recordings.TEST_SECONDS, hour_seconds)
+        first = motion(seconds, 0)
+        _stand(plant, min(BRAKED, hour_seconds))
+        return Session(train, {0: first, 5: motion(seconds, 5)})
+    return Session(train, {hour: motion(hour_seconds, hour) for hour in range(6)})
+
+
+def _stamped(log: MotionLog) -> MotionLog:
+    """Return a recording with its rows' time since its beginning as a signal: the authors' stamps begin at 0."""
+    stamp = np.asarray(log.time) - np.asarray(log.time)[0]
+    return replace(log, signals={**log.signals, STAMP: stamp}, signal_units={**log.signal_units, STAMP: "s"})
+
+
+def _stand(plant: CablePlant, seconds: float) -> None:
+    """Let the brakes hold."""
+    plant.state_command("pause")
+    for _ in range(round(seconds / plant.period)):
+        plant.wait()
+    plant.state_command("resume")
 
 
 def fit_options(model: str, target: Target, columns: str = "16") -> FitOptions:
@@ -61,12 +143,9 @@ def joint_rmse(left: Floats) -> list[float]:
 
 
 def tip_rmse(log: MotionLog, left: Floats) -> list[float]:
-    """Return the RMSE of the tool tip along x, y, z of the base, and of its distance [mm].
+    """Return the RMSE of the tool tip in x, y, z and distance [mm]; left (N, 3) is true less corrected [rad, rad, m].
 
     Both tips have the reported positions of joints 4 to 7, taken as accurate; the tool does not bend (II-K).
-
-    Args:
-        left: (N, 3) true less corrected positions of these [rad, rad, m].
     """
     jaws = log.signals["q:jaw1"], log.signals["q:jaw2"]
     rest = np.column_stack([log.signals["q:roll"], log.signals["q:wrist"], (jaws[1] - jaws[0]) / 2.0])
@@ -78,11 +157,7 @@ def tip_rmse(log: MotionLog, left: Floats) -> list[float]:
 
 
 def tested(fits: Sequence[CalibrationModel], log: MotionLog, *, guard: bool) -> dict[str, Plain]:
-    """Return the errors of trainings of one model on a recording, averaged: see `six_hours`.
-
-    Args:
-        guard: Whether `errors` and `tip` are those with the fixed offset outside the valid range.
-    """
+    """Return the mean errors of trainings of one model on a recording, with or without a guard: see `six_hours`."""
     rows: list[list[float]] = []
     for model in fits:
         data = rows_of(model, log)
@@ -187,11 +262,7 @@ def measured(
     target: Target = "error",
     columns: str = "16",
 ) -> Floats:
-    """Return what was measured of a model, (robots, sets, hours, numbers); sets as far as every robot has them.
-
-    Args:
-        kind: "errors", "guarded" or "tip".
-    """
+    """Return a model's "errors", "guarded" or "tip", (robots, sets, hours, numbers): sets that every robot has."""
     robots: dict[int | None, dict[str, list[list[float]]]] = {}
     for told, result in o.items(six_hours, condition=condition, target=target, columns=columns):
         for name, hours in result.get(model, {}).items():

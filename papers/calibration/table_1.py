@@ -20,10 +20,9 @@ from catenary.trajectories.zigzag import DIRECTIONS, Direction
 from papers.calibration import recordings
 from papers.calibration.judging import CLEARLY, by_joint, less
 from papers.calibration.published import TABLE_1
-from papers.claims import Claims, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
-from papers.kit import IN_UNITS, JOINTS, grid, joint_tables, rows, sample
+from papers.kit import IN_UNITS, JOINTS, by_count, grid, joint_tables, rows, sample
 
 MODELS = (recordings.NETWORK, "polynomial", "linear")
 PAPERS = (*MODELS, "fixed offset", "raw")
@@ -84,10 +83,7 @@ def report(o: Outcomes) -> Report:
 
         return rows(row, DIRECTIONS)
 
-    return Report(
-        joint_tables("{}, RMSE", header, content),
-        [TitledPicture("RMSE by direction; lines are the paper's", _picture(o))],
-    )
+    return Report(joint_tables("{}, RMSE", header, content), {"RMSE by direction; lines are the paper's": _picture(o)})
 
 
 def _picture(o: Outcomes) -> Any:
@@ -122,10 +118,13 @@ def _share_removed(o: Outcomes, methods: Sequence[str], share: float) -> Judgeme
 
 
 FITTED_PART = "the linear model's and the fixed offset's errors are among what the simulated robot was fitted to"
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "calibration-table-1", "table I", "Calibration error by direction of the zig-zags", __doc__,
+    cases, report, minutes=14.0, drawn=2,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Offset > linear > network on every joint, direction J2-J3",
     "II-E, table I",
     "0.859 > 0.174 > 0.104 deg; 1.095 > 0.186 > 0.120 deg; 0.492 > 0.166 > 0.118 mm",
@@ -143,7 +142,7 @@ def _order(o: Outcomes) -> Judgement:
     return by_count(holds, f"fixed offset, linear, network: {by_joint(offset, linear, network)}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "J2-J3 is among the two best directions",
     "II-E, table I",
     "eight of nine joints and models",
@@ -166,7 +165,7 @@ def _best_direction(o: Outcomes) -> Judgement:
     return by_count(ranks, "rank of J2-J3, and its error in times the best direction's: " + "; ".join(told))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Beyond the fixed offset the network removes more than 76 % of the error",
     "abstract, II-E",
     "87.9 %, 89.1 %, 76.0 %",
@@ -178,7 +177,7 @@ def _network_removes(o: Outcomes) -> Judgement:
     return _share_removed(o, (recordings.NETWORK,), MOST_REMOVED)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "With direction J2-J3 all three models remove more than 64.9 % on all three joints",
     "II-E, table I",
     "64.9 % to 89.1 %",
@@ -191,7 +190,7 @@ def _all_remove(o: Outcomes) -> Judgement:
     return _share_removed(o, MODELS, LEAST_REMOVED)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Joint 3 improves least on the fixed offset, for network and linear model",
     "III",
     "network 76.0 % against 87.9 and 89.1 %, linear 66.3 % against 79.8 and 83.0 %",
@@ -205,9 +204,3 @@ def _joint_3_least(o: Outcomes) -> Judgement:
         holds += [bool(less(shares[:, 2], shares[:, j])) for j in (0, 1)]
         told.append(f"{method} {by_joint(100.0 * shares, digits=0, unit=' %')}")
     return by_count(holds, "; ".join(told))
-
-
-EXPERIMENT = Experiment(
-    "calibration-table-1", "table I", "Calibration error by direction of the zig-zags", __doc__,
-    cases, report, minutes=14.0, claims=CLAIMS, drawn=2,
-)  # fmt: skip

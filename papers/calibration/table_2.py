@@ -20,11 +20,9 @@ from papers.calibration import published
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
 from papers.calibration.recordings import NETWORK, SETS, network_model
-from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
-from papers.calibration.six_hours import cases_of, measured, tested
-from papers.claims import Claims, Missing, by_count
+from papers.calibration.six_hours import DENOMINATORS, HOUR, cases_of, measured, recorded, tested
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
-from papers.kit import IN_UNITS, by_robot, cells, grid, joint_tables, rows, sample, table
+from papers.kit import IN_UNITS, Missing, by_count, by_robot, cells, grid, joint_tables, rows, sample, table
 
 SHOWN = (NETWORK, "linear", "polynomial")
 REGRESSIONS = ("linear", "polynomial")
@@ -112,10 +110,13 @@ def _epochs(o: Outcomes) -> tuple[Floats, Floats, list[int]]:
     return on_error, end_to_end, next(o.items(more_epochs))[0]["epochs"]
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "calibration-table-2", "table II", "Trained on the error, or end to end", __doc__,
+    cases, report, minutes=19.0, drawn=2,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Trained on the error or end to end, regressions do not differ",
     "II-J, table II",
     "0.369, 0.366, 0.176 and 1.062, 2.539, 1.766 both ways",
@@ -132,7 +133,7 @@ def _no_difference(o: Outcomes) -> Judgement:
     return by_count(parts, "; ".join(told))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The network is much worse end to end",
     "II-J, table II",
     "2.5, 3.3 and 9.5 times the error",
@@ -151,7 +152,7 @@ def _network_worse(o: Outcomes) -> Judgement:
     return judged
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Trained on the error, network < linear < polynomial",
     "II-J, table II",
     "0.328 < 0.369 < 1.062 deg, 0.264 < 0.366 < 2.539 deg, 0.167 < 0.176 < 1.766 mm",
@@ -167,7 +168,7 @@ def _best_on_error(o: Outcomes) -> Judgement:
     )
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "More epochs help the network end to end, but it stays behind",
     "II-J",
     "no numbers",
@@ -183,7 +184,7 @@ def _epochs_help(o: Outcomes) -> Judgement:
     return statement(less(many, few), less(on_error, many), told)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The network converges faster when it is trained on the error",
     "abstract, II-J, III",
     "no numbers",
@@ -197,9 +198,3 @@ def _faster(o: Outcomes) -> Judgement:
     tried = ", ".join(str(count) for count in epochs)
     told = f"{epochs[0]} epochs on the error, best of {tried} end to end: {by_joint(on_error, least)}"
     return by_count(np.ravel(holds), told)
-
-
-EXPERIMENT = Experiment(
-    "calibration-table-2", "table II", "Trained on the error, or end to end", __doc__,
-    cases, report, minutes=19.0, claims=CLAIMS, drawn=2,
-)  # fmt: skip

@@ -29,18 +29,16 @@ from sklearn.neural_network import MLPRegressor
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from papers.calibration import figure_8
+from papers.calibration.figure_6 import hourly
 from papers.calibration.figure_8 import LARGER, errors_of
 from papers.calibration.judging import CLEARLY, by_joint, changes, less, statement
 from papers.calibration.published import TABLE_5_ACCURACY, TABLE_5_HUNGER, TABLE_5_INFERENCE, TABLE_5_TRAINING
 from papers.calibration.recordings import METHODS, NETWORK, SPARSITIES, calibration_log, draws, fitted, homed, rows_of
-from papers.calibration.sessions import Condition
-from papers.calibration.six_hours import LONGEST, SHORTEST, cases_of
-from papers.calibration.six_hours_claims import hourly
+from papers.calibration.six_hours import LONGEST, SHORTEST, Condition, cases_of
 from papers.calibration.table_2 import SHOWN as TABLE_2_MODELS
 from papers.calibration.table_2 import errors as table_2_errors
-from papers.claims import Claims, by_count, graded
 from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
-from papers.kit import UNITS, by_robot, cells, rows, table, told
+from papers.kit import UNITS, by_count, by_robot, cells, graded, rows, table, told
 
 KINDS = (NETWORK, "linear")
 HIDDEN = (100, 100)  # units of the paper's network
@@ -132,9 +130,8 @@ def six_hours(o: Outcomes, condition: Condition, model: str, sets: Sequence[str]
 
 
 def growth(o: Outcomes, model: str) -> Floats:
-    """Return by how many times errors grow with 138 inputs and stamp for 16, (robots, 3).
-
-    The larger network is held against the small one with 16 inputs, as in the paper.
+    """Return by how many times errors grow with 138 inputs and stamp over 16, (robots, 3); the larger network's over
+    the small one's, as in the paper.
     """
     few = errors_of(o, NETWORK if model == LARGER else model, "16")
     many = errors_of(o, model, "stamped")
@@ -177,7 +174,7 @@ def report(o: Outcomes) -> Report:
     ]
     title = "Seven aspects; J1 [deg], J2 [deg], J3 [mm], ± over robots"
     remarks = [f"Timed on {one['processor']}, one thread." for one in o.of(speed)]
-    return Report([table(title, ["aspect", NETWORK, "linear", "paper"], content)], (), remarks)
+    return Report([table(title, ["aspect", NETWORK, "linear", "paper"], content)], {}, remarks)
 
 
 def _times(told: Result) -> list[list[str]]:
@@ -217,10 +214,13 @@ def _better(o: Outcomes, sets: Sequence[str], conditions: Sequence[Condition]) -
     return by_count(parts, "network better by " + "; ".join(told))
 
 
-CLAIMS = Claims()
+# beside the cases of figures 6 and 8 and table II
+EXPERIMENT = Experiment(
+    "calibration-table-5", "table V", "Network or linear regression", __doc__, cases, report, minutes=3.0, drawn=2
+)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Accuracy with enough data, unloaded: network and linear model are very close",
     "III, table V",
     "no numbers",
@@ -233,7 +233,7 @@ def _accuracy_unloaded(o: Outcomes) -> Judgement:
     return by_count(close, f"from linear model to network: {changes(linear, network)}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Accuracy with enough data, loaded: the network is slightly better",
     "III, table V",
     "by 0.015 deg, 0.109 deg, 0.124 mm",
@@ -245,7 +245,7 @@ def _accuracy_loaded(o: Outcomes) -> Judgement:
     return _better(o, LONGEST, ("loaded",))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Data hunger: with little data the network is better",
     "III, table V",
     "by 0.052 deg, 0.189 deg, -0.037 mm unloaded; 0.128 deg, 0.360 deg, 0.178 mm loaded",
@@ -258,7 +258,7 @@ def _hunger(o: Outcomes) -> Judgement:
     return _better(o, SHORTEST, CONDITIONS)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Training takes less than 50 s for the network, less than 2 s for the linear model",
     "III, table V",
     "50 s, 2 s",
@@ -272,7 +272,7 @@ def _training(o: Outcomes) -> Judgement:
     return statement(within, [train["linear"] < train[NETWORK]], told)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Inference: the linear model fits the 1000 Hz servo loop, the network does not",
     "III, table V",
     "0.38 ms, 61 ms",
@@ -285,7 +285,7 @@ def _inference(o: Outcomes) -> Judgement:
     return graded(linear <= SERVO < network, network > FASTER * linear, f"{network:.3g} us, linear {linear:.3g} us")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The linear model answers 160 times faster than the network",
     "abstract, table V",
     "61 ms over 0.38 ms, 160 times",
@@ -297,7 +297,7 @@ def _times_faster(o: Outcomes) -> Judgement:
     return graded(network >= MUCH_FASTER * linear, network > FASTER * linear, f"{network / linear:.1f} times")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Irrelevant features: the linear model is not robust, a larger network is",
     "II-H, III, table V",
     "linear 0.361, 0.355, 0.167 to 1.985 deg, 1.834 deg, 1.352 mm; network 0.328, 0.264, 0.167 to 0.397 deg, 0.565 "
@@ -315,7 +315,7 @@ def _irrelevant(o: Outcomes) -> Judgement:
     return statement(linear.mean(axis=0) >= RUINED, less(larger, linear), f"in times the error of 16 inputs: {told}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Training on the error is required for the network, optional for the linear model",
     "II-J, III, table V",
     "2.5, 3.3, 9.5 times worse end to end; no difference",
@@ -330,7 +330,7 @@ def _train_on_error(o: Outcomes) -> Judgement:
     return statement(network.mean(axis=0) >= REQUIRED, optional, told)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Recording, not training, takes the time",
     "III",
     "4 to 17 minutes",
@@ -341,10 +341,3 @@ def _recording(o: Outcomes) -> Judgement:
     one = times[0]
     shares = _shares(one)
     return by_count([share >= 100.0 * MOST for share in shares.values()], told(shares, ".1f", " %"))
-
-
-# beside the cases of figures 6 and 8 and table II
-EXPERIMENT = Experiment(
-    "calibration-table-5", "table V", "Network or linear regression", __doc__,
-    cases, report, minutes=3.0, claims=CLAIMS, drawn=2,
-)  # fmt: skip

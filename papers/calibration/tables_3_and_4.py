@@ -26,10 +26,9 @@ from papers.calibration.peers.elastic_joints import SOFTEST, STIFFEST
 from papers.calibration.published import TABLE_3_OTHERS, TABLE_3_OURS, TABLE_4_OTHERS, TABLE_4_OURS, TIP_RAW
 from papers.calibration.recordings import BEST, NETWORK, SETS
 from papers.calibration.six_hours import DRAWN, OFFSET, RAW, cases_of, measured
-from papers.claims import Claims, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledPicture, TitledTable
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledTable
 from papers.figures import METHOD_COLORS, legend_below, panels
-from papers.kit import IN_UNITS, JOINTS, UNITS, by_robot, cells, table
+from papers.kit import IN_UNITS, JOINTS, UNITS, by_count, by_robot, cells, table
 
 OF_TABLE_4 = """Table IV of the calibration paper: errors of the tool's position over six unloaded hours, beside others.
 
@@ -125,7 +124,7 @@ def report_3(o: Outcomes) -> Report:
     caption = "RMSE in every hour, mean over robots; bands: the paper's network; dotted: the published filter"
     return Report(
         [_table(o, "errors", TABLE_3_OURS, TABLE_3_OTHERS, IN_UNITS)],
-        [TitledPicture(caption, _picture(o, "errors", TABLE_3_OURS, IN_UNITS))],
+        {caption: _picture(o, "errors", TABLE_3_OURS, IN_UNITS)},
         _stiffness(o),
     )
 
@@ -168,11 +167,15 @@ BEYOND = {
     "linear": "on joint 2 the paper's hour 0 is worse than its own table I, to which the simulated robot was fitted: "
     "the linear model begins lower there",
 }
-CLAIMS_3 = Claims()
+TABLE_3 = Experiment(
+    "calibration-table-3", "table III",
+    "Joint errors over six hours beside a Kalman filter and a recurrent network", __doc__,
+    cases, report_3, minutes=23.0,  # beside figure 6's cases
+)  # fmt: skip
 
 for model, called in CALLED.items():
     ends_told = "; ".join(f"{a} to {b} {unit}" for (a, b), unit in zip(TABLE_3_OURS[model], UNITS, strict=True))
-    CLAIMS_3(
+    TABLE_3.claim(
         f"Over six unloaded hours the {called}'s errors stay in the range of table III",
         "II-K, table III",
         ends_told,
@@ -181,7 +184,7 @@ for model, called in CALLED.items():
         BEYOND[model],
         fitted=model == "linear",
     )(partial(_range, method=model))
-    CLAIMS_3(
+    TABLE_3.claim(
         f"In every hour the {called} is more accurate than an unscented Kalman filter",
         "II-K, table III",
         f"{ends_told}, against 1.195 deg, 1.242 deg, 0.927 mm of [13]",
@@ -192,19 +195,12 @@ for model, called in CALLED.items():
         "stands in for wrong ratios, whose error the filter keeps when told the true stiffness",
     )(partial(_below_filter, method=model))
 
-TABLE_3 = Experiment(
-    "calibration-table-3", "table III",
-    "Joint errors over six hours beside a Kalman filter and a recurrent network", __doc__,
-    cases, report_3, minutes=23.0, claims=CLAIMS_3,  # beside figure 6's cases
-)  # fmt: skip
-
 
 def report_4(o: Outcomes) -> Report:
     """Return the paper's table, what it quotes beside what was reached here, and the distance hour by hour."""
     caption = "RMSE in every hour, mean over robots; bands: the paper's network"
     return Report(
-        [_table(o, "tip", TABLE_4_OURS, TABLE_4_OTHERS, AXES)],
-        [TitledPicture(caption, _picture(o, "tip", TABLE_4_OURS, AXES))],
+        [_table(o, "tip", TABLE_4_OURS, TABLE_4_OTHERS, AXES)], {caption: _picture(o, "tip", TABLE_4_OURS, AXES)}
     )
 
 
@@ -215,10 +211,13 @@ def _tip_range(o: Outcomes, method: str) -> Judgement:
     return near(reached, published, SHARE, direction=[less(reached["greatest"], offset)])
 
 
-CLAIMS_4 = Claims()
+TABLE_4 = Experiment(
+    "calibration-table-4", "table IV", "Errors of the tool's position over six hours, beside other methods",
+    OF_TABLE_4, cases, report_4, minutes=1.0,  # the cases are table III's
+)  # fmt: skip
 
 
-@CLAIMS_4(
+@TABLE_4.claim(
     "Without calibration the tool is about 20 mm from where the robot says",
     "II-A, figure 1",
     "around 20 mm",
@@ -234,7 +233,7 @@ def _raw(o: Outcomes) -> Judgement:
 
 
 for model, called in CALLED.items():
-    CLAIMS_4(
+    TABLE_4.claim(
         f"Over six unloaded hours the {called} places the tool within about a millimetre",
         "II-K, table IV",
         " to ".join(map(str, TABLE_4_OURS[model][3])) + " mm",
@@ -252,7 +251,7 @@ def _below(ours: Mapping[str, Floats], theirs: Floats) -> tuple[list[bool], str]
     return holds, "; ".join(f"{method} {', '.join(cells(found))}" for method, found in ours.items())
 
 
-@CLAIMS_4(
+@TABLE_4.claim(
     "At once after training network and linear model are more accurate in x, y and z than Gaussian process regression",
     "II-K, table IV",
     "0.362, 0.301, 0.205 mm and 0.389, 0.351, 0.231 mm at best against 1.4, 1.4, 1.1 mm of [42]",
@@ -268,7 +267,7 @@ def _below_process(o: Outcomes) -> Judgement:
     return by_count(holds, f"{said} against {', '.join(cells(theirs))} mm")
 
 
-@CLAIMS_4(
+@TABLE_4.claim(
     "In their best hour network and linear model are more accurate than the network of Peng [12]",
     "II-K, table IV",
     "0.362, 0.301, 0.205 mm and 0.389, 0.351, 0.231 mm at best against 0.818, 1.078, 0.518 mm of [12]",
@@ -281,9 +280,3 @@ def _below_peng(o: Outcomes) -> Judgement:
     ours = {method: extremes(hours(o, method, "tip"))[0][:, :3] for method in CALLED}
     holds, said = _below(ours, np.array(TABLE_4_OTHERS[PENG][:3], dtype=float))
     return by_count(holds, f"{said} mm")
-
-
-TABLE_4 = Experiment(
-    "calibration-table-4", "table IV", "Errors of the tool's position over six hours, beside other methods",
-    OF_TABLE_4, cases, report_4, minutes=1.0, claims=CLAIMS_4,  # the cases are table III's
-)  # fmt: skip

@@ -144,10 +144,7 @@ def unstable_roots(
 def largest_unstable_base(
     arm: Linear, sensing: Sensing, base_hz: float, zeta: float = ZETA, *, most_hz: float = 200.0
 ) -> float:
-    """Return the largest mass [kg] or inertia [kg m2] of base with arm that is unstable; 0 if there is none.
-
-    Looked for from the smallest base that small gain makes stable down to the arm alone, on a base without mass.
-    """
+    """Return the largest base [kg|kg m2] with arm, from small gain's down to the arm alone, that is unstable; or 0."""
     L = _around(arm, sensing, base_hz, zeta, most_hz)
     most = float(np.abs(L).max())
     if most <= arm.own:

@@ -31,7 +31,7 @@ from catenary.trajectories.reference import Rest
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import RAVEN_START, make_controller, with_approach
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base
 from papers.kit import by_robot, grid, sample, table
@@ -241,7 +241,7 @@ def report(o: Outcomes) -> Report:
         f"{worst:.3f} deg, {'more' if worst > LIMIT_DEG else 'less'} than {LIMIT_DEG:g} deg. Not named in the report: "
         f"{', '.join(unnamed) or 'none'}."
     )
-    return Report(tables, [TitledPicture(caption, picture(o))], [remark])
+    return Report(tables, {caption: picture(o)}, [remark])
 
 
 EXPERIMENT = Experiment(

@@ -18,12 +18,11 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from papers.claims import Claims, graded
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import FOUR_COLORS, legend_below, panels
 from papers.gravity import coupling
 from papers.gravity.raven_base import SHOWN
-from papers.kit import table
+from papers.kit import graded, table
 
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # [Hz]
 BASE_HZ = (2.0, 5.0, 10.0, 20.0)
@@ -133,7 +132,7 @@ def report(o: Outcomes) -> Report:
         f"column {NONE} of the smallest stable base is the arm's own reaction, which is physics and never unstable: "
         "small gain is sufficient, not necessary."
     )
-    return Report(tables, [TitledPicture(caption, _picture(found["curves"]))], [remark])
+    return Report(tables, {caption: _picture(found["curves"])}, [remark])
 
 
 def _sizes(sizes: Result) -> list[list[str]]:
@@ -166,10 +165,13 @@ def _picture(curves: Result) -> Any:
     return drawn
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "gravity-frequency", "future work", "From a base's motion to joint errors, and back", __doc__,
+    cases, report, minutes=0.5, drawn=0,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "A case exists in which perturbations of the base make an unstable feedback between robot and accelerometer",
     "VII, future work",
     "asked, not answered",
@@ -193,9 +195,3 @@ def _instability(o: Outcomes) -> Judgement:
     )
     heavy = any(heavier and name != UNIT for name, _, _, _, heavier in swinging)
     return graded(heavy, bool(swinging), said or "no base swings up")
-
-
-EXPERIMENT = Experiment(
-    "gravity-frequency", "future work", "From a base's motion to joint errors, and back", __doc__,
-    cases, report, minutes=0.5, claims=CLAIMS, drawn=0,
-)  # fmt: skip

@@ -16,12 +16,11 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.control.pd import Damping
 from catenary.simulation.cable_parameters import CableArm
-from papers.claims import Missing, mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import COLORS, LABELS, legend_above, panels
 from papers.gravity.raven_base import raven_of_2014, turned_base
 from papers.gravity.tracking import CONTROLLERS, run_controllers
-from papers.kit import rows, sample, table
+from papers.kit import Missing, mean_and_spread, rows, sample, table
 
 BASE_DEG = 20.0
 FRICTION = ("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction")
@@ -112,7 +111,7 @@ def report(o: Outcomes) -> Report:
     header = ["joint 3, damping", "PD [mm]", *(f"{LABELS[name]} against PD [%]" for name in COMPENSATED)]
     tables = [table(f"RMS error of joint 3, base at {BASE_DEG:g} deg", header, rows(row, DAMPINGS, VARIATIONS))]
     caption = "Joint 3's RMS error against PD alone; bars are means, dots are robots"
-    return Report(tables, [TitledPicture(caption, _picture(o))], _highest(o))
+    return Report(tables, {caption: _picture(o)}, _highest(o))
 
 
 def _highest(o: Outcomes) -> list[str]:

@@ -25,7 +25,7 @@ from catenary.simulation.firmware import NOMINAL, grav_dir_of
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import make_controller, with_approach
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base
 from papers.gravity.static_poses import ANGLES_DEG, POSES_DEG, QUICK_POSES_DEG, SETTLE, WATCHED, pose, stand
@@ -107,7 +107,7 @@ def report(o: Outcomes) -> Report:
         "with PD+DG."
     )
     tables = [table(title, ["base, joint", *LAWS], rows(row, angles, range(3)))]
-    return Report(tables, [TitledPicture(caption, _picture(o, angles))], [remark])
+    return Report(tables, {caption: _picture(o, angles)}, [remark])
 
 
 def _picture(o: Outcomes, angles: Sequence[float]) -> Any:

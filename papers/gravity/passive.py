@@ -30,24 +30,11 @@ from catenary.control.loop import GravitySource
 from catenary.spatial import LEVEL
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
 from catenary.workflows.gravity.trials import HOLD_START, hold, make_hold
-from papers.claims import Claims, by_count
-from papers.experiment import (
-    Case,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Run,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    run,
-)
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Run, Scope, TitledTable, run
 from papers.figures import COLORS, legend_above, panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, rocking_base, turned_base
 from papers.gravity.tracking import gravity_source
-from papers.kit import IN_UNITS, UNITS, by_robot, cells, filled, grid, rows, sample, table
+from papers.kit import IN_UNITS, UNITS, by_count, by_robot, cells, filled, grid, rows, sample, table
 
 ANGLES_DEG = (-150, -90, -45, -25, -20, -15, -10, -5, 0, 5, 10, 15, 20, 25, 45, 90, 135, 180)
 CONTROLLERS = ("dg", "sg")
@@ -202,7 +189,7 @@ def report(o: Outcomes) -> Report:
         ),
     ]
     caption = "Largest drift of joint 1 by gravity compensation alone; less than 1e-6 deg is drawn there"
-    return Report(filled(tables), [TitledPicture(caption, _picture(o))])
+    return Report(filled(tables), {caption: _picture(o)})
 
 
 def _drift_table(o: Outcomes, function: Run, title: str) -> TitledTable:
@@ -235,10 +222,12 @@ def _picture(o: Outcomes) -> Any:
     return figure
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "gravity-passive", "section V-A", "Passive hold by gravity compensation alone", __doc__, cases, report, minutes=8.0
+)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "DG alone holds any pose at every orientation of the base, upside down too",
     "V-A",
     "held, no number",
@@ -253,7 +242,7 @@ def _sensed_holds(o: Outcomes) -> Judgement:
     return by_count([drift.max() < HELD for drift in found.values()], measured)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "SG alone holds only at or near horizontal",
     "V-A",
     "drifts when tipped by more than a few degrees",
@@ -277,9 +266,3 @@ def _nominal_falls(o: Outcomes) -> Judgement:
     if least:
         said.insert(0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least")
     return by_count([*level, *(bool(which.all()) for which in fell.values())], "; ".join(said))
-
-
-EXPERIMENT = Experiment(
-    "gravity-passive", "section V-A", "Passive hold by gravity compensation alone", __doc__,
-    cases, report, minutes=8.0, claims=CLAIMS,
-)  # fmt: skip

@@ -31,12 +31,7 @@ def turned_base(angle_deg: float) -> FixedBase:
 
 
 def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0), hz: float = 1.0) -> RockingBase:
-    """Return the base of figure 10, rocked about Z0 between 10 and 20 deg, there at 1 Hz.
-
-    Args:
-        lever: The base's origin seen from a point of the axis [m], base axes.
-        hz: How often [Hz].
-    """
+    """Return the base of figure 10, rocked about Z0 between 10 and 20 deg; lever from the axis to its origin [m]."""
     x, y, z = Z0.tolist()
     return RockingBase(float(np.deg2rad(15.0)), float(np.deg2rad(5.0)), hz, (x, y, z), lever)
 

@@ -29,11 +29,10 @@ from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL
 from papers.calibration.published import TABLE_1
-from papers.claims import Claims, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
 from papers.gravity.raven_base import ASIDE, SHOWN, ideal_sensor, rocking_base
-from papers.kit import table
+from papers.kit import by_count, table
 
 # joint 1's axis, Z0, in the base frame: the paper tilts its base about it
 ROCKING = rocking_base(lever=ASIDE)
@@ -61,11 +60,7 @@ class Residual(NamedTuple):
 
 
 def residuals(base: RockingBase = ROCKING, *, seed: int = 0, quick: bool = False) -> list[Residual]:
-    """Return every row of the table; errors of joint positions have the signs that do most harm.
-
-    Args:
-        quick: Leaves out sensors of 100 Hz, and mountings askew by another angle than 1 deg.
-    """
+    """Return every row of the table; quick ones have no sensors of 100 Hz, and mountings askew by 1 deg alone."""
     model = load_robot("raven2")
     times = np.arange(SETTLE, DURATION, TICK)[::EVERY]
     truth_base = base.sample(times)
@@ -119,10 +114,7 @@ def _askew(deg: float) -> Mounting:
 
 
 def holding_torque(model: RobotModel, gravity: Floats, rates: Floats, off: ArrayLike = 0.0) -> Floats:
-    """Return the torques (T, poses, n) that hold each pose, under gravity (T, 3) on a base that turns (T, 2, 3).
-
-    Positions are taken for `off` (n,) more than they are [rad|m].
-    """
+    """Return torques (T, poses, n) that hold poses, `off` [rad|m] away, under gravity (T, 3) and rates (T, 2, 3)."""
     q = np.array(POSES) + np.asarray(off)
     zero = np.zeros_like(q)
     torques = [
@@ -164,7 +156,7 @@ def report(o: Outcomes) -> Report:
     content = [[source, *(f"{value:.2f}" for value in values)] for source, values in found.items()]
     return Report(
         [table("What the holding torque lacks, RMS over its RMS", "gravity by | all [%] | J1 | J2 | J3", content)],
-        [TitledPicture("What the holding torque on a rocking base lacks, all joints", _picture(found))],
+        {"What the holding torque on a rocking base lacks, all joints": _picture(found)},
     )
 
 
@@ -186,10 +178,13 @@ def _falls(o: Outcomes, names: Sequence[str]) -> Judgement:
     return by_count([found[a][joint] > found[b][joint] for joint in (1, 2, 3) for a, b in steps], said)
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "gravity-sensing", "beside figure 10", "What the holding torque on a rocking base lacks, by sensor", __doc__,
+    cases, report, minutes=0.3, drawn=0,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The holding torque on a moving base lacks less with an orientation sensor, and less again with an accelerometer",
     "beside II-C, of its reference [8]",
     "tracking greatly improved, further improved; no number",
@@ -200,7 +195,7 @@ def _orientation_then_accelerometer(o: Outcomes) -> Judgement:
     return _falls(o, (LEVEL_BASE, ATTITUDE, ACCELEROMETER))
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "In the holding torque changes in the magnitude of acceleration are compensated, beside those of gravity's "
     "direction",
     "beside VI",
@@ -210,9 +205,3 @@ def _orientation_then_accelerometer(o: Outcomes) -> Judgement:
 )
 def _magnitude(o: Outcomes) -> Judgement:
     return _falls(o, (ATTITUDE, ACCELEROMETER))
-
-
-EXPERIMENT = Experiment(
-    "gravity-sensing", "beside figure 10", "What the holding torque on a rocking base lacks, by sensor", __doc__,
-    cases, report, minutes=0.3, claims=CLAIMS, drawn=0,
-)  # fmt: skip

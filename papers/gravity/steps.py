@@ -31,11 +31,10 @@ from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import RAVEN_START, make_controller, with_approach
-from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, run
 from papers.figures import COLORS, LABELS, panels
 from papers.gravity.raven_base import Z0, TrueAttitude, raven_of_2014, turned_base
-from papers.kit import filled, grid, rows, sample, table
+from papers.kit import filled, grid, mean_and_spread, rows, sample, table
 
 Event = Literal["reference", "tilt", "drive"]
 EVENTS: tuple[Event, ...] = get_args(Event)
@@ -65,14 +64,7 @@ class CuedBase:
     def __init__(
         self, *, turn: float = 0.0, turn_time: float = 0.5, acceleration: float = 0.0, onset: float = ONSET
     ) -> None:
-        """Take what happens.
-
-        Args:
-            turn: About Z0 [rad].
-            turn_time: In which it turns [s].
-            acceleration: Along ALONG, for DRIVE_SECONDS [m/s2].
-            onset: In which that comes, and goes [s].
-        """
+        """Take how far it turns about Z0 [rad], in [s]; an acceleration [m/s2] that comes and goes in `onset` [s]."""
         self.turn, self.turn_time, self.acceleration, self.onset = turn, turn_time, acceleration, onset
         self.begin = np.inf  # [s] on the plant's clock; set it a second ahead, for what is sampled is kept
 
@@ -235,7 +227,7 @@ def report(o: Outcomes) -> Report:
         ),
     ]
     caption = "Joint 1, nominal robot: its motion in the step, its error where the base moves"
-    return Report(filled(tables), [TitledPicture(caption, _picture(o))])
+    return Report(filled(tables), {caption: _picture(o)})
 
 
 def _picture(o: Outcomes) -> Any:

@@ -161,11 +161,7 @@ def run_controllers(
     arm: CableArm | None = None,
     way: Way = "joints",
 ) -> list[Run]:
-    """Home a robot, and let each controller follow the motion from there.
-
-    Args:
-        arm: Another robot than the package's, of which `seed` then draws.
-    """
+    """Home a robot, drawn by `seed` from an arm where one is given, and let each controller follow the motion."""
     plant = CablePlant(arm or raven_of_2014(), seed=seed, base=base)
     plant.home()
     model = raven_arm(plant).model

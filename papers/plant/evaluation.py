@@ -15,18 +15,8 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.simulation.cable_parameters import CableArm
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
-from papers.calibration.recordings import (
-    METHODS,
-    TEST_SECONDS,
-    baselines,
-    calibration_log,
-    fitted,
-    homed,
-    random_log,
-    rmse,
-    rows_of,
-    unguarded,
-)
+from papers.calibration import recordings
+from papers.calibration.recordings import TEST_SECONDS
 
 TESTS = 3  # motions, and robots' idlers, of which the mean is fitted
 SEED = 7
@@ -39,14 +29,14 @@ def errors_of(
 
     Each the mean over test motions, of which one alone moves them by up to 12 %; their seeds begin at `first`.
     """
-    train = calibration_log(plant, np.random.default_rng(SEED))
-    models = {name: unguarded(fitted([train], METHODS[name])) for name in methods}
+    train = recordings.calibration_log(plant, np.random.default_rng(SEED))
+    models = {name: recordings.unguarded(recordings.fitted([train], recordings.METHODS[name])) for name in methods}
     found = []
     for k in range(tests):
-        log = random_log(deepcopy(plant), np.random.default_rng(first + k), test_seconds)
-        data = {name: rows_of(model, log) for name, model in models.items()}
-        of_models = {name: rmse(model, data[name]) for name, model in models.items()}
-        found.append(baselines(models[methods[0]], data[methods[0]]) | of_models)
+        log = recordings.random_log(deepcopy(plant), np.random.default_rng(first + k), test_seconds)
+        data = {name: recordings.rows_of(model, log) for name, model in models.items()}
+        of_models = {name: recordings.rmse(model, data[name]) for name, model in models.items()}
+        found.append(recordings.baselines(models[methods[0]], data[methods[0]]) | of_models)
     return {name: np.mean([each[name] for each in found], axis=0) for name in found[0]}
 
 
@@ -55,7 +45,7 @@ def mean_errors(arm: CableArm, test_seconds: float = TEST_SECONDS) -> dict[str, 
     found = []
     for k in range(TESTS):
         turned = arm.cable.idler_phase + np.random.default_rng(k).uniform(-np.pi, np.pi, 3) * (k > 0)
-        plant = homed(None, arm=arm._replace(cable=arm.cable.replace(idler_phase=turned)))
+        plant = recordings.homed(None, arm=arm._replace(cable=arm.cable.replace(idler_phase=turned)))
         found.append(errors_of(plant, ("linear", "polynomial"), 1, test_seconds, 60 + k))
     return {name: np.mean([each[name] for each in found], axis=0) for name in found[0]}
 
@@ -65,4 +55,4 @@ def linear_model(train: MotionLog) -> CalibrationModel:
 
     Not of the tool's: it stands elsewhere after homing again, which a model of all 16 inputs takes for unknown ground.
     """
-    return fitted([train], FitOptions(kind="linear", inputs=POSITIONING_INPUTS))
+    return recordings.fitted([train], FitOptions(kind="linear", inputs=POSITIONING_INPUTS))

@@ -6,22 +6,10 @@ import numpy as np
 
 from catenary import RobotModel, compact_regressor, gravity_regressor, load_robot
 from catenary.arrays import Floats
+from catenary.gravity import written_terms as formulas
 from catenary.gravity.compact_regressor import DOWN, CompactRegressor
 from catenary.gravity.gravity_regressor import carried_links, gravity_parameters
 from catenary.gravity.symbols import expression_text, mass_expression, moment_expression
-from catenary.gravity.written_terms import (
-    MOST,
-    SHORT,
-    SymbolicVector,
-    Terms,
-    Written,
-    WrittenTerms,
-    cleaned,
-    crossed,
-    scaled,
-    terms_text,
-    weighted,
-)
 from papers.experiment import Result, run
 
 ZERO, NO_EFFECT = 0, -1  # in place of a parameter's number, from 1
@@ -70,13 +58,15 @@ def block_texts(model: RobotModel, joint: int) -> list[str]:
     for frame in range(-1, len(model.link_names)):
         for along in range(3):
             terms = full_entry(model, joint, frame, np.eye(3)[along], DOWN, row)
-            short = terms is not None and len(terms) <= SHORT
+            short = terms is not None and len(terms) <= formulas.SHORT
             name = f"Z{joint + 1},{3 * (frame + 1) + along + 1}"
-            texts.append(terms_text(terms or {}) if short else name)
+            texts.append(formulas.terms_text(terms or {}) if short else name)
     return texts
 
 
-def full_entry(model: RobotModel, joint: int, frame: int, axis: Floats, gravity: Floats, coordinate: int) -> Written:
+def full_entry(
+    model: RobotModel, joint: int, frame: int, axis: Floats, gravity: Floats, coordinate: int
+) -> formulas.Written:
     """Write an entry of the paper's full regressor, -gravity . (z_joint x e); None for what is too long.
 
     Unlike those of `WrittenTerms` it stands for one joint alone, whether it carries the frame or not. joint and frame
@@ -88,18 +78,18 @@ def full_entry(model: RobotModel, joint: int, frame: int, axis: Floats, gravity:
         return {}
     z, e = _in_base(model, joint, model.tree.axis[joint]), _in_base(model, frame, axis)
     # -gravity . (z x e) = (gravity x e) . z
-    return scaled(_dotted(crossed(gravity, e), z), weight)
+    return formulas.scaled(_dotted(formulas.crossed(gravity, e), z), weight)
 
 
-def _in_base(model: RobotModel, link: int, axis: Floats) -> SymbolicVector:
+def _in_base(model: RobotModel, link: int, axis: Floats) -> formulas.SymbolicVector:
     """Return an axis of a link in the base frame: along each axis there, as that is seen from the link."""
-    x, y, z = (weighted(axis, WrittenTerms(model, of_base).seen_from(link)) for of_base in np.eye(3))
+    x, y, z = (formulas.weighted(axis, formulas.WrittenTerms(model, of_base).seen_from(link)) for of_base in np.eye(3))
     return x, y, z
 
 
-def _dotted(a: SymbolicVector, b: SymbolicVector) -> Written:
+def _dotted(a: formulas.SymbolicVector, b: formulas.SymbolicVector) -> formulas.Written:
     """Return a . b, multiplied out."""
-    total: Terms = {}
+    total: formulas.Terms = {}
     for one, other in zip(a, b, strict=True):
         if one is None or other is None:
             return None
@@ -107,8 +97,8 @@ def _dotted(a: SymbolicVector, b: SymbolicVector) -> Written:
             for right, y in other.items():
                 product = tuple(sorted(left + right))
                 total[product] = total.get(product, 0.0) + x * y
-    found = cleaned(total)
-    return found if len(found) <= MOST else None
+    found = formulas.cleaned(total)
+    return found if len(found) <= formulas.MOST else None
 
 
 @run(revision=1)

@@ -19,21 +19,11 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from catenary import (
-    EstimatedGravityPD,
-    GravityEstimator,
-    JointPD,
-    MujocoPlant,
-    RobotModel,
-    compact_regressor,
-    load_robot,
-    mass_matrix,
-    run_loop,
-)
+from catenary import EstimatedGravityPD, MujocoPlant, RobotModel, compact_regressor, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.control.loop import Tick
-from catenary.control.pd import Controller
-from catenary.gravity.estimator import Form, RecursiveGravityEstimator
+from catenary.control.loop import Tick, run_loop
+from catenary.control.pd import Controller, JointPD
+from catenary.gravity.estimator import Form, GravityEstimator, RecursiveGravityEstimator
 from catenary.gravity.gravity_regressor import gravity_parameters
 from catenary.gravity.payload import Payload
 from catenary.plant import JointState
@@ -194,12 +184,9 @@ def errors_of(
     pace: float = 1.0,
     duration: float | None = None,
 ) -> Floats:
-    """Run the motion; return the errors q_ref - q (ticks, 19) [rad], a row per millisecond.
+    """Run the motion, `pace` times as fast as the paper's, for a duration [s]; return q_ref - q (ticks, 19) [rad].
 
-    Args:
-        payload_kg: What the right hand takes up at PICK_UP, unknown to the controller; 0 for nothing.
-        pace: How many times faster than the paper's all of it goes, to try it.
-        duration: [s], to its end when None.
+    The right hand takes the payload up at PICK_UP, unknown to the controller.
     """
     model = robot(seed)
     plant = MujocoPlant(model, start=HOME, hardware=JointHardware(armature=ROTORS))

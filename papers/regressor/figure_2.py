@@ -23,21 +23,9 @@ from catenary.dynamics.vectors import Vector, cross, dot, put, row, times, trans
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
 from catenary.robots.catalog import load_robot, robot_names
-from papers.claims import Claims, Missing, by_count
-from papers.experiment import (
-    Case,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    run,
-)
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledTable, run
 from papers.figures import panels
-from papers.kit import filled, table
+from papers.kit import Missing, by_count, filled, table
 from papers.regressor.decomposition import NO_EFFECT, ZERO, decomposition
 from papers.regressor.published import COMPACT, FULL_BLOCK, PARAMETERS, PLACES
 
@@ -159,7 +147,7 @@ def report(o: Outcomes) -> Report:
     ]
     caption = "the entries of Z before and after; a colour is a merged parameter, grey what is deleted"
     drawn = [(robot, result) for robot in DRAWN for result in o.of(decomposition, robot=robot)]
-    return Report(filled(tables), [TitledPicture(f"{robot}: {caption}", _picture(result)) for robot, result in drawn])
+    return Report(filled(tables), {f"{robot}: {caption}": _picture(result) for robot, result in drawn})
 
 
 def _planar(planar: Result) -> list[TitledTable]:
@@ -226,7 +214,7 @@ def _write(axes: Any, texts: Sequence[Sequence[str]], pattern: Floats) -> None:
         first = line * len(entries) if pattern.shape[1] > len(entries) else 0
         for k, text in enumerate(entries):
             if text != "0":
-                axes.text(first + k, row, text, ha="center", va="center", fontsize=6, rotation=90)
+                axes.text(first + k, line, text, ha="center", va="center", fontsize=6, rotation=90)
 
 
 def _colors(count: int) -> Any:
@@ -254,10 +242,13 @@ def patterns(result: Result) -> tuple[Floats, Floats]:
     return before, after.astype(float)
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "regressor-figure-2", "figure 2", "From the full gravity regressor to the compact one", __doc__,
+    cases, report, minutes=1.0, drawn=0,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The full Z and s of the planar arm",
     "figure 2",
     "Z_k: 1 0 0 c1 -s1 0 c12 -s12 0 c123 -s123 0; s1 once, s2 twice, s3 three times",
@@ -271,7 +262,7 @@ def _is_full(o: Outcomes) -> Judgement:
     return by_count([*same, tuple(places.values()) == PLACES], told)
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Its compact form",
     "figure 2, section II-C",
     "g = g_c Z s with Z = [c1 c12 c123; 0 c12 c123; 0 0 c123], s = [l1 (m2+m3)+lg1 m1; l2 m3+lg2 m2; lg3 m3]",
@@ -286,7 +277,7 @@ def _is_compact(o: Outcomes) -> Judgement:
     )
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The full regressor is n x 3n(n+1)",
     "section II-A",
     "n x 3n(n+1)",
@@ -302,7 +293,7 @@ def _size(o: Outcomes) -> Judgement:
     return by_count([width == 3 * n * (n + 1) for _, width, n in of_turning], f"columns: {told}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The generalised form holds regardless of dimension and structure of the robot",
     "abstract, section II-B",
     "any robot of revolute joints, multi-arms included",
@@ -313,7 +304,7 @@ def _any_robot(o: Outcomes) -> Judgement:
     return by_count([each < SAME for each in worst], f"at most {max(worst, default=0.0):.0e} Nm")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Deleting and merging reduces the computation time",
     "section II-C",
     "36 columns to 3; of time no number",
@@ -329,9 +320,3 @@ def _faster(o: Outcomes) -> Judgement:
         f"{100 * min(shares):.0f} to {100 * max(shares):.0f} % are left"
     )
     return by_count([ratio > 1.0 for ratio in ratios.values()], told)
-
-
-EXPERIMENT = Experiment(
-    "regressor-figure-2", "figure 2", "From the full gravity regressor to the compact one", __doc__,
-    cases, report, minutes=1.0, claims=CLAIMS, drawn=0,
-)  # fmt: skip

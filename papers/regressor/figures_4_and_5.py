@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from papers.claims import Claims, Missing, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledPicture, TitledTable
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledTable
 from papers.figures import legend_below, panels
-from papers.kit import by_robot, filled, rows, table
+from papers.kit import Missing, by_count, by_robot, filled, rows, table
 from papers.regressor.dual_arm import ALONE, KP, LIMBS, PICK_UP, SAMPLE, WINDOWS, dual_arm
 from papers.regressor.published import ESTIMATION
 
@@ -193,13 +192,15 @@ def report_4(o: Outcomes) -> Report:
         window_table(o, "RMS error [deg], the velocity's error damped in its place", (DAMPED,)),
     ]
     caption = "Error of each joint under PD alone; shaded: 7 to 12 s"
-    return Report(filled(tables), [TitledPicture(caption, errors_picture(o, (PRINTED,)))])
+    return Report(filled(tables), {caption: errors_picture(o, (PRINTED,))})
 
 
-CLAIMS_4 = Claims()
+FIGURE_4 = Experiment(
+    "regressor-figure-4", "figure 4", "19 joints under PD alone", __doc__, cases_4, report_4, minutes=2.0
+)
 
 
-@CLAIMS_4(
+@FIGURE_4.claim(
     "Without estimation the position error stays between 7 and 12 s",
     "figure 4, III-B",
     "a picture, no numbers",
@@ -212,7 +213,7 @@ def _stays(o: Outcomes) -> Judgement:
     return by_count(end.mean(axis=0) / begin.mean(axis=0) >= STAYS, said)
 
 
-@CLAIMS_4(
+@FIGURE_4.claim(
     "With huge gains PD alone looks quite nice",
     "III-B",
     '"quite nice", no numbers',
@@ -227,12 +228,6 @@ def _small(o: Outcomes) -> Judgement:
     )
 
 
-FIGURE_4 = Experiment(
-    "regressor-figure-4", "figure 4", "19 joints under PD alone", __doc__,
-    cases_4, report_4, minutes=2.0, claims=CLAIMS_4,
-)  # fmt: skip
-
-
 def cases_5(scope: Scope) -> Sequence[Case]:
     """Return a case for every robot and controller."""
     return cases_of((PRINTED, COMPACT, MOVING) if scope.quick else (*AS_PRINTED, *OURS, *LOADED), scope)
@@ -240,7 +235,7 @@ def cases_5(scope: Scope) -> Sequence[Case]:
 
 def report_5(o: Outcomes) -> Report:
     """Return errors by limb and window, what part of PD alone's they are, and the paper's picture."""
-    tables, pictures, remarks = [], [], []
+    tables, pictures, remarks = [], {}, []
     for title, conditions, drawn in (
         ("As the paper ran it", AS_PRINTED, (COMPACT, FULL)),
         ("Ours", OURS, (LAW, LEAST_SQUARES)),
@@ -249,8 +244,7 @@ def report_5(o: Outcomes) -> Report:
         if there := [each for each in drawn if o.of(dual_arm, **vars(each))]:
             tables.append(window_table(o, f"{title}: RMS error [deg]", conditions))
             tables.append(share_table(o, f"{title}: of PD alone, worst limb", conditions))
-            caption = f"{title}: error of each joint; shaded: 7 to 12 s"
-            pictures.append(TitledPicture(caption, errors_picture(o, there)))
+            pictures[f"{title}: error of each joint; shaded: 7 to 12 s"] = errors_picture(o, there)
             remarks.append(_tenth(o, title, conditions))
     return Report(filled(tables), pictures, remarks)
 
@@ -277,10 +271,12 @@ def _compared(
     return [bool(each) for below, above in pairs for each in below.mean(axis=0) < above.mean(axis=0)]
 
 
-CLAIMS_5 = Claims()
+FIGURE_5 = Experiment(
+    "regressor-figure-5", "figure 5", "19 joints learn their gravity", OF_FIGURE_5, cases_5, report_5, minutes=10.0
+)
 
 
-@CLAIMS_5(
+@FIGURE_5.claim(
     "The position error reduces in 7-12 s, as gravity is estimated",
     "III-B, figure 5",
     "a picture, no numbers",
@@ -295,7 +291,7 @@ def _shrinks(o: Outcomes) -> Judgement:
     return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
 
 
-@CLAIMS_5(
+@FIGURE_5.claim(
     "When the robot approaches the desired positions, some error remains",
     "III-B, figure 5",
     '"it makes some error", no numbers',
@@ -308,7 +304,7 @@ def _some_error(o: Outcomes) -> Judgement:
     return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
 
 
-@CLAIMS_5(
+@FIGURE_5.claim(
     "With gravity estimated the errors are smaller than with PD alone",
     "figures 4 and 5",
     "pictures, no numbers",
@@ -322,7 +318,7 @@ def _beside_none(o: Outcomes) -> Judgement:
     return by_count(holds, f"of PD alone, mean of the limbs, {said}")
 
 
-@CLAIMS_5(
+@FIGURE_5.claim(
     "The remaining error can be reduced by estimating for longer",
     "III-B",
     '"for long time more than this trial"',
@@ -336,7 +332,7 @@ def _longer_is_better(o: Outcomes) -> Judgement:
     return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
 
 
-@CLAIMS_5(
+@FIGURE_5.claim(
     "Once estimated, the parameters give the gravitational force",
     "abstract, III",
     "in simulation, no numbers",
@@ -353,7 +349,7 @@ def _give_the_force(o: Outcomes) -> Judgement:
     return by_count(holds, f"left of the torque, mean of the limbs: {'; '.join(said)}")
 
 
-@CLAIMS_5(
+@FIGURE_5.claim(
     "Estimation should be performed under the quasi-static state",
     "II-A, III",
     "no numbers",
@@ -369,9 +365,3 @@ def _quasi_static(o: Outcomes) -> Judgement:
         still, moving = (by_robot(each.mean(axis=1)) for each in (still, moving))
         said.append(f"{rest}: {still:.2f} Nm learnt at rest, {moving:.2f} Nm learnt while moving")
     return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
-
-
-FIGURE_5 = Experiment(
-    "regressor-figure-5", "figure 5", "19 joints learn their gravity", OF_FIGURE_5,
-    cases_5, report_5, minutes=10.0, claims=CLAIMS_5,
-)  # fmt: skip

@@ -17,34 +17,24 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from catenary import (
-    CablePlant,
-    EstimatedGravityPD,
-    FixedBase,
-    JointPD,
-    JointState,
-    MotionLog,
-    RobotModel,
-    compact_regressor,
-    gravity_torque,
-    identify,
-    load_robot,
-    record_simulated,
-    run_loop,
-    zigzag,
-)
+from catenary import CablePlant, RobotModel, compact_regressor, gravity_torque, identify, load_robot, record_simulated
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
-from catenary.control.loop import Tick
+from catenary.control.gravity_pd import EstimatedGravityPD
+from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import pd_share
+from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
 from catenary.gravity.compact_regressor import CompactRegressor
 from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.identify_options import IdentifyOptions
+from catenary.plant import JointState, MotionLog
+from catenary.simulation.base_motion import FixedBase
 from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
+from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.gravity.raven_base import raven_of_2014
 from papers.kit import cells, grid, rows, sample, table
@@ -307,7 +297,7 @@ def report(o: Outcomes) -> Report:
             f"error: {words}."
         )
     caption = "RMS error of the gravity torque on another base, by positions"
-    return Report(tables, [TitledPicture(caption, _picture(o))], remarks)
+    return Report(tables, {caption: _picture(o)}, remarks)
 
 
 def _picture(o: Outcomes) -> Any:

@@ -28,10 +28,9 @@ from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare
 from catenary.recording.logs import read_torque_log
 from catenary.spatial import LEVEL
-from papers.claims import Claims, Missing, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
-from papers.kit import grid, table
+from papers.kit import Missing, by_count, grid, table
 
 # recording: robot, and whether it holds poses at rest
 RECORDINGS = {
@@ -82,12 +81,7 @@ def least_squares(model: RobotModel, tau: Floats) -> RecursiveGravityEstimator:
 
 
 def replayed(estimator: EstimatedGravity, samples: Samples, *, static: bool, until: int) -> tuple[Floats, Floats]:
-    """Let an estimator hear a recording, up to a row and then no more.
-
-    Returns:
-        What it expects of every row just before it hears it (N, n), and what it expects of every row with what it
-        has learnt up to `until` (N, n).
-    """
+    """Return what an estimator that learns until a row expects of every row: just before it, and in the end, (N, n)."""
     ahead = np.empty_like(samples.tau)
     learnt = np.empty_like(samples.tau)
     steps = round(HELD / TICK) if static and isinstance(estimator, GravityEstimator) else 1
@@ -167,7 +161,7 @@ def of(o: Outcomes, recording: str) -> Result:
 
 def report(o: Outcomes) -> Report:
     """Return errors of the later part by recording and method, and torques over time."""
-    tables, pictures, remarks = [], [], []
+    tables, pictures, remarks = [], {}, []
     for recording in RECORDINGS:
         try:
             result = of(o, recording)
@@ -180,7 +174,7 @@ def report(o: Outcomes) -> Report:
         tables.append(table(f"{name}: RMS error on rows {until} to {whole}, none of them learnt from", header, content))
         if recording in SHOWN:
             caption = f"{name}: measured and predicted torque; shaded: learnt from"
-            pictures.append(TitledPicture(caption, _picture(result, SHOWN[recording])))
+            pictures[caption] = _picture(result, SHOWN[recording])
     return Report(tables, pictures, remarks)
 
 
@@ -216,10 +210,13 @@ def _left(o: Outcomes, recordings: Sequence[str], axes: Sequence[int]) -> tuple[
     return list(shares.values()), f"left: {', '.join(f'{name} {100.0 * each:.0f} %' for name, each in shares.items())}"
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "regressor-replay", "beyond the paper", "The on-line law on recorded motions", __doc__,
+    cases, report, minutes=1.0, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "On a real arm, too, the parameters give the gravitational force once they are estimated",
     "IV, future work",
     "to be implemented in the real robot, no numbers",
@@ -232,9 +229,3 @@ CLAIMS = Claims()
 def _at_rest(o: Outcomes) -> Judgement:
     shares, told = _left(o, STATIC, LOADED_AXES)
     return by_count([share < HALF for share in shares], told)
-
-
-EXPERIMENT = Experiment(
-    "regressor-replay", "beyond the paper", "The on-line law on recorded motions", __doc__,
-    cases, report, minutes=1.0, claims=CLAIMS, drawn=0, simulated=False, needs_data=True,
-)  # fmt: skip

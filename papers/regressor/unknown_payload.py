@@ -26,10 +26,9 @@ from catenary.gravity.estimator import RecursiveGravityEstimator
 from catenary.gravity.load_location import LOAD
 from catenary.gravity.payload import Payload
 from catenary.spatial import LEVEL
-from papers.claims import NOT_MEASURED, Claims, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Result, Scope, run
 from papers.figures import legend_below, panels
-from papers.kit import table
+from papers.kit import NOT_MEASURED, by_count, table
 from papers.regressor.decomposition import with_bodies
 
 GEOMETRY = "panda"  # seven turning joints; masses are drawn
@@ -72,9 +71,7 @@ def trial(
 ) -> Result:
     """Let an arm learn itself, take up a load, and go through more poses; return what was believed on the way.
 
-    Args:
-        noise: Standard deviation of the torques' noise [Nm].
-        load: What the estimator is told of loads: root mean squares of mass [kg] and moment [kg m].
+    Torques have a noise [Nm]; `load` is what the estimator is told of loads: RMS of mass [kg] and moment [kg m].
     """
     link = int(rng.integers(len(model.link_names)))
     mass = float(np.exp(rng.uniform(np.log(LIGHTEST), np.log(HEAVIEST))))
@@ -192,7 +189,7 @@ def report(o: Outcomes) -> Report:
         "Left: stated probability of the likeliest link against how often it is right. Right: loads noticed, and on "
         "the right link, by poses"
     )
-    return Report(tables, [TitledPicture(caption, _picture(o))], remarks)
+    return Report(tables, {caption: _picture(o)}, remarks)
 
 
 def _percent(holds: Sequence[bool]) -> str:
@@ -297,10 +294,13 @@ def _picture(o: Outcomes) -> Any:
     return figure
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "regressor-payload", "beyond the gravity-regressor paper", "An unknown load on any link, at any time", __doc__,
+    cases, report, of="beyond", minutes=2.0,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "A stated probability of a link can be believed",
     "beyond the paper",
     "as stated",
@@ -318,7 +318,7 @@ def _sure(o: Outcomes) -> Judgement:
     return by_count([as_stated(*one) for one in bins], f"stated {told}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "The link that carries the load is among the likely ones",
     "beyond the paper",
     "stated 95 %",
@@ -331,9 +331,3 @@ def _listed(o: Outcomes) -> Judgement:
         return NOT_MEASURED
     share = float(np.mean([one["among_likely"] for one in said]))
     return by_count([as_stated(HOLD, share, len(said))], f"in {100 * share:.1f} % of {len(said)} lists")
-
-
-EXPERIMENT = Experiment(
-    "regressor-payload", "beyond the gravity-regressor paper", "An unknown load on any link, at any time", __doc__,
-    cases, report, of="beyond", minutes=2.0, claims=CLAIMS,
-)  # fmt: skip

@@ -13,26 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from catenary import (
-    GravityPD,
-    InertiaPD,
-    JointPD,
-    JointState,
-    RobotModel,
-    go_to,
-    inverse_dynamics,
-    load_robot,
-    mass_matrix,
-)
+from catenary import GravityPD, InertiaPD, JointState, RobotModel, go_to, inverse_dynamics, load_robot, mass_matrix
 from catenary.arrays import Floats
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, gains_from_mass
-from catenary.control.pd import Controller
+from catenary.control.pd import Controller, JointPD
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
-from papers.claims import Claims, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
-from papers.kit import grid, sample, table
+from papers.kit import by_count, filled, grid, sample, table
 
 TICK = 1e-3  # [s] over which a torque is held, as a 1 kHz loop holds it
 START, GOAL = np.deg2rad([-60.0, 30.0]), np.deg2rad([50.0, 100.0])
@@ -67,13 +56,10 @@ def simulate(
     gravity: Floats = LEVEL,
     start: Floats | None = None,
 ) -> Run:
-    """Let an ideal arm, without friction and with perfect sensors, follow a motion from rest.
+    """Let an ideal arm, without friction, with perfect sensors, follow a motion from rest at its begin, or at start.
 
-    M(q) qdd = tau - C(q, qd) qd - g(q), by Runge-Kutta of fourth order over each tick, the torque held.
-
-    Args:
-        gravity: (3,) in base axes [m/s2].
-        start: (2,) where the arm stands at first [rad]; where the motion begins when None.
+    M(q) qdd = tau - C(q, qd) qd - g(q), by Runge-Kutta of fourth order over each tick, the torque held. Gravity is in
+    base axes [m/s2].
     """
     zero = np.zeros(model.n)
 
@@ -150,16 +136,17 @@ def cases(scope: Scope) -> Sequence[Case]:
 
 def report(o: Outcomes) -> Report:
     """Return errors by controller and speed, and those of the fast motion over time."""
-    tables = []
-    for name, speed in SPEEDS.items():
-        rows = []
-        for told, result in o.items(errors_of, speed=speed):
-            cells = [f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key]]
-            rows.append([told["controller"], *cells])
-        if rows:
-            header = ["controller", "largest error q0 [deg]", "q1 [deg]", "at rest q0 [deg]", "q1 [deg]"]
-            tables.append(table(f"The {name} motion, up to {speed * FASTEST:g} rad/s", header, rows))
-    return Report(tables, [TitledPicture("Errors of both joints over the fast motion", _picture(o))])
+
+    def errors(speed: float) -> list[list[str]]:
+        return [
+            [told["controller"], *(f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key])]
+            for told, result in o.items(errors_of, speed=speed)
+        ]
+
+    header = "controller | largest error q0 [deg] | q1 [deg] | at rest q0 [deg] | q1 [deg]"
+    titles = {f"The {name} motion, up to {speed * FASTEST:g} rad/s": speed for name, speed in SPEEDS.items()}
+    tables = filled(table(title, header, errors(speed)) for title, speed in titles.items())
+    return Report(tables, {"Errors of both joints over the fast motion": _picture(o)})
 
 
 def _picture(o: Outcomes) -> Any:
@@ -181,10 +168,13 @@ def _reached(o: Outcomes, controller: str, key: str) -> Floats:
     return np.array([result[key] for result in o.of(errors_of, controller=controller)])
 
 
-CLAIMS = Claims()
+EXPERIMENT = Experiment(
+    "tutorial-two-link", "the whole of it", "Mass and gravity of a two-link arm", __doc__,
+    cases, report, minutes=1.0, drawn=0,
+)  # fmt: skip
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Gravity is cancelled by g(q)",
     "Accounting for gravity",
     "no numbers",
@@ -199,7 +189,7 @@ def _gravity(o: Outcomes) -> Judgement:
     return by_count(holds, f"deg at rest: {told}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "With the effects of inertia cancelled, joints can be controlled independently",
     "Making a PD controller in joint space",
     "no numbers",
@@ -225,7 +215,7 @@ def _inertia(o: Outcomes) -> Judgement:
     return by_count([with_it < UNDISTURBED * without for _, (without, with_it) in found], f"the other moves, {said}")
 
 
-@CLAIMS(
+@EXPERIMENT.claim(
     "Without the Coriolis terms you will be fine most of the time",
     "closing section",
     "no numbers",
@@ -237,9 +227,3 @@ def _coriolis(o: Outcomes) -> Judgement:
     left = _reached(o, FULL, "largest_deg")
     told = "; ".join(f"{speed}: {left[k, 0]:.2f}, {left[k, 1]:.2f} deg" for k, speed in enumerate(SPEEDS))
     return by_count((left < 1.0).ravel(), told)
-
-
-EXPERIMENT = Experiment(
-    "tutorial-two-link", "the whole of it", "Mass and gravity of a two-link arm", __doc__,
-    cases, report, minutes=1.0, claims=CLAIMS, drawn=0,
-)  # fmt: skip

@@ -12,10 +12,9 @@ import pytest
 from catenary import __version__
 from papers import __main__ as command
 from papers import catalog, runner, sweep
-from papers.claims import Claims, graded
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
-from papers.kit import table
+from papers.kit import graded, table
 from papers.results_files import RAW
 from papers.store import Finished, Store
 
@@ -35,21 +34,17 @@ def report(outcomes: Outcomes) -> Report:
     figure, (axes,) = panels(1, 2.0)
     axes.plot([result["square"] for result in outcomes.of(squared)])
     rows = [[str(told["number"]), str(result["square"])] for told, result in outcomes.items(squared)]
-    return Report([table("Squares", "number | square", rows)], [TitledPicture("A curve", figure)])
-
-
-CLAIMS = Claims()
-
-
-@CLAIMS("They grow", "I", "1 < 4", "each larger", fitted=True)
-def grow(outcomes: Outcomes) -> Judgement:
-    return graded(True, True, "0 < 1")
+    return Report([table("Squares", "number | square", rows)], {"A curve": figure})
 
 
 SQUARES = Experiment(
-    "beyond-squares", "nowhere", "Squares", "Squares.\n\nNumbers times themselves.",
-    cases, report, minutes=0.1, claims=CLAIMS, drawn=2,
-)  # fmt: skip
+    "beyond-squares", "nowhere", "Squares", "Squares.\n\nNumbers times themselves.", cases, report, minutes=0.1, drawn=2
+)
+
+
+@SQUARES.claim("They grow", "I", "1 < 4", "each larger", fitted=True)
+def grow(outcomes: Outcomes) -> Judgement:
+    return graded(True, True, "0 < 1")
 
 
 def ran(out: Path, *words: str, code: int = 0) -> dict[str, Any]:

@@ -5,9 +5,8 @@ import pytest
 
 from oracles.sweep_cases import quick, summed
 from papers.calibration.homings import homing_errors
-from papers.claims import Claims, Missing, by_count
 from papers.experiment import Experiment, Judgement, Outcomes, Report, Scope
-from papers.kit import by_robot, cells, grid, rows, sample, table, told, unless_missing
+from papers.kit import Missing, by_count, by_robot, cells, grid, rows, sample, table, told, unless_missing
 from papers.results_files import judged
 
 REST = {"ours": [], "combinations": [], "test_seconds": 1.0}
@@ -66,20 +65,17 @@ def test_what_has_not_run_is_missing_and_left_out_of_tables_and_remarks() -> Non
 
 
 def test_claims_stand_in_their_order_and_a_judge_that_misses_a_case_makes_one_not_measured() -> None:
-    claims = Claims()
+    one = Experiment("beyond-kit", "I", "Kit", "Headline.\n\nAbout.", lambda _: CASES, lambda _: Report(), minutes=1.0)
 
-    @claims("It is two", "I", "2", "equal", "since it is", fitted=True)
+    @one.claim("It is two", "I", "2", "equal", "since it is", fitted=True)
     def of_a(outcomes: Outcomes) -> Judgement:
         return by_count(sample(outcomes, quick, "error", 1, folder="a") == 2.0, "2")
 
-    @claims("It is three", "II", "3", "equal")
+    @one.claim("It is three", "II", "3", "equal")
     def of_b(outcomes: Outcomes) -> Judgement:
         return by_count(np.equal(sample(outcomes, quick, "error", 1, folder="b"), 3.0), "3")
 
-    one = Experiment(
-        "beyond-kit", "I", "Kit", "Headline.\n\nAbout.", lambda _: CASES, lambda _: Report(), minutes=1.0, claims=claims
-    )
-    assert [(claim.says, claim.why, claim.fitted) for claim in claims] == [
+    assert [(claim.says, claim.why, claim.fitted) for claim in one.claims] == [
         ("It is two", "since it is", True), ("It is three", "", False),
     ]  # fmt: skip
     assert [found.verdict for _, found in judged(one, OUTCOMES)] == ["reproduced", "not measured"]

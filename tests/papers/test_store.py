@@ -13,8 +13,8 @@ from papers import catalog, experiment, store
 from papers.calibration.table_1 import direction_errors
 from papers.calibration.table_2 import more_epochs
 from papers.catalog import MODULES, named
-from papers.claims import by_count, mean_and_spread
 from papers.experiment import Case, Outcomes, Scope
+from papers.kit import by_count, mean_and_spread
 from papers.results_files import RAW, judged
 from papers.store import Finished, Store, read_raw, source_digest, write_raw
 

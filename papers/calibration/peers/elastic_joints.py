@@ -1,4 +1,4 @@
-"""Joints behind elastic cables, the model of the unscented Kalman filter of Haghighipanah et al. (IROS 2015).
+"""Joints behind elastic cables, and the unscented Kalman filter of them of Haghighipanah et al. (IROS 2015).
 
 Motor and link of joints 1 to 3, in joint units, with a spring and a damper between them and Coulomb friction on both:
 
@@ -8,9 +8,14 @@ Motor and link of joints 1 to 3, in joint units, with a spring and a damper betw
 What is known: the makers' link masses and centres of mass, the motors' inertia and ratios, the nominal cable coupling.
 What is identified on the training recordings: stiffness, both frictions, and the fixed offset of every joint, since
 homing leaves degrees of it. M and h are taken at the reported pose, from which the true one differs by a few degrees.
+
+The filter's state: positions and velocities of motors and links. Input: the motors' torques. Measurement: the motors'
+encoders. The state is predicted by 24 sigma points of equal weight [Julier and Uhlmann 1997, kappa 0], each through the
+elastic joints; the measurement is linear, so its update is Kalman's.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +24,7 @@ from scipy.optimize import lsq_linear
 from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
-from catenary.kernels.compiled import inlined
+from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.transmission.cable_friction import coulomb
@@ -31,6 +36,8 @@ STEP = 1e-3  # [s] of the integration
 SOFTEST, STIFFEST = np.array([50.0, 50.0, 1e4]), np.array([2000.0, 2000.0, 4e5])
 DAMPING = 0.2  # of critical: recordings at 30 Hz do not show it
 COUNTS = 4000.0  # of a motor's encoder, per turn
+STATES, MEASURED = 12, 3
+FIRST_SPREAD = 0.01  # [rad, rad, m, and per second] of the first state
 
 
 class Joints(NamedTuple):
@@ -129,15 +136,7 @@ def _stretch(error: Floats, load: Floats, qd: Floats, softest: float, stiffest: 
 
 @inlined
 def advance(x: Floats, joints: Joints, torque: Floats, bias: Floats, inverse: Floats, step: float, count: int) -> None:
-    """Advance theta, q, theta', q' (12,) by some semi-implicit Euler steps; `x` is overwritten.
-
-    Args:
-        x: State [rad, rad, m and per second].
-        torque: (3,) of the motors, held.
-        bias: (3,) h, held.
-        inverse: (3, 3) of M, held.
-        step: [s].
-    """
+    """Advance a state x (12,) by semi-implicit Euler steps of `step` [s]; torque, h and the inverse of M are held."""
     for _ in range(count):
         push_0 = joints.stiffness[0] * (x[0] - x[3]) + joints.damping[0] * (x[6] - x[9])
         push_1 = joints.stiffness[1] * (x[1] - x[4]) + joints.damping[1] * (x[7] - x[10])
@@ -155,3 +154,63 @@ def advance(x: Floats, joints: Joints, torque: Floats, bias: Floats, inverse: Fl
             x[9 + j] = coulomb(x[9 + j] + step * change, step * inverse[j, j] * joints.link_friction[j])
         for j in range(3):
             x[3 + j] += step * x[9 + j]
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A filter of identified joints."""
+
+    joints: Joints
+
+    def correction(self, log: MotionLog) -> Floats:
+        """Return what to add to the reported positions of every row of a recording, (N, 3) [rad, rad, m]."""
+        drive = drive_of(log)
+        estimated: Floats = filtered(drive, self.joints)[:, 3:6] + self.joints.offset - drive.position
+        return estimated
+
+
+def filtered(drive: Drive, joints: Joints) -> Floats:
+    """Return the estimated states of every row, (N, 12): theta, q, theta', q'."""
+    states = np.empty((len(drive.time), STATES))
+    first = np.concatenate((drive.position[0], drive.position[0] - drive.bias[0] / joints.stiffness, np.zeros(6)))
+    covariance = np.diag(np.full(STATES, FIRST_SPREAD**2))
+    counts = np.maximum(1, np.round(np.diff(drive.time, prepend=drive.time[0]) / STEP)).astype(np.int64)
+    run_filter(drive, joints, counts, first, covariance, states)
+    return states
+
+
+@compiled
+def run_filter(drive: Drive, joints: Joints, counts: np.ndarray, x: Floats, P: Floats, states: Floats) -> None:
+    """Filter rows, after `counts` (N,) steps each, from state x (12,) and covariance P, overwritten, into `states`."""
+    points = np.empty((2 * STATES, STATES))
+    noise = np.zeros(STATES)
+    for row in range(len(drive.time)):
+        if row > 0:
+            torque = 0.5 * (drive.torque[row - 1] + drive.torque[row])
+            bias, inverse = drive.bias[row], drive.inverse[row]
+            root = np.linalg.cholesky(P)
+            for k in range(STATES):
+                for i in range(STATES):
+                    out = np.sqrt(float(STATES)) * root[i, k]
+                    points[k, i], points[STATES + k, i] = x[i] + out, x[i] - out
+            for k in range(2 * STATES):
+                advance(points[k], joints, torque, bias, inverse, STEP, counts[row])
+            # what the model leaves of the torque accelerates motors and links
+            span = STEP * counts[row]
+            for j in range(MEASURED):
+                for place, light in ((j, 1.0 / joints.motor_inertia[j]), (3 + j, inverse[j, j])):
+                    most = joints.torque_noise[j] * light * span
+                    noise[6 + place], noise[place] = most**2, (0.5 * most * span) ** 2
+            for i in range(STATES):
+                x[i] = np.mean(points[:, i])
+            for i in range(STATES):
+                for k in range(i + 1):
+                    total = noise[i] if i == k else 0.0
+                    for s in range(2 * STATES):
+                        total += (points[s, i] - x[i]) * (points[s, k] - x[k]) / (2 * STATES)
+                    P[i, k] = P[k, i] = total
+        for j in range(MEASURED):  # one encoder after the other: they err apart
+            gain = P[:, j] / (P[j, j] + joints.encoder_noise[j] ** 2)
+            x += gain * (drive.position[row, j] - x[j])
+            P -= np.outer(gain, P[j].copy())
+        states[row] = x

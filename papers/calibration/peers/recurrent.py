@@ -141,11 +141,7 @@ def fit_recurrent(
     previous: int = PREVIOUS,
     iterations: int = ITERATIONS,
 ) -> Recurrent:
-    """Train a network on the rows with a measurement.
-
-    Args:
-        spacing: Rows between the commands of a sequence.
-    """
+    """Train a network on the rows with a measurement, the commands of a sequence `spacing` rows apart."""
     rng = np.random.default_rng(seed)
     which = np.flatnonzero(rows.known)
     mean, scale = standardisation(rows.inputs[which])

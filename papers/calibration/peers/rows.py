@@ -45,11 +45,7 @@ def joined(parts: Sequence[Rows]) -> Rows:
 
 
 def rows_of_log(log: MotionLog, words: tuple[str, ...], known: NDArray[np.bool_] | None = None) -> Rows:
-    """Return a recording as rows.
-
-    Args:
-        known: (N,) rows to learn from; those with a measurement when None.
-    """
+    """Return a recording as rows, `known` (N,) those to learn from: all with a measurement when None."""
     if log.q_encoder is None:
         raise ValueError(f'recording "{log.name}" has no measured joint positions')
     signals = signals_of(log)

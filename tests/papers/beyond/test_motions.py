@@ -17,9 +17,8 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.gravity.simulated_arm import rigid_arm
 from catenary.workflows.robot.motion import move_to
 from papers.beyond import paths
-from papers.beyond.bases import AXES, BASES, DIFFERENCE, GRAVITY, SetBase, with_gravity
 from papers.beyond.calibration_and_gravity import CalibratedGravity
-from papers.beyond.designed_motion import crossings, designed
+from papers.beyond.paths import crossings, designed
 from papers.beyond.registration import (
     ELBOW_FIRST,
     HOME_POSE,
@@ -29,6 +28,7 @@ from papers.beyond.registration import (
     registration,
     shift_of,
 )
+from papers.beyond.tilted_calibration import AXES, BASES, DIFFERENCE, GRAVITY, SetBase, with_gravity
 from papers.calibration.figure_3 import reversals
 from papers.calibration.recordings import fitted, homed
 

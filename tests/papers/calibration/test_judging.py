@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from papers.calibration import figure_9, table_5
+from papers.calibration import homings, table_5
 from papers.calibration.homings import homing_errors
 from papers.calibration.judging import less, near, statement
 from papers.calibration.table_5 import speed
 from papers.experiment import Outcomes
-from papers.gravity import figure_9 as figure_9_of_gravity
+from papers.gravity.figures_9_and_10 import FIGURE_9
 from papers.gravity.tracking import follow_sinusoids
 from papers.results_files import judged
 
@@ -59,8 +59,8 @@ def homed(hit: int) -> Outcomes:
         case = homing_errors.case(
             seed=seed, seen=seen, networks=[0], ours=[], combinations=[], homings=5, test_seconds=1.0
         )
-        chains = {figure_9.ONE: errors} if seen else {figure_9.NONE: errors, figure_9.BASELINE: np.full((5, 6, 3), 0.3)}
-        results[case] = {chain: dict.fromkeys(figure_9.MODELS, each.tolist()) for chain, each in chains.items()}
+        chains = {homings.ONE: errors} if seen else {homings.NONE: errors, homings.BASELINE: np.full((5, 6, 3), 0.3)}
+        results[case] = {chain: dict.fromkeys(homings.MODELS, each.tolist()) for chain, each in chains.items()}
     return Outcomes(results)
 
 
@@ -68,7 +68,7 @@ def homed(hit: int) -> Outcomes:
     ("hit", "drops", "within"), [(1, "not reproduced", "reproduced"), (4, "reproduced", "not reproduced")]
 )
 def test_one_robot_of_six_decides_no_claim_of_homings(hit: int, drops: str, within: str) -> None:
-    found = {claim.says: judgement for claim, judgement in judged(figure_9.EXPERIMENT, homed(hit))}
+    found = {claim.says: judgement for claim, judgement in judged(homings.EXPERIMENT, homed(hit))}
     assert found["Joint 2: accuracy drops significantly over five homings that training did not see"].verdict == drops
     told = found["Joint 2: with one homing seen, errors stay within 0.413 deg and 0.493 deg"]
     assert told.verdict == within
@@ -82,7 +82,7 @@ def test_a_gain_of_static_gravity_that_grows_with_the_tilt_is_not_negated(at_20:
         rms = {"pd": 1.0, "sg": 1.0 - gain / 100.0, "dg": 0.88}
         told = {f"{name} absolute": {"rms_error": [value] * 3} for name, value in rms.items()}
         results[follow_sinusoids.case(seed=None, base=base, way="increments", controllers=[])] = told
-    (claim,) = [one for one in figure_9_of_gravity.CLAIMS if "negated" in one.says]
+    (claim,) = [one for one in FIGURE_9.claims if "negated" in one.says]
     assert claim.judge(Outcomes(results)).verdict == verdict
 
 
@@ -91,5 +91,5 @@ def test_a_gain_of_static_gravity_that_grows_with_the_tilt_is_not_negated(at_20:
 )
 def test_times_are_judged_as_deployed_whatever_a_framework_takes_to_be_called(network: float, verdict: str) -> None:
     result = {"deployed": {"network": network, "linear": 1.0}, "framework": {"network": 1.0, "linear": 9.0}}
-    (claim,) = [one for one in table_5.CLAIMS if "160 times" in one.says]
+    (claim,) = [one for one in table_5.EXPERIMENT.claims if "160 times" in one.says]
     assert claim.judge(Outcomes({speed.case(sparsities=[], trainings=1, calls=1): result})).verdict == verdict

@@ -14,7 +14,7 @@ from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import LEVEL
 from papers.gravity.raven_base import turned_base
 from papers.plant.circles import SHOWN, Circles, followed
-from papers.plant.pd_share import HOLD, LOOKED_AT, MOVE, POSES_DEG, HeldTool, poses_of_joint_1
+from papers.plant.reached import HOLD, LOOKED_AT, MOVE, POSES_DEG, HeldTool, poses_of_joint_1
 from papers.plant.refit import fitted, write_arm
 from papers.plant.targets import free_numbers, joint_1_friction, shares_of, with_shares
 

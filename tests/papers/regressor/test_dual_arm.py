@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary import JointState, Reference, gravity_torque, load_robot
 from papers.experiment import Outcomes
 from papers.regressor import dual_arm
-from papers.regressor.figures_4_and_5 import CLAIMS_5, PRINTED, RESTS, force_left
+from papers.regressor.figures_4_and_5 import FIGURE_5, PRINTED, RESTS, force_left
 
 UPRIGHT = np.array([0.0, 0.0, -9.81])
 SHORT = (dual_arm.Move(0.1, 0.6, 0.1 * dual_arm.LEARNING),)
@@ -77,7 +77,7 @@ def test_torque_left_at_rest_is_the_springs_and_a_law_that_learnt_moving_is_judg
         results[case] = {"errors_deg": np.rad2deg(np.outer(torque / dual_arm.KP, np.ones(311))).tolist()}
     outcomes = Outcomes(results)
     assert_allclose(force_left(outcomes, PRINTED, RESTS[0]), 1.0)
-    judged = {claim.says: claim.judge for claim in CLAIMS_5}
+    judged = {claim.says: claim.judge for claim in FIGURE_5.claims}
     assert "(6 of 12)" in judged["Once estimated, the parameters give the gravitational force"](outcomes).measured
     still = judged["Estimation should be performed under the quasi-static state"](outcomes)
     assert (still.verdict, "0.40 Nm learnt at rest, 0.50 Nm" in still.measured) == ("reproduced", True)

@@ -6,8 +6,9 @@ import pytest
 from catenary import MotionLog
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.robots.catalog import load_robot
-from papers.calibration.peers import unscented
+from papers.calibration.peers import elastic_joints
 from papers.calibration.peers.elastic_joints import (
+    FIRST_SPREAD,
     GRAVITY,
     ROBOT,
     STEP,
@@ -15,9 +16,10 @@ from papers.calibration.peers.elastic_joints import (
     Joints,
     advance,
     derivatives,
+    filtered,
     identified,
+    run_filter,
 )
-from papers.calibration.peers.unscented import FIRST_SPREAD, filtered, run_filter
 
 EYE = np.diag([20.0, 20.0, 4.0])
 
@@ -50,7 +52,7 @@ def drive(rng: np.random.Generator, count: int) -> Drive:
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the filter as plain Python: compiling it takes longer than all these tests."""
-    monkeypatch.setattr(unscented, "run_filter", run_filter.__wrapped__)
+    monkeypatch.setattr(elastic_joints, "run_filter", run_filter.__wrapped__)
 
 
 def test_without_friction_it_is_a_linear_kalman_filter() -> None:
