@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_not_negative, one_for_all
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
-from catenary.simulation.records import Index, Number, Record
+
+Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -31,51 +32,29 @@ class JointHardware:
     spring_damping: ArrayLike = 0.0  # across it [Nms/rad|Ns/m]
 
 
-class TreeCoordinate(Record):
-    """A coordinate of the robot's tree."""
-
-    dof: Index  # where MuJoCo keeps its velocity
-    at: Index  # where MuJoCo keeps its position
-    offset: Number  # at the robot's zero [rad|m]
-
-
-class DrivenJoint(Record):
-    """A coordinate of the robot."""
-
-    drive: Index  # number of the moving part on which its motor acts: itself, or its rotor
-    lower: Number  # [rad|m]
-    upper: Number
-
-
-class JointSpring(Record):
-    """The spring between a joint and its rotor; spring e turns moving part n + e."""
-
-    joint: Index
-    stiffness: Number  # [Nm/rad|N/m]
-    damping: Number  # [Nms/rad|Ns/m]
-
-
-class MovingPart(Record):
-    """One of the nz things that move by themselves: the robot's n coordinates, then its m elastic rotors."""
-
-    inertia: Number  # of the rotor [kg m2|kg]
-    friction: Number  # [Nm|N]
-    damping: Number  # [Nms/rad|Ns/m]
-
-
 class DriveParameters(NamedTuple):
-    """An arm's drives for compiled code."""
+    """An arm's drives for compiled code.
+
+    Its nz moving parts are the robot's n coordinates, then the m rotors of those that are elastic: spring e is between
+    joint elastic[e] and moving part n + e.
+    """
 
     coupling: Floats  # (n_tree, n)
-    tree: TreeCoordinate  # (n_tree,) rows
-    joints: DrivenJoint  # (n,)
-    springs: JointSpring  # (m,)
-    parts: MovingPart  # (nz,)
+    dof: Integers  # (n_tree,) where MuJoCo keeps a tree coordinate's velocity
+    at: Integers  # (n_tree,) and its position
+    offset: Floats  # (n_tree,) of a tree coordinate at the robot's zero [rad|m]
+    drive: Integers  # (n,) the moving part on which a joint's motor acts: itself, or its rotor
+    lower: Floats  # (n,) [rad|m]
+    upper: Floats
+    elastic: Integers  # (m,)
+    stiffness: Floats  # (m,) [Nm/rad|N/m]
+    spring_damping: Floats  # (m,) [Nms/rad|Ns/m]
+    inertia: Floats  # (nz,) of the rotor [kg m2|kg]
+    friction: Floats  # (nz,) [Nm|N]
+    damping: Floats  # (nz,) [Nms/rad|Ns/m]
 
 
-def drive_parameters(
-    model: RobotModel, hardware: JointHardware, dof: NDArray[np.int64], at: NDArray[np.int64]
-) -> DriveParameters:
+def drive_parameters(model: RobotModel, hardware: JointHardware, dof: Integers, at: Integers) -> DriveParameters:
     """Check an arm's hardware."""
     n = model.n
     friction, damping, armature, stiffness, spring_damping = (
@@ -89,17 +68,14 @@ def drive_parameters(
                 f'joint "{model.joint_names[j]}": stiffness {stiffness[j]:g} and armature {armature[j]:g}: '
                 "an elastic joint needs both above zero"
             )
-    tree = TreeCoordinate.rows(len(model.offset))
-    tree.dof[:], tree.at[:], tree.offset[:] = dof, at, model.offset
-    joints = DrivenJoint.rows(n)
-    joints.drive[:], joints.lower[:], joints.upper[:] = np.arange(n), model.lower, model.upper
-    joints.drive[elastic] = n + np.arange(len(elastic))
-    springs = JointSpring.rows(len(elastic))
-    springs.joint[:] = elastic
-    springs.stiffness[:], springs.damping[:] = stiffness[elastic], spring_damping[elastic]
-    parts, driven = MovingPart.rows(n + len(elastic)), joints.drive
-    parts.inertia[driven], parts.friction[driven], parts.damping[driven] = armature, friction, damping
-    return DriveParameters(np.array(model.coupling), tree, joints, springs, parts)
+    drive = np.arange(n)
+    drive[elastic] = n + np.arange(len(elastic))
+    parts = np.zeros((3, n + len(elastic)))
+    parts[:, drive] = armature, friction, damping
+    return DriveParameters(
+        np.array(model.coupling), dof, at, np.array(model.offset), drive, np.array(model.lower), np.array(model.upper),
+        elastic, stiffness[elastic], spring_damping[elastic], *parts,
+    )  # fmt: skip
 
 
 MOST = 2.0  # of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1
@@ -111,7 +87,7 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
 
     mass (nz, nz) is that of all that moves, where the arm stands; step in s.
     """
-    n, nz = len(joints.joints), len(mass)
+    n, nz = len(joints.drive), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < LEAST_INERTIA]
     if bare:
         raise InputError(
@@ -122,9 +98,8 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
         raise InputError(
             "the mass matrix is singular: some joints together move no mass; give them an armature (rotor inertia)"
         )
-    stiffness, damping = np.zeros((nz, nz)), np.diag(joints.parts.damping)
-    springs = joints.springs
-    for e, (j, k, d) in enumerate(zip(springs.joint, springs.stiffness, springs.damping, strict=True)):
+    stiffness, damping = np.zeros((nz, nz)), np.diag(joints.damping)
+    for e, (j, k, d) in enumerate(zip(joints.elastic, joints.stiffness, joints.spring_damping, strict=True)):
         across = np.zeros(nz)
         across[n + e], across[j] = 1.0, -1.0
         stiffness += k * np.outer(across, across)

@@ -4,14 +4,13 @@ Friction and joint limits are impulses at the end of the step. Compiled.
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
 from catenary.simulation.joint_hardware import DriveParameters
-from catenary.simulation.records import Number, Record
 
 
 class TreeTerms(NamedTuple):
@@ -23,26 +22,21 @@ class TreeTerms(NamedTuple):
     bias: Floats  # (nv,) velocity, gravity and base motion torques
 
 
-class PartMotion(Record):
-    """A step of one moving part."""
-
-    start: Number  # where the step began, and where the part is between steps [rad|m]
-    start_rate: Number
-    position: Number  # where a stage looks; where the step ends, after the last one
-    rate: Number
-    acceleration: Annotated[Floats, "f8", (4,)]  # found by the stages
-
-
 class StepMotion(NamedTuple):
-    """A step of an arm."""
+    """A step of an arm's nz moving parts."""
 
-    parts: PartMotion  # (nz,) rows
+    start: Floats  # (nz,) where the step began, and where the parts are between steps [rad|m]
+    start_rate: Floats
+    position: Floats  # (nz,) where a stage looks; where the step ends, after the last one
+    rate: Floats
+    acceleration: Floats  # (4, nz) found by the stages
     factor: Floats  # (4, n, n) Cholesky factors of the stages' mass matrices, in the lower triangles
 
 
 def new_motion(n: int, nz: int) -> StepMotion:
     """Return an arm at zero, at rest."""
-    return StepMotion(PartMotion.rows(nz), np.zeros((4, n, n)))
+    start, start_rate, position, rate = np.zeros((4, nz))
+    return StepMotion(start, start_rate, position, rate, np.zeros((4, nz)), np.zeros((4, n, n)))
 
 
 @inlined
@@ -52,7 +46,7 @@ def along_robot(joints: DriveParameters, tree: TreeTerms, mass: Floats, bias: Fl
     half = np.zeros((n_tree, n))
     for i in range(n_tree):
         for k in range(n_tree):
-            m = tree.mass[joints.tree[i].dof, joints.tree[k].dof]
+            m = tree.mass[joints.dof[i], joints.dof[k]]
             if m != 0.0:
                 for c in range(n):
                     half[i, c] += m * joints.coupling[k, c]
@@ -62,19 +56,17 @@ def along_robot(joints: DriveParameters, tree: TreeTerms, mass: Floats, bias: Fl
         for r in range(n):
             a = joints.coupling[i, r]
             if a != 0.0:
-                bias[r] += a * tree.bias[joints.tree[i].dof]
+                bias[r] += a * tree.bias[joints.dof[i]]
                 for c in range(n):
                     mass[r, c] += a * half[i, c]
     for r in range(n):
-        mass[r, r] += joints.parts[r].inertia
+        mass[r, r] += joints.inertia[r]
 
 
 @compiled
 def begin_step(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> None:
     """Begin a step where the arm is, and write the tree's positions and velocities there."""
-    for k in range(len(motion.parts)):
-        part = motion.parts[k]
-        part.position, part.rate = part.start, part.start_rate
+    motion.position[:], motion.rate[:] = motion.start, motion.start_rate
     _place_tree(joints, motion, tree)
 
 
@@ -82,12 +74,12 @@ def begin_step(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> 
 def _place_tree(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> None:
     n_tree, n = joints.coupling.shape
     for i in range(n_tree):
-        x, xd = joints.tree[i].offset, 0.0
+        x, xd = joints.offset[i], 0.0
         for c in range(n):
-            x += joints.coupling[i, c] * motion.parts[c].position
-            xd += joints.coupling[i, c] * motion.parts[c].rate
-        tree.q[joints.tree[i].at] = x
-        tree.qd[joints.tree[i].dof] = xd
+            x += joints.coupling[i, c] * motion.position[c]
+            xd += joints.coupling[i, c] * motion.rate[c]
+        tree.q[joints.at[i]] = x
+        tree.qd[joints.dof[i]] = xd
 
 
 @compiled
@@ -102,16 +94,15 @@ def end_stage(
     if not _find_accelerations(joints, motion, tree, effort, stage):
         return False
     h = step if stage == 2 else 0.5 * step
-    for k in range(len(motion.parts)):
-        part = motion.parts[k]
-        a = part.acceleration
+    for k in range(len(motion.start)):
+        start, rate, a = motion.start[k], motion.start_rate[k], motion.acceleration[:, k]
         if stage == 3:
-            part.position = part.start + step * part.start_rate + step * step / 6.0 * (a[0] + a[1] + a[2])
-            part.rate = part.start_rate + step / 6.0 * (a[0] + 2.0 * (a[1] + a[2]) + a[3])
+            motion.position[k] = start + step * rate + step * step / 6.0 * (a[0] + a[1] + a[2])
+            motion.rate[k] = rate + step / 6.0 * (a[0] + 2.0 * (a[1] + a[2]) + a[3])
         else:
             before = a[stage - 1] if stage > 0 else 0.0
-            part.position = part.start + h * (part.start_rate + 0.5 * step * before)
-            part.rate = part.start_rate + h * a[stage]
+            motion.position[k] = start + h * (rate + 0.5 * step * before)
+            motion.rate[k] = rate + h * a[stage]
     _place_tree(joints, motion, tree)
     return True
 
@@ -120,7 +111,7 @@ def end_stage(
 def _find_accelerations(
     joints: DriveParameters, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int
 ) -> bool:
-    n, m = len(joints.joints), len(joints.springs)
+    n, m = len(joints.drive), len(joints.elastic)
     torque, bias = np.zeros(n + m), np.empty(n)
     factor = motion.factor[stage]
     along_robot(joints, tree, factor, bias)
@@ -128,19 +119,18 @@ def _find_accelerations(
         return False
     for j in range(n):
         torque[j] -= bias[j]
-        torque[joints.joints[j].drive] += effort[j]
+        torque[joints.drive[j]] += effort[j]
     for e in range(m):
-        spring = joints.springs[e]
-        link, rotor = motion.parts[spring.joint], motion.parts[n + e]
-        pull = spring.stiffness * (rotor.position - link.position) + spring.damping * (rotor.rate - link.rate)
-        torque[spring.joint] += pull
-        torque[n + e] -= pull
+        link, rotor = joints.elastic[e], n + e
+        pull = joints.stiffness[e] * (motion.position[rotor] - motion.position[link])
+        pull += joints.spring_damping[e] * (motion.rate[rotor] - motion.rate[link])
+        torque[link] += pull
+        torque[rotor] -= pull
     for k in range(n + m):
-        torque[k] -= joints.parts[k].damping * motion.parts[k].rate
+        torque[k] -= joints.damping[k] * motion.rate[k]
     solve_factored(factor, torque[:n])
     for k in range(n + m):
-        acceleration = torque[k] if k < n else torque[k] / joints.parts[k].inertia
-        motion.parts[k].acceleration[stage] = acceleration
+        motion.acceleration[stage, k] = torque[k] if k < n else torque[k] / joints.inertia[k]
     return True
 
 
@@ -195,54 +185,47 @@ def finish_step(joints: DriveParameters, motion: StepMotion, step: float) -> boo
     does not move at all, and none passes its limit. The motion's end becomes the next step's start; the mass matrix is
     that of the first stage. Returns False, and nothing has moved, where the end is not finite.
     """
-    n, nz = len(joints.joints), len(motion.parts)
+    n, nz = len(joints.drive), len(motion.start)
     stop = np.zeros(nz)  # 1 at a lower stop, -1 at an upper one
     acts = False
     for k in range(nz):
-        part = motion.parts[k]
-        if not (math.isfinite(part.position) and math.isfinite(part.rate)):
+        if not (math.isfinite(motion.position[k]) and math.isfinite(motion.rate[k])):
             return False
         if k < n:
-            stop[k] = _stop_at(joints, k, part.position)
-        acts = acts or stop[k] != 0.0 or joints.parts[k].friction > 0.0
+            stop[k] = _stop_at(joints, k, motion.position[k])
+        acts = acts or stop[k] != 0.0 or joints.friction[k] > 0.0
     if acts:
         _apply_impulses(joints, motion, stop, step)
-    for k in range(nz):
-        part = motion.parts[k]
-        part.start, part.start_rate = part.position, part.rate
+    motion.start[:], motion.start_rate[:] = motion.position, motion.rate
     return True
 
 
 @inlined
 def _stop_at(joints: DriveParameters, j: int, position: float) -> float:
-    joint = joints.joints[j]
-    return 1.0 if position < joint.lower else -1.0 if position > joint.upper else 0.0
+    return 1.0 if position < joints.lower[j] else -1.0 if position > joints.upper[j] else 0.0
 
 
 @inlined
 def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, step: float) -> None:
-    n, nz = len(joints.joints), len(motion.parts)
+    n, nz = len(joints.drive), len(motion.start)
     response = np.zeros((nz, nz))  # inverse mass matrix, symmetric
     for k in range(n):
         response[k, k] = 1.0
         solve_factored(motion.factor[0], response[k, :n])
     for k in range(n, nz):
-        response[k, k] = 1.0 / joints.parts[k].inertia
-    rate = np.empty(nz)
-    for k in range(nz):
-        rate[k] = motion.parts[k].rate
-    free = rate.copy()
+        response[k, k] = 1.0 / joints.inertia[k]
+    rate, free = motion.rate, motion.rate.copy()
     friction_impulse, stop_impulse = np.zeros(nz), np.zeros(nz)
     for _ in range(SWEEPS):
         change = 0.0
         for k in range(nz):
-            most = joints.parts[k].friction * step
+            most = joints.friction[k] * step
             if most > 0.0:
                 wanted = min(max(friction_impulse[k] - rate[k] / response[k, k], -most), most)
                 change = max(change, _apply(response, k, wanted - friction_impulse[k], rate))
                 friction_impulse[k] = wanted
             if stop[k] == 0.0 and k < n:  # other joints may push it into its stop
-                stop[k] = _stop_at(joints, k, motion.parts[k].position + 0.5 * step * (rate[k] - free[k]))
+                stop[k] = _stop_at(joints, k, motion.position[k] + 0.5 * step * (rate[k] - free[k]))
             if stop[k] != 0.0:
                 wanted = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
                 change = max(change, _apply(response, k, wanted - stop_impulse[k], rate))
@@ -250,19 +233,16 @@ def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, s
         if change < SETTLED:
             break
     for k in range(nz):
-        part, friction = motion.parts[k], joints.parts[k].friction
-        part.position += 0.5 * step * (rate[k] - free[k])  # a constant force over the step
-        part.rate = rate[k]
-        if friction > 0.0 and abs(friction_impulse[k]) < friction * step:
-            part.rate = 0.0
-            if part.start_rate == 0.0:
-                part.position = part.start
+        motion.position[k] += 0.5 * step * (rate[k] - free[k])  # a constant force over the step
+        if joints.friction[k] > 0.0 and abs(friction_impulse[k]) < joints.friction[k] * step:
+            rate[k] = 0.0
+            if motion.start_rate[k] == 0.0:
+                motion.position[k] = motion.start[k]
         if stop_impulse[k] != 0.0:  # it ran into its stop within the step, and lies there
-            part.position = joints.joints[k].lower if stop[k] > 0.0 else joints.joints[k].upper
-            part.rate = 0.0
+            motion.position[k] = joints.lower[k] if stop[k] > 0.0 else joints.upper[k]
+            rate[k] = 0.0
     for k in range(n):  # those that others pushed beyond theirs; their speed is taken in the next step
-        part, joint = motion.parts[k], joints.joints[k]
-        part.position = min(max(part.position, joint.lower), joint.upper)
+        motion.position[k] = min(max(motion.position[k], joints.lower[k]), joints.upper[k])
 
 
 @inlined

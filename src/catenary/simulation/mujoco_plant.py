@@ -29,13 +29,12 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     forward as F clip(error / SLIP, -1, 1): within SLIP of where it should be, a joint may stick. The motion is as a
     step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
     """
-    n, dof, drive = len(joints.joints), joints.tree.dof, joints.joints.drive
-    hardware, position, rate = joints.parts, motion.parts.start, motion.parts.start_rate
-    mass = joints.coupling.T @ tree.mass[np.ix_(dof, dof)] @ joints.coupling + np.diag(hardware.inertia[:n])
+    n, dof, drive, elastic = len(joints.drive), joints.dof, joints.drive, joints.elastic
+    position, rate = motion.start, motion.start_rate
+    mass = joints.coupling.T @ tree.mass[np.ix_(dof, dof)] @ joints.coupling + np.diag(joints.inertia[:n])
     bias = joints.coupling.T @ tree.bias[dof]
-    springs, elastic = joints.springs, joints.springs.joint
-    pull = springs.stiffness * (position[n:] - position[elastic])
-    pull += springs.damping * (rate[n:] - rate[elastic])
+    pull = joints.stiffness * (position[n:] - position[elastic])
+    pull += joints.spring_damping * (rate[n:] - rate[elastic])
     error = wanted - position[drive]
     a = np.zeros(len(position))
     a[drive] = BANDWIDTH * (BANDWIDTH * error - 2.0 * rate[drive])
@@ -43,9 +42,9 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     load = pull - bias[elastic] - mass[elastic] @ a[:n]
     a[elastic] = np.linalg.solve(mass[np.ix_(elastic, elastic)], load)
     torque: Floats = bias + mass @ a[:n]
-    torque[elastic] = hardware.inertia[n:] * a[n:] + pull
-    torque += hardware.damping[drive] * rate[drive]
-    torque += hardware.friction[drive] * np.clip(error / SLIP, -1.0, 1.0)
+    torque[elastic] = joints.inertia[n:] * a[n:] + pull
+    torque += joints.damping[drive] * rate[drive]
+    torque += joints.friction[drive] * np.clip(error / SLIP, -1.0, 1.0)
     return torque
 
 
@@ -116,13 +115,12 @@ class MujocoPlant(SimulatedPlant):
         )
         q = _start(model, start)
         self.attach(payload)
-        self._motion = new_motion(n, len(self._joints.parts))
-        self._motion.parts.start[:n] = q
-        self._motion.parts.start[n:] = q[self._joints.springs.joint]  # springs relaxed
+        self._motion = new_motion(n, len(self._joints.inertia))
+        self._motion.start[:] = np.append(q, q[self._joints.elastic])  # springs relaxed
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
         self._command = np.zeros(n)  # torques that were asked for
         self._effort = np.zeros(n)  # torques that act
-        self._setpoint = self._motion.parts.start[self._joints.joints.drive]
+        self._setpoint = self._motion.start[self._joints.drive]
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
@@ -146,9 +144,9 @@ class MujocoPlant(SimulatedPlant):
 
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
-        parts, drive = self._motion.parts, self._joints.joints.drive
-        rotors = parts.start[self.model.n :].copy()
-        return self._joint_state(parts.start[drive], parts.start_rate[drive], self._command.copy(), rotors)
+        motion, drive = self._motion, self._joints.drive
+        rotors = motion.start[self.model.n :].copy()
+        return self._joint_state(motion.start[drive], motion.start_rate[drive], self._command.copy(), rotors)
 
     def setpoint_js(self) -> JointState:
         """Return the setpoint of the position servo."""
@@ -156,10 +154,10 @@ class MujocoPlant(SimulatedPlant):
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
-        parts, drive = self._motion.parts, self._joints.joints.drive
+        motion, drive = self._motion, self._joints.drive
         specific_force, rate = imu_reading(self._base_now())  # of an ideal sensor at the base's origin, in base axes
-        link = parts.start[: self.model.n]
-        told = parts.start[drive], parts.start_rate[drive], self._setpoint, self._command, self._effort, link
+        link = motion.start[: self.model.n]
+        told = motion.start[drive], motion.start_rate[drive], self._setpoint, self._command, self._effort, link
         sampled = (*told, specific_force[0], rate[0])
         return {column.name: values.copy() for column, values in zip(self.columns, sampled, strict=True)}
 
@@ -183,7 +181,7 @@ class MujocoPlant(SimulatedPlant):
                 self._set_state("FAULT", f"its motion diverged in tick {self._tick}, at {self.time:.3f} s")
         self._tick += 1
         if self._mode == "torque":  # no jump when the servo takes over
-            self._setpoint = self._motion.parts.start[self._joints.joints.drive]
+            self._setpoint = self._motion.start[self._joints.drive]
 
     # what only a simulator can do
 
@@ -220,8 +218,8 @@ class MujocoPlant(SimulatedPlant):
         """Return the mass matrix of all moving parts, (nz, nz)."""
         begin_step(self._joints, self._motion, self._dynamics.tree)
         self._update(0)
-        dof, coupling, n = self._joints.tree.dof, self._joints.coupling, self.model.n
-        mass = np.diag(self._joints.parts.inertia)
+        dof, coupling, n = self._joints.dof, self._joints.coupling, self.model.n
+        mass = np.diag(self._joints.inertia)
         mass[:n, :n] += coupling.T @ self._dynamics.tree.mass[np.ix_(dof, dof)] @ coupling
         return mass
 
@@ -254,8 +252,8 @@ class MujocoPlant(SimulatedPlant):
 
     def _state_changed(self) -> None:
         self._mode = "position" if self._moves else "brakes"
-        self._motion.parts.start_rate[:] = 0.0  # the brakes hold at once
-        self._setpoint = self._motion.parts.start[self._joints.joints.drive]
+        self._motion.start_rate[:] = 0.0  # the brakes hold at once
+        self._setpoint = self._motion.start[self._joints.drive]
         self._wanted = None
         self._command[:], self._effort[:] = 0.0, 0.0
 
@@ -274,8 +272,7 @@ def _start(model: RobotModel, start: ArrayLike | None) -> Floats:
             middle = 0.5 * (model.lower + model.upper)
         holds_zero = (model.lower <= 0.0) & (model.upper >= 0.0)
         near = np.where(np.isfinite(model.lower), model.lower, model.upper)
-        q: Floats = np.where(holds_zero, 0.0, np.where(np.isfinite(middle), middle, near))
-        return q
+        return np.asarray(np.where(holds_zero, 0.0, np.where(np.isfinite(middle), middle, near)))
     q = as_array("start", start, (model.n,)).copy()
     for name, value, low, high in zip(model.joint_names, q, model.lower, model.upper, strict=True):
         if not low <= value <= high:

@@ -35,9 +35,6 @@ PerJoint = Annotated[Floats, "f8", ("joint",)]  # joint behind a cable, or its c
 PerTool = Annotated[Floats, "f8", ("tool",)]
 PerAxis = Annotated[Floats, "f8", ("axis",)]
 CodePerAxis = Annotated[NDArray[np.int64], "i8", ("axis",)]
-# fields of records that come in rows: a number in one of them, an array (N,) in all
-Number = Annotated[Any, "f8", ()]
-Index = Annotated[Any, "i8", ()]
 _SCALARS = {float: "f8", bool: "?"}
 
 
