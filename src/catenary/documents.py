@@ -28,6 +28,8 @@ SHOWN = 200  # characters of a value or a message that an error repeats
 
 # a text of JSON, which may hold // and /*, or a comment; one that does not end goes to the end of the file
 _TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*+(?:"|\\?\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+XML_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)  # MuJoCo allows "--" within, XML does not
+_ROOT_TAG = re.compile(rb"<([^\s<>/?!][^\s<>/]*)")
 _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 
 
@@ -156,16 +158,8 @@ def xml_tree(data: str | bytes, where: str) -> Element:
 def xml_root_tag(data: str | bytes, where: str) -> str:
     """Return the name of XML text's root element; what follows it is not read."""
     _refuse_length(data, where, MOST_XML)
-    reader = _XmlReader(where)
-    for begin in range(0, len(data), _CHUNK):
-        try:
-            reader.feed(data[begin : begin + _CHUNK])
-        except FileFormatError:
-            if reader.root_tag is None:
-                raise
-        if reader.root_tag is not None:
-            return reader.root_tag
-    return str(reader.tree().tag)
+    found = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
+    return found[1].decode(errors="replace") if found else xml_tree(data, where).tag
 
 
 def shortened(value: Any) -> str:
@@ -186,7 +180,6 @@ class _XmlReader:
     def __init__(self, where: str) -> None:
         self._where, self._count = where, 0
         self._builder = TreeBuilder()
-        self.root_tag: str | None = None
         self._parser = expat.ParserCreate()
         self._parser.buffer_text = True
         self._parser.StartElementHandler = self._start
@@ -214,8 +207,6 @@ class _XmlReader:
         self._count += 1
         if self._count > MOST_ELEMENTS:
             self._refuse(f"more than {MOST_ELEMENTS} elements, the most that are read of such a file")
-        if self.root_tag is None:
-            self.root_tag = tag
         self._builder.start(tag, attributes)
 
     def _entity(self, name: str, *_: object) -> None:

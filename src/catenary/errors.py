@@ -6,7 +6,8 @@ A message says what is wrong, where, what was got, what was expected and, where 
 import re
 import shlex
 from collections.abc import Sequence
-from importlib import metadata
+from importlib import import_module, metadata
+from typing import Any
 
 
 class CatenaryError(Exception):
@@ -80,6 +81,14 @@ def to_install(extra: str) -> str:
     return (
         f"pip install {shlex.join(wanted)}" if wanted else f"pip install -e '.[{extra}]' in a clone of the repository"
     )
+
+
+def imported(module: str, why: str, extra: str) -> Any:
+    """Return a module of an optional package; its MissingPackageError begins with `why` it is needed."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingPackageError(f"{why}: {to_install(extra)}") from error
 
 
 class UnreachablePoseError(CatenaryError, ValueError):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import FileFormatError, InputError, MissingPackageError, to_install
+from catenary.errors import FileFormatError, InputError, imported
 from catenary.robots.geometry import Ball, Box, HalfSpace, MeshFile, Shape, TriangleMesh, check_form
 from catenary.spatial import Pose
 
@@ -18,14 +18,8 @@ MOST_TRIANGLES = 2_000_000
 
 @cache
 def _coal() -> Any:
-    try:
-        import coal
-    except ImportError as error:
-        raise MissingPackageError(
-            f"collisions are found by Coal, which is not installed: {to_install('collision')}; "
-            "--no-collision-check continues without"
-        ) from error
-    return coal
+    why = "collisions are found by Coal, which is not installed (--no-collision-check continues without)"
+    return imported("coal", why, "collision")
 
 
 @dataclass(frozen=True)

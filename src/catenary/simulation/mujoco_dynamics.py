@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.errors import InputError, MissingPackageError, to_install
+from catenary.errors import InputError, imported
 from catenary.robots.model import RobotModel
 from catenary.simulation.joint_step import TreeTerms
 from catenary.spatial import quaternion_from_rotation
@@ -87,7 +87,7 @@ class MujocoDynamics:
     def __init__(self, model: RobotModel) -> None:
         """Compile a robot for MuJoCo."""
         self._robot = model
-        self._mujoco = mujoco = _import()
+        self._mujoco = mujoco = imported("mujoco", "MuJoCo simulates this robot and is not installed", "mujoco")
         text = tree_mjcf(model)
         try:
             self._model = m = mujoco.MjModel.from_xml_string(text)
@@ -128,16 +128,6 @@ class MujocoDynamics:
         mujoco.mj_comVel(m, d)
         mujoco.mj_rne(m, d, 1, self.tree.bias)
         self._write_mass()
-
-
-def _import() -> Any:
-    try:
-        import mujoco
-    except ImportError as error:
-        raise MissingPackageError(
-            f"MuJoCo simulates this robot and is not installed: {to_install('mujoco')}"
-        ) from error
-    return mujoco
 
 
 def _mass_writer(mujoco: Any, model: Any, data: Any, mass: Floats) -> Any:
