@@ -104,39 +104,30 @@ class Plant(Bounded, Protocol):
 
     def measured_js(self) -> JointState:
         """Return the latest measured joint state."""
-        ...
 
     def setpoint_js(self) -> JointState:
         """Return the latest joint setpoint."""
-        ...
 
     def servo_jp(self, q: Floats) -> None:
         """Command joint positions (n,) [rad|m] for the next tick."""
-        ...
 
     def servo_jr(self, dq: Floats) -> None:
         """Command joint increments (n,) [rad|m] for the next tick."""
-        ...
 
     def servo_jf(self, tau: Floats) -> None:
         """Command joint torques (n,) [Nm|N], in place of the robot's own position control."""
-        ...
 
     def operating_state(self) -> OperatingState:
         """Return the operating state."""
-        ...
 
     def state_command(self, command: StateCommand) -> None:
         """Ask for a transition of the operating state; the robot decides."""
-        ...
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every declared column, each (width,)."""
-        ...
 
     def wait(self) -> None:
         """End a tick: a simulator advances by its period, hardware sleeps until the next one."""
-        ...
 
 
 def fault_of(plant: Plant) -> str:

@@ -190,13 +190,9 @@ class CablePlant(FirmwarePlant[TickLog]):
         return joint_torques(self.firmware, self.control.torque)
 
     def _homing_rows(self) -> Iterator[Floats]:
-        return home(self.firmware, self.control, self.encoders, self.cable.stop_side, self.joint_names)
-
-    def _ticked(self) -> None:
-        self.encoders.see(self.state.q)
+        return home(self.firmware, self.control, self.state, self.encoders, self.cable.stop_side, self.joint_names)
 
     def _homing_stopped(self) -> None:
-        self.encoders.stop_watching()
         self.control.seek[:] = OFF
 
     def _state_or_homing_changed(self) -> None:

@@ -273,8 +273,7 @@ def gravity_of(grav_dir: Sequence[float]) -> Floats:
     given = np.asarray(grav_dir, dtype=float)
     if given.shape != (3,) or not (np.abs(given) <= MOST).all() or (given != np.round(given)).any():
         raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {MOST}, got {grav_dir}")
-    gravity: Floats = _AXES * given / 100.0
-    return gravity
+    return np.asarray(_AXES * given / 100.0)
 
 
 def grav_dir_of(gravity: Floats) -> tuple[int, int, int]:

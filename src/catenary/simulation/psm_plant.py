@@ -85,8 +85,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         """
         tracker = self.arm.tracker
         noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % NOISE_ROWS]
-        seen: Floats = np.round(noisy / tracker.resolution) * tracker.resolution
-        return seen
+        return np.asarray(np.round(noisy / tracker.resolution) * tracker.resolution)
 
     @property
     def identity(self) -> dict[str, object]:

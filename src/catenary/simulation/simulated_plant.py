@@ -47,7 +47,7 @@ class SimulatedPlant(ABC):
 
     def stand_on(self, base: MovingBase) -> None:
         """Stand on another base from now on; one that goes on where the last one is moves the arm without a jolt."""
-        self._base = self._base.of(base)
+        self._base = BaseTimeline(base, self._base.period)
 
     @property
     def time(self) -> float:

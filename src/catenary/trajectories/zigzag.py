@@ -91,8 +91,7 @@ def zigzag_rows(
     The arguments are those of `zigzag`.
     """
     matrix, shift = _placement(direction, form, lower, upper)
-    joints: Floats = unit_zigzag(sparsity) @ matrix.T + shift
-    return joints
+    return np.asarray(unit_zigzag(sparsity) @ matrix.T + shift)
 
 
 def zigzag(

@@ -225,8 +225,7 @@ def _arc(a: Floats, b: Floats) -> Floats:
     share = np.linspace(0.0, 1.0, STEPS)[:, None]
     if angle < 1e-3:
         return np.vstack([a, a + 1e-3 * np.cross(a, [0.3, 0.5, 0.7])])
-    rows: Floats = (np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
-    return rows
+    return np.asarray((np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle))
 
 
 def _point(radius: float) -> Mesh:

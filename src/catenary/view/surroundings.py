@@ -106,8 +106,7 @@ class Surroundings:
 
     def actual(self) -> Floats:
         """Return gravity as it is (3,) [m/s2], in the base frame."""
-        gravity: Floats = self._base.sample(np.array([self.plant.time])).gravity[0]
-        return gravity
+        return np.asarray(self._base.sample(np.array([self.plant.time])).gravity[0])
 
     def warnings(self) -> tuple[str, ...]:
         """Return warnings of the sensor."""
