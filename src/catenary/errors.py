@@ -52,19 +52,16 @@ class MissingInertiaError(CatenaryError, ValueError):
     def __init__(self, model_name: str, links: Sequence[str], *, only_tensor: bool = False) -> None:
         self.links = tuple(links)
         names = ", ".join(f'"{link}"' for link in links)
-        if only_tensor:
-            super().__init__(
-                f'robot "{model_name}": link(s) {names} have a mass but no inertia that a body can have; '
-                "gravity torques are right without, a mass matrix or a torque of motion is not. "
-                "Give their inertia about the centre of mass"
-            )
-            return
-        super().__init__(
-            f'robot "{model_name}": no inertia for link(s) {names}; '
-            "a gravity torque or a mass matrix would silently leave them out. "
-            "Give them mass, centre of mass and inertia, or name them as massless (--massless LINK,... or all) if "
-            "they have none"
+        of_tensor = (
+            f"link(s) {names} have a mass but no inertia that a body can have; gravity torques are right without, a "
+            "mass matrix or a torque of motion is not. Give their inertia about the centre of mass"
         )
+        of_all = (
+            f"no inertia for link(s) {names}; a gravity torque or a mass matrix would silently leave them out. Give "
+            "them mass, centre of mass and inertia, or name them as massless (--massless LINK,... or all) if they have "
+            "none"
+        )
+        super().__init__(f'robot "{model_name}": {of_tensor if only_tensor else of_all}')
 
 
 class MissingPackageError(CatenaryError, ImportError):

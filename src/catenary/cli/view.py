@@ -114,8 +114,8 @@ def _recording(what: str | None, log: Path | None, model: Path | None, recording
 
     robot, path = what, log or Path()
     if what is not None and _is_project(what):
-        project = shown_project(Path(what))
-        robot, path, model = project.robot, log or project.log, model or project.model
+        recorded, recommended, robot = shown_project(Path(what))
+        path, model = log or recorded, model or recommended
     recording, loaded = _played(path, model, recordings)
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)

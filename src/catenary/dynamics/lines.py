@@ -100,7 +100,7 @@ def holding_line(model: RobotModel) -> Line:
     model.require_inertia()
     p = placed(model)
     still = np.zeros(model.n)
-    return _newton_euler_line(p, still, still)
+    return p.trace.line(newton_euler_terms(p, still, still))
 
 
 def inverse_dynamics_line(model: RobotModel, *, moving_base: bool = True) -> Line:
@@ -108,10 +108,6 @@ def inverse_dynamics_line(model: RobotModel, *, moving_base: bool = True) -> Lin
     model.require_inertia()
     p = placed(model)
     qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
-    return _newton_euler_line(p, qd, qdd, moving_base=moving_base)
-
-
-def _newton_euler_line(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True) -> Line:
     return p.trace.line(newton_euler_terms(p, qd, qdd, moving_base=moving_base))
 
 

@@ -290,23 +290,6 @@ def name_of(line: Line, number: int) -> str:
     return f"{step.kind[0]}{step.a}" if step.kind in ANGLES else f"t{number}"
 
 
-def operation(line: Line, step: Operation) -> str:
-    """Write a sum or product, the same in Python and in C."""
-    a = name_of(line, step.a)
-    if step.kind.endswith("k"):
-        return f"{a} {step.kind[0]} {step.b!r}" if step.b >= 0 else f"{a} {step.kind[0]} ({step.b!r})"
-    return f"{a} {step.kind} {name_of(line, int(step.b))}"
-
-
-def result(line: Line, k: int) -> str:
-    """Write a result."""
-    given = line.results[k]
-    if isinstance(given, float):
-        return repr(given)
-    sign, number = given
-    return ("-" if sign < 0 else "") + name_of(line, number)
-
-
 def needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[int]:
     """Return the steps that the numbered ones need, and those, in order; not what is behind a kind in `stop`."""
     needed = set(numbers)

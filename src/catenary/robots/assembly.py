@@ -85,13 +85,11 @@ def assemble(
     moving link as a whole has no possible one and more than a gram. Gravity never needs them.
 
     Args:
-        name: The robot's.
         links: In any order; a parent that is no link's name must be `root`.
         coordinates: In the order of q; those that move no link may be in `actuation`.
         frames: Further named frames: link they are fixed to, pose in it.
         root: What everything hangs on; it is called "base" too, unless a link or frame is.
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
-        massless, closed_form, actuation, sources, notes, doubts: As `RobotModel` has them.
     """
     plausible.check_names("robot", [name])
     where = f'robot "{name}"'

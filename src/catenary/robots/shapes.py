@@ -85,11 +85,9 @@ def described_geometry(
 def capsules_along_links(model: RobotModel, radius: float | None = None) -> geometry.Geometry | None:
     """Return capsules along the links; None where neither masses nor a radius say how thick they are.
 
-    From a link's joint to those it carries, thick enough to hold the link's mass as a body of the density of water:
-    arms are hollow tubes with motors and gears in them. A UR10e's upper arm (13.05 kg over 0.61 m) comes out some 75 mm
-    in radius. An assumption, not a measurement: a robot whose shapes matter needs a description that has them. Where
-    the centre of mass lies outside a capsule to the next joint, two capsules pass through it. `radius` is of all
-    capsules [m]; by the links' masses when None.
+    From a link's joint to those it carries, thick enough to hold the link's mass as a body of the density of water: an
+    assumption, not a measurement. Where the centre of mass lies outside a capsule to the next joint, two capsules pass
+    through it. `radius` is of all capsules [m]; by the links' masses when None.
     """
     known = [i for i, mass in enumerate(model.tree.mass) if mass > 0.0]
     if radius is None and not known:

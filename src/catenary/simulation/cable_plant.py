@@ -231,23 +231,12 @@ class PositioningArm:
     def __init__(self, arm: CablePlant) -> None:
         """Take an arm; commands to it and to this one reach the same joints."""
         self.arm = arm
-        self.joint_names = arm.joint_names[:POSITIONING]
-        self.joint_units = arm.joint_units[:POSITIONING]
 
     def __getattr__(self, name: str) -> Any:
         if name == "arm":  # while a copy is made
             raise AttributeError(name)
-        return getattr(self.arm, name)
-
-    @property
-    def lower(self) -> Floats:
-        """Software limits below, (3,)."""
-        return self.arm.lower[:POSITIONING]
-
-    @property
-    def upper(self) -> Floats:
-        """Software limits above, (3,)."""
-        return self.arm.upper[:POSITIONING]
+        value = getattr(self.arm, name)
+        return value[:POSITIONING] if name in ("joint_names", "joint_units", "lower", "upper") else value
 
     @property
     def q_true(self) -> Floats:

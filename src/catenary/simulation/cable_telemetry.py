@@ -46,9 +46,10 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     columns["type"] = np.zeros((ticks, 2))
     columns["dt"] = np.full((ticks, 1), plant.period)
     arm = tuple(ARM_OF_SIDE).index(plant.side)
-    rotation, position = _tool_poses(plant, log.joint)
+    base, q = plant.model.frames["frame0"].pose, np.column_stack([log.joint[:, :5], 0.5 * np.diff(log.joint[:, 5:])])
+    rotation, position = forward_kinematics(plant.model, q)
     positions, rotations = np.zeros((ticks, 2, 3)), np.zeros((ticks, 2, 3, 3))  # of both arms
-    positions[:, arm], rotations[:, arm] = position, rotation
+    positions[:, arm], rotations[:, arm] = (position - base.position) @ base.rotation, base.rotation.T @ rotation
     columns["pos"], columns["ori"] = positions.reshape(ticks, 6), rotations.reshape(ticks, 18)
     columns["joint_enc"] = plant.encoders.counts(log.q)
     columns["ext_jpos"] = plant.encoders.positions(columns["joint_enc"])
@@ -56,11 +57,3 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     columns["measured_js_velocity"] = log.joint_velocity
     columns["measured_js_effort"] = joint_torques(plant.firmware, log.torque)
     return columns
-
-
-def _tool_poses(plant: CablePlant, joint: Floats) -> tuple[Floats, Floats]:
-    """Return the rotation (T, 3, 3) and position (T, 3) [m] of the tool in the arm's frame 0."""
-    q = np.column_stack([joint[:, :5], 0.5 * (joint[:, 6] - joint[:, 5])])
-    rotation, position = forward_kinematics(plant.model, q, plant.model.tip)
-    base = plant.model.frames["frame0"].pose
-    return base.rotation.T @ rotation, (position - base.position) @ base.rotation

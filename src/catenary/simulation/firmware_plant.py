@@ -102,14 +102,11 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     def run(self, setpoints: ArrayLike) -> Log:
         """Run a list of setpoints (T, n), one a tick, in one compiled call, with the firmware inside.
 
-        Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run
-        in pieces: the next call goes on where this one ended, bit for bit, and a log takes some 500 B a tick.
+        Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run in
+        pieces: a log takes some 500 B a tick.
         """
         self._require_ready()
-        rows = np.ascontiguousarray(setpoints, dtype=float)
-        n = len(self.joint_names)
-        if rows.ndim != 2 or rows.shape[1] != n:
-            raise InputError(f"run: expected setpoints of shape (T, {n}), got {rows.shape}")
+        rows = as_array("run: setpoints", setpoints, (None, len(self.joint_names)), finite=False)
         if np.isinf(rows).any():
             raise InputError(f"run: setpoints are infinite on {np.isinf(rows).any(axis=1).sum()} rows")
         self.control.mode[:] = POSITION

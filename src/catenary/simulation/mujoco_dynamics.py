@@ -1,7 +1,6 @@
-"""Rigid-body terms of any robot's tree on a moving base, computed by MuJoCo, which is given the tree as MJCF text."""
+"""Rigid-body terms of any robot's tree on a moving base, computed by MuJoCo."""
 
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,41 +17,33 @@ LEAST_INERTIA = 1e-14  # [kg m2]
 _ROUNDING = 1e-9  # of the largest moment, by which the triangle inequality may be missed
 
 
-def tree_mjcf(model: RobotModel) -> str:
-    """Write the tree as MJCF, on a body, the base, with a free joint, in weightlessness.
+def compiled_tree(mujoco: Any, model: RobotModel) -> Any:
+    """Return the tree as MuJoCo compiles it: on a body, the base, with a free joint, in weightlessness.
 
     Body and joint i have the name of link i, the body's frame is frame i of the tree. The joints are the tree's
-    own, each free to move by itself: MJCF has no joint that moves by a linear combination of others, only soft
+    own, each free to move by itself: MuJoCo has no joint that moves by a linear combination of others, only soft
     constraints that nearly make it so. Who simulates this sets tree coordinate = coupling q + offset.
     """
     model.require_inertia()
-    children: list[list[int]] = [[] for _ in range(len(model.link_names) + 1)]
-    for i, parent in enumerate(model.tree.parent):
-        children[parent].append(i)  # those of the base (-1) come last
-    # written from the leaves, since children come after their parents
-    body = [""] * len(model.link_names)
-    for i in reversed(range(len(body))):
-        body[i] = _body(model, i, "".join(body[c] for c in children[i]))
-    links = "".join(body[c] for c in children[-1])
-    return (
-        f"<mujoco model={quoteattr(model.name)}>\n"
-        '<compiler angle="radian"/>\n'
-        '<option gravity="0 0 0"><flag contact="disable"/></option>\n'
-        f"<worldbody><body name={quoteattr(model.base)}><freejoint/>"
-        f'<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>\n{links}</body></worldbody>\n</mujoco>\n'
-    )
-
-
-def _body(model: RobotModel, i: int, inside: str) -> str:
-    tree, name = model.tree, quoteattr(model.link_names[i])
-    moments, axes = _principal(model, i)
-    return (
-        f'<body name={name} pos="{_text(tree.origin[i])}" '
-        f'quat="{_text(quaternion_from_rotation(tree.rotation[i]))}">'
-        f'<joint name={name} type="{"slide" if tree.prismatic[i] else "hinge"}" axis="{_text(tree.axis[i])}"/>'
-        f'<inertial mass="{max(tree.mass[i], LEAST_MASS):.17g}" pos="{_text(tree.com[i])}" '
-        f'quat="{_text(quaternion_from_rotation(axes))}" diaginertia="{_text(moments)}"/>\n{inside}</body>\n'
-    )
+    tree, spec = model.tree, mujoco.MjSpec()
+    spec.option.gravity = np.zeros(3)
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT
+    base = spec.worldbody.add_body(name=model.base, mass=1.0, inertia=np.ones(3), explicitinertial=True)
+    base.add_freejoint()
+    bodies: list[Any] = []
+    for i, (name, parent) in enumerate(zip(model.link_names, tree.parent, strict=True)):
+        moments, axes = _principal(model, i)
+        body = (base if parent < 0 else bodies[parent]).add_body(
+            name=name, pos=tree.origin[i], quat=quaternion_from_rotation(tree.rotation[i]), explicitinertial=True,
+            mass=max(tree.mass[i], LEAST_MASS), ipos=tree.com[i], iquat=quaternion_from_rotation(axes), inertia=moments,
+        )  # fmt: skip
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if tree.prismatic[i] else mujoco.mjtJoint.mjJNT_HINGE
+        body.add_joint(name=name, type=kind, axis=tree.axis[i])
+        bodies.append(body)
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise InputError(f'robot "{model.name}": MuJoCo refuses it: {str(error).strip()}') from error
 
 
 def _principal(model: RobotModel, i: int) -> tuple[Floats, Floats]:
@@ -72,10 +63,6 @@ def _principal(model: RobotModel, i: int) -> tuple[Floats, Floats]:
     return moments, axes
 
 
-def _text(values: Floats) -> str:
-    return " ".join(f"{v:.17g}" for v in values)
-
-
 class MujocoDynamics:
     """M and h of M xdd + h = tree torque, for the tree's joints; a second opinion on catenary's own recursions.
 
@@ -88,11 +75,7 @@ class MujocoDynamics:
         """Compile a robot for MuJoCo."""
         self._robot = model
         self._mujoco = mujoco = imported("mujoco", "MuJoCo simulates this robot and is not installed", "mujoco")
-        text = tree_mjcf(model)
-        try:
-            self._model = m = mujoco.MjModel.from_xml_string(text)
-        except ValueError as error:
-            raise InputError(f'robot "{model.name}": MuJoCo refuses it: {str(error).strip()}') from error
+        self._model = m = compiled_tree(mujoco, model)
         self._data = d = mujoco.MjData(m)
         joints = [m.joint(name) for name in model.link_names]
         self.dof: NDArray[np.int64] = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)

@@ -51,23 +51,15 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
 class MujocoPlant(SimulatedPlant):
     """One robot, given by its model. Brakes hold it while it is not enabled; its encoders are absolute, so it is homed.
 
-    M(q) qdd + h(q, qd, gravity, base motion) = tau - damping qd - friction, integrated in the robot's own
-    coordinates by Runge-Kutta's fourth-order method: MuJoCo gives M and h of the tree's joints, and the model's
-    coupling takes them to q exactly, so parallelograms and wrist couplings are as rigid as they are in the model.
-    Friction and joint limits act as impulses at the end of each step (joint_step.py): a joint sticks without any
-    creep, which MuJoCo's own friction does not, and stops at its limits without bouncing. What MuJoCo is not asked
-    for: contacts, tendons, actuators.
+    M(q) qdd + h(q, qd, gravity, base motion) = tau - damping qd - friction, by Runge-Kutta's fourth-order method:
+    MuJoCo gives M and h of the tree's joints, and the model's coupling takes them to q exactly. Friction and joint
+    limits act as impulses at the end of each step (joint_step.py): a joint sticks without any creep, which MuJoCo's own
+    friction does not, and stops at its limits without bouncing. Equal commands give equal motions, bit for bit.
 
     Torques of `servo_jf` act as they are, up to the model's effort limits. `servo_jp` is obeyed by an ideal servo
-    in place of firmware (`servo_torques`): computed torque that knows the arm, its payload, its base and its
-    friction, critically damped at BANDWIDTH. The setpoint moves at most at the model's velocity limits, and stays
-    within its joint limits; where a leap asks for more than the effort limits, the arm follows late and
-    overshoots, as a real one does.
-
-    Gravity in JointState is what an accelerometer on the base's origin takes for it: free-fall acceleration minus
-    the origin's own acceleration, in base axes. With `base_rates` it is all that joints feel of a base's motion.
-
-    The state is as exact as Runge-Kutta's step; nothing is random: equal commands give equal motions, bit for bit.
+    in place of firmware (`servo_torques`), critically damped at BANDWIDTH. The setpoint moves at most at the model's
+    velocity limits, and stays within its joint limits; where a leap asks for more than the effort limits, the arm
+    follows late and overshoots, as a real one does.
     """
 
     def __init__(
@@ -172,8 +164,10 @@ class MujocoPlant(SimulatedPlant):
 
     def wait(self) -> None:
         """Advance by one tick of 1 ms; a motion that diverges stops the robot in FAULT."""
-        if self._mode == "position":
-            self._move_setpoint()
+        if self._mode == "position" and self._wanted is not None:
+            step = np.clip(self._wanted - self._setpoint, -self._setpoint_step, self._setpoint_step)
+            self._setpoint = np.clip(self._setpoint + step, self.model.lower, self.model.upper)
+            self._wanted = None
         for part in range(self._substeps):
             if self._mode == "brakes":
                 break
@@ -223,29 +217,19 @@ class MujocoPlant(SimulatedPlant):
         mass[:n, :n] += coupling.T @ self._dynamics.tree.mass[np.ix_(dof, dof)] @ coupling
         return mass
 
-    def _move_setpoint(self) -> None:
-        if self._wanted is not None:
-            step = np.clip(self._wanted - self._setpoint, -self._setpoint_step, self._setpoint_step)
-            self._setpoint = np.clip(self._setpoint + step, self.model.lower, self.model.upper)
-            self._wanted = None
-
     def _advance(self, part: int) -> bool:
         """Make one step; false, and nothing has moved, where it cannot be made."""
         joints, motion, tree, step = self._joints, self._motion, self._dynamics.tree, self._step
         begin_step(joints, motion, tree)
         for stage, half_steps in enumerate((0, 1, 1, 2)):
             self._update(2 * part + half_steps)
-            if stage == 0 and part == 0:
-                self._take_command()
+            if stage == 0 and part == 0:  # the servo asks for torques, and the drives give what they can
+                if self._mode == "position":
+                    self._command[:] = servo_torques(joints, motion, tree, self._setpoint)
+                np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
             if not end_stage(joints, motion, tree, self._effort, stage, step):
                 return False
         return finish_step(joints, motion, step)
-
-    def _take_command(self) -> None:
-        """Let the servo ask for torques, and the drives give what they can."""
-        if self._mode == "position":
-            self._command[:] = servo_torques(self._joints, self._motion, self._dynamics.tree, self._setpoint)
-        np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
 
     def _control_position(self) -> None:
         self._mode = "position"

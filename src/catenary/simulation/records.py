@@ -1,11 +1,8 @@
 """Records: named numbers and arrays of fixed shapes, which compiled code takes as one argument.
 
 numba looks at every array of a call, so an arm's eighty small arrays one by one would cost more than its physics. A
-record is one array for NumPy, with a structured data type, and a struct for numba: `cable.stiffness[j]` reads, and
-writes, the same memory in Python and in compiled code.
-
-Shapes are given by name, "joint" or "link"; the numbers are a RAVEN-II's unless a subclass has other `sizes`: the same
-record for another arm. Compiled code that loops over what it is given takes either.
+record is one structured array: `cable.stiffness[j]` is the same memory in Python and in compiled code. Shapes are given
+by name, "joint" or "link"; the numbers are a RAVEN-II's unless a subclass has other `sizes`.
 """
 
 from collections.abc import Mapping
@@ -74,10 +71,7 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
 
     def __new__(cls, **fields: object) -> Self:
         """Make one record; fields that are not given are zero."""
-        record = cls.rows(())
-        for name, value in fields.items():
-            record[name] = value
-        return record
+        return cls.rows(()).replace(**fields)
 
     @classmethod
     def rows(cls, shape: int | tuple[()]) -> Self:

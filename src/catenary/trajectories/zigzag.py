@@ -78,19 +78,9 @@ def unit_zigzag(sparsity: float) -> Floats:
     return np.cumsum(rows, axis=0, out=rows)
 
 
-def zigzag_rows(
-    direction: Direction,
-    sparsity: float,
-    *,
-    form: Form = "generator",
-    lower: ArrayLike = CALIBRATION_LOWER,
-    upper: ArrayLike = CALIBRATION_UPPER,
-) -> Floats:
-    """Return the rows of a path as published: joint positions (rows, 3) [rad or m], equally far apart, corners sharp.
-
-    The arguments are those of `zigzag`.
-    """
-    matrix, shift = _placement(direction, form, lower, upper)
+def zigzag_rows(direction: Direction, sparsity: float, *, form: Form = "generator") -> Floats:
+    """Return the rows of a path as published: joint positions (rows, 3) [rad or m], equally far apart."""
+    matrix, shift = _placement(direction, form, CALIBRATION_LOWER, CALIBRATION_UPPER)
     return np.asarray(unit_zigzag(sparsity) @ matrix.T + shift)
 
 

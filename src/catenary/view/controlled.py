@@ -1,19 +1,16 @@
 """A robot that is moved from the page by held buttons: run levels, dead man and limits are those of teleop."""
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from functools import cached_property
 
 from catenary.errors import CatenaryError
 from catenary.monitor import Snapshot
 from catenary.plant import Bounded
 from catenary.teleop.driver import AXES, BACKWARD, COMMANDS, FORWARD, HOLD, TeleopDriver
 from catenary.view.page_process import PageProcess
-from catenary.view.shapes import ArmShapes
 from catenary.view.shown import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl, Shown
 from catenary.view.watched import WatchedArm
-from catenary.workflows.robot.operated_robot import OperatedRobot
 
 HELD = "held:"  # begins the name of a button that moves; a key of teleop ends it
 LEVEL, STOP = "level:", "stop:"  # begin the names of rows of buttons, which are in every tab
@@ -25,18 +22,12 @@ FIRST = "hold a button to move"
 class ControlledArm(WatchedArm):
     """A robot, a page that moves it, and its model."""
 
-    def __init__(
-        self,
-        robot: OperatedRobot,
-        shapes: ArmShapes,
-        model: Path | None = None,
-        *,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Take a robot in any state; nothing is sent until somebody presses a button."""
-        super().__init__(robot, shapes, model, clock=clock)
-        self._driver = TeleopDriver(robot.plant, robot.model)
-        self._driver.message = FIRST
+    @cached_property
+    def _driver(self) -> TeleopDriver:
+        """Sends nothing until somebody presses a button."""
+        driver = TeleopDriver(self._robot.plant, self._robot.model)
+        driver.message = FIRST
+        return driver
 
     def shown(self, title: str) -> Shown:
         """Return what its page shows: buttons for joints, tip and run levels."""

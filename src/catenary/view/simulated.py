@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 
+from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model
@@ -21,6 +22,7 @@ from catenary.simulation.base_motion import SteeredBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.spatial import LEVEL
+from catenary.trajectories.reference import Reference
 from catenary.units import DISPLAY
 from catenary.view import steering
 from catenary.view import surroundings as around
@@ -39,12 +41,7 @@ SAID = 8.0  # [s] for which a refusal stays on the page
 
 
 class LeaveLoop(Exception):
-    """A change was requested that the running control loop cannot make: another run level, another kind of control."""
-
-    def __init__(self, then: str = "") -> None:
-        """Say what comes next: resume, home, or nothing: the arm stays paused."""
-        super().__init__(then)
-        self.then = then
+    """A change that the running control loop cannot make; what comes next: resume, home, or nothing, paused."""
 
 
 class DrivenArm:
@@ -71,7 +68,7 @@ class DrivenArm:
         self._corrector = None if loaded is None else self._switched(loaded)
         self._controllers: dict[str, SplitController] = {k: make_controller(k, self.arm) for k in ("pd", "sg", "dg")}
         self._controllers["hold"] = make_hold("dg", self.arm)
-        self._controller = steering.ChosenController(self._controllers["dg"])
+        self._controller = self._controllers["dg"]
         self.control = around.OWN if model is not None else "PD + sensed gravity (DG)"
         self._goal = np.array(self._plant.measured_js().q)
         self.motion = around.RANDOM
@@ -109,7 +106,7 @@ class DrivenArm:
                 else:
                     self._wait_a_while()
             except LeaveLoop as leave:
-                self._reach_level(leave.then)
+                self._reach_level(str(leave))
             except CatenaryError as error:
                 self._say(str(error))
 
@@ -121,12 +118,16 @@ class DrivenArm:
         if self._recipe is not None:
             self._trajectory.follow(self._recipe)
         return run_loop(
-            self._plant, None if own else self._controller, self._trajectory, limits=self.arm.limits(),
+            self._plant, None if own else self, self._trajectory, limits=self.arm.limits(),
             corrector=self._corrector, gravity=self.surroundings, observers=[self._observe],
             duration=np.inf,
         )  # fmt: skip
 
     # in the loop
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """Return torques (n,) [Nm|N] of the controller that is chosen."""
+        return self._controller.torque(state, reference)
 
     def _observe(self, tick: Tick) -> None:
         self._count()
@@ -157,7 +158,7 @@ class DrivenArm:
             self.surroundings.read(state.time)
             self._page.put(self._state(state, self._plant.setpoint_js().q, None))
 
-    def _state(self, state: JointState, setpoint: np.ndarray, feedback: np.ndarray | None) -> ViewState:
+    def _state(self, state: JointState, setpoint: Floats, feedback: Floats | None) -> ViewState:
         """Return what is shown of a state whose q is as reported."""
         plant, world, now = self._plant, self.surroundings, time.perf_counter()
         reading = world.reading
@@ -240,7 +241,7 @@ class DrivenArm:
     def _choose_controller(self, control: str, *, in_loop: bool) -> None:
         before, self.control = self.control, control
         if control != around.OWN:
-            self._controller.controller = self._controllers[around.CONTROLLERS[control]]
+            self._controller = self._controllers[around.CONTROLLERS[control]]
         self._values["controller"] = control
         if in_loop and around.OWN in (before, control) and before != control:
             raise LeaveLoop("resume")

@@ -1,7 +1,7 @@
 """A simulated arm's base, payload, sensor, friction and wear, and the controls of its page."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple, cast
 
@@ -43,6 +43,7 @@ AGED = {
 # of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
 RIGID_FRICTION = 0.02
 MOST_FRICTION = 4.0
+CHANGED_BY = {"payload_kg": "carry", "friction": "rub", "wear": "wear"}  # method of a robot with cables
 GOTO = "goto:"  # begins the name of a joint's slider
 MOTIONS = REST, GO_TO, RANDOM, ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
 ENABLE, PAUSE, HOME = LEVELS = ("enable", "pause", "home")
@@ -78,25 +79,30 @@ class Surroundings:
         self._sensor, mounting = base_sensor(PlantBase(self.plant), start=self.plant.time)
         self._quiet = self._sensor.model
         self._sensed = SensedGravity(self._sensor.mailbox, mounting, feed=self._sensor.advance)
-        self._roll_deg, self._pitch_deg, self._rocking_deg, self._frequency = 0.0, 0.0, 0.0, 0.5
+        self._attitude = {"roll_deg": 0.0, "pitch_deg": 0.0, "rocking_deg": 0.0, "rocking_hz": 0.5}
         self._base = SteeredBase()
         self.reading: GravityReading | None = None  # the last one
-        self._setters: dict[str, Callable[[Value], None]] = {
-            "roll_deg": lambda v: self._tilt(roll_deg=float(v)),
-            "pitch_deg": lambda v: self._tilt(pitch_deg=float(v)),
-            "rocking_deg": lambda v: self._tilt(rocking_deg=float(v)),
-            "rocking_hz": lambda v: self._tilt(frequency=float(v)),
-            "payload_kg": lambda v: self._carry(float(v)),
-            "sensor": lambda v: self._break_sensor(str(v)),
-            "friction": lambda v: self._rub(float(v)),
-            "wear": lambda v: self._wear(float(v)),
-        }
 
     def set(self, name: str, value: Value) -> bool:
         """Change something by the name of its control; False for an unknown name."""
-        if name not in self._setters:
+        plant = self.plant
+        if name == "sensor":
+            self._break_sensor(str(value))
+            return True
+        if name in self._attitude:
+            self._attitude[name] = float(value)
+            *angles, frequency = self._attitude.values()
+            roll, pitch, amplitude = np.deg2rad(angles)
+            self._base = self._base.toward(plant.time, roll, pitch, amplitude=amplitude, frequency=frequency)
+            plant.stand_on(self._base)
+        elif name == "payload_kg" and isinstance(plant, MujocoPlant):
+            plant.attach(Payload(float(value)) if float(value) > 0.0 else None)
+        elif name == "friction" and isinstance(plant, MujocoPlant):
+            plant.rub(float(value) * RIGID_FRICTION * self._torque)
+        elif isinstance(plant, CablePlant) and name in CHANGED_BY:
+            getattr(plant, CHANGED_BY[name])(float(value))
+        else:
             return False
-        self._setters[name](value)
         return True
 
     def read(self, time: float) -> GravityReading:
@@ -120,36 +126,11 @@ class Surroundings:
             said.append(f"sensor: {reading.faults.message}")
         return tuple(said)
 
-    def _tilt(self, **changed: float) -> None:
-        for name, value in changed.items():
-            setattr(self, f"_{name}", value)
-        roll, pitch, amplitude = np.deg2rad([self._roll_deg, self._pitch_deg, self._rocking_deg])
-        self._base = self._base.toward(self.plant.time, roll, pitch, amplitude=amplitude, frequency=self._frequency)
-        self.plant.stand_on(self._base)
-
-    def _carry(self, mass: float) -> None:
-        if isinstance(self.plant, CablePlant):
-            self.plant.carry(mass)
-        elif mass > 0.0:
-            self.plant.attach(Payload(mass))
-        else:
-            self.plant.detach()
-
     def _break_sensor(self, fault: str) -> None:
         kind = FAULTS.get(fault)
         self._sensor.faults = () if kind is None else (InjectedFault(kind, self.plant.time),)
         noise = NOISY / math.sqrt(0.5 * self._quiet.rate_hz)
         self._sensor.model = replace(self._quiet, noise=noise) if fault == "noisy" else self._quiet
-
-    def _rub(self, factor: float) -> None:
-        if isinstance(self.plant, CablePlant):
-            self.plant.rub(factor)
-        else:
-            self.plant.rub(factor * RIGID_FRICTION * self._torque)
-
-    def _wear(self, share: float) -> None:
-        if isinstance(self.plant, CablePlant):
-            self.plant.wear(share)
 
 
 def driving_tabs(

@@ -23,7 +23,6 @@ from catenary.view.shown import (
     Change,
     ChoiceControl,
     Control,
-    ControlTab,
     HeldControl,
     Shown,
     SliderControl,
@@ -203,16 +202,16 @@ class ViserPage:
 
     def _build_scene(self) -> None:
         scene, shown = self._server.scene, self._shown
-        length, extent = shown.shapes.length, extent_of(shown)
+        length, (centre, radius) = shown.shapes.length, extent_of(shown)
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
         # an environment map costs a browser that draws by software 4 s before the first picture
         scene.configure_environment_map(hdri=None)
         scene.add_light_hemisphere("/sky", ground_color=(150, 150, 160), intensity=SKY)
-        floor = float(extent.centre[2] - 1.05 * extent.radius)
+        floor = float(centre[2] - 1.05 * radius)
         scene.add_grid(
-            "/floor", 4.0 * extent.radius, 4.0 * extent.radius, position=(0.0, 0.0, floor),
-            cell_size=_round(extent.radius / 4.0), section_size=_round(extent.radius), shadow_opacity=0.0,
+            "/floor", 4.0 * radius, 4.0 * radius, position=(0.0, 0.0, floor),
+            cell_size=_round(radius / 4.0), section_size=_round(radius), shadow_opacity=0.0,
         )  # fmt: skip
         self._base = scene.add_frame("/base", axes_length=0.12 * length, axes_radius=0.006 * length, origin_radius=0.0)
         if shown.shapes.base is not None:
@@ -221,7 +220,7 @@ class ViserPage:
         self._roots: dict[str, Any] = {}
         self._arms = {name: self._add_arm(name) for name in ARMS}
         # next to the arm in the camera's view; it turns with the base but does not move
-        corner = extent.centre + extent.radius * np.array([-0.75, -0.8, 0.75])
+        corner = centre + radius * np.array([-0.75, -0.8, 0.75])
         self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
         empty = np.zeros((1, 2, 3), np.float32)
         self._path_nodes = {
@@ -231,8 +230,8 @@ class ViserPage:
             for name in ARMS
         }
         camera = self._server.initial_camera
-        camera.look_at = extent.centre
-        camera.position = extent.centre + extent.radius * np.array([2.9, -1.9, 1.2])
+        camera.look_at = centre
+        camera.position = centre + radius * np.array([2.9, -1.9, 1.2])
         camera.fov = np.deg2rad(50.0)
 
     def _add_arm(self, name: str) -> list[Any]:
@@ -306,21 +305,25 @@ class ViserPage:
         tabs = gui.add_tab_group()
         for tab in shown.tabs:
             with tabs.add_tab(tab.label):
-                self._add_tab(tab)
+                if tab.text:
+                    gui.add_markdown(tab.text)
+                for control in tab.controls:
+                    self._handles[control.name] = self._add_control(control)
         with tabs.add_tab("Show"):
-            self._add_show_tab()
+            for name in ARMS:
+                if name in shown.legend:
+                    box = gui.add_checkbox(f"{shown.legend[name]} arm", True)
+                    box.on_update(lambda event, name=name: self._wanted.__setitem__(name, event.target.value))
+            gui.add_button("Wipe the tip's paths").on_click(lambda _: self.forget_paths())
         plots = gui.add_panel()
         plots.dock_left()
         plots.set_width(CURVES_WIDTH)
         with plots.add_tab("Curves"):
-            self._add_plots()
+            names = shown.model.joint_names
+            joint = gui.add_dropdown("joint", names, initial_value=names[0])
+            joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
+            self._plots = [(_add_plot(gui, one, self._curves.span), gui.add_html("")) for one in self._curves.plots(0)]
         self._server.on_client_connect(lambda one: plots.minimize() if one.camera.image_width < NARROW else None)
-
-    def _add_tab(self, tab: ControlTab) -> None:
-        if tab.text:
-            self._server.gui.add_markdown(tab.text)
-        for control in tab.controls:
-            self._handles[control.name] = self._add_control(control)
 
     def _add_control(self, control: Control) -> Any:
         gui, name, hint = self._server.gui, control.name, control.hint or None
@@ -352,20 +355,6 @@ class ViserPage:
         self._values[name] = handle.value
         (handle.on_click if isinstance(control, ButtonsControl) else handle.on_update)(changed)
         return handle
-
-    def _add_show_tab(self) -> None:
-        gui = self._server.gui
-        for name in ARMS:
-            if name in self._shown.legend:
-                box = gui.add_checkbox(f"{self._shown.legend[name]} arm", True)
-                box.on_update(lambda event, name=name: self._wanted.__setitem__(name, event.target.value))
-        gui.add_button("Wipe the tip's paths").on_click(lambda _: self.forget_paths())
-
-    def _add_plots(self) -> None:
-        gui, names = self._server.gui, self._shown.model.joint_names
-        joint = gui.add_dropdown("joint", names, initial_value=names[0])
-        joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
-        self._plots = [(_add_plot(gui, plot, self._curves.span), gui.add_html("")) for plot in self._curves.plots(0)]
 
 
 def open_server(port: int) -> tuple[Any, str]:
