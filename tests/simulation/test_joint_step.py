@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.robots.catalog import load_robot
-from catenary.simulation.joint_hardware import JointHardware, drive_parameters
-from catenary.simulation.joint_step import finish_step, new_motion
+from catenary.simulation.joint_hardware import JointHardware, drive_parameters, finish_step, new_motion
 
 MODEL = load_robot("raven2")  # three joints with limits
 PLACES = np.arange(3), np.arange(3)

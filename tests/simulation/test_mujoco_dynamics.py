@@ -12,13 +12,13 @@ from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mas
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import parse_urdf
-from catenary.simulation.mujoco_dynamics import MujocoDynamics, compiled_tree
+from catenary.simulation.mujoco_plant import MujocoDynamics, tree_mjcf
 from oracles.catalogue import robots_with_inertia
 
 
 def test_bodies_and_joints_have_the_links_names(random_robots):
     for robot in random_robots[:10]:
-        model = compiled_tree(mujoco, robot.model)
+        model = mujoco.MjModel.from_xml_string(tree_mjcf(robot.model))
         for name, mass in zip(robot.model.link_names, robot.model.tree.mass, strict=True):
             assert model.body(name).mass[0] == mass
             assert model.body(model.joint(name).bodyid[0]).name == name
@@ -26,7 +26,7 @@ def test_bodies_and_joints_have_the_links_names(random_robots):
 
 def test_names_may_hold_what_xml_does_not_like():
     names = ('a<"&', "b'>")
-    model = compiled_tree(mujoco, replace(load_robot("two_link"), link_names=names, name="<&>"))
+    model = mujoco.MjModel.from_xml_string(tree_mjcf(replace(load_robot("two_link"), link_names=names, name="<&>")))
     assert [model.joint(k + 1).name for k in range(2)] == list(names)
 
 
@@ -35,16 +35,16 @@ def test_inertia_that_no_body_has_is_refused_by_name():
     inertia = np.array(model.tree.inertia)
     inertia[1] = np.diag([0.1, 0.1, 0.3])
     with pytest.raises(InputError, match=model.link_names[1]):
-        compiled_tree(mujoco, replace(model, tree=model.tree._replace(inertia=inertia)))
+        tree_mjcf(replace(model, tree=model.tree._replace(inertia=inertia)))
 
 
 def test_links_without_inertia_are_refused():
     with pytest.raises(MissingInertiaError):
-        compiled_tree(mujoco, replace(load_robot("two_link"), missing_inertia=("upper",)))
+        tree_mjcf(replace(load_robot("two_link"), missing_inertia=("upper",)))
 
 
 def test_a_moving_link_may_be_named_base():
-    model = compiled_tree(mujoco, parse_urdf(own_base.MOVING))
+    model = mujoco.MjModel.from_xml_string(tree_mjcf(parse_urdf(own_base.MOVING)))
     assert model.body(1).name == "base_link"
     assert model.body(model.joint("base").bodyid[0]).name == "base"
 

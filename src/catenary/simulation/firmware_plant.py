@@ -113,7 +113,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         log = self.log.rows(len(rows))
         self._advance(rows, log)
         if self._state == "FAULT":
-            raise NotReadyError(self._fault.removeprefix(": "))
+            raise NotReadyError(self._fault)
         return log
 
     def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:

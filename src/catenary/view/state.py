@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,15 +41,9 @@ class ViewState(NamedTuple):
     values: Mapping[str, float | bool | str] = {}  # of the page's controls, where the program has set them
 
 
-_JOINTS = ("q", "calibrated", "interval", "inside", "true", "setpoint", "tau", "gravity_tau", "feedback")
-_VECTORS = ("gravity", "assumed", "actual")
-
-
 def unknown_state(n: int) -> ViewState:
     """Return the state of an arm of n joints of which nothing is known yet."""
-    joints: dict[str, Any] = {name: np.full(n, np.nan) for name in _JOINTS}
-    vectors: dict[str, Any] = {name: np.full(3, np.nan) for name in _VECTORS}
-    return ViewState(time=0.0, **joints, **vectors)
+    return ViewState(0.0, *np.full((9, n), np.nan), *np.full((3, 3), np.nan))
 
 
 def shortened(state: ViewState) -> ViewState:
