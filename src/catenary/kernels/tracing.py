@@ -159,21 +159,16 @@ class Trace:
 
     def line(self, results: Sequence[Term]) -> Line:
         """Return the operations that the results need, renumbered."""
-        needed = {r.step for r in results if isinstance(r, Symbol)}
-        for number in range(len(self._steps) - 1, -1, -1):
-            if number in needed:
-                needed.update(_operands(self._steps[number]))
-        numbers = {old: new for new, old in enumerate(sorted(needed))}
+        every = Line(tuple(self._inputs), tuple(self._steps), ())
+        order = needed(every, [r.step for r in results if isinstance(r, Symbol)], stop=())
+        numbers = {old: new for new, old in enumerate(order)}
         steps = []
-        for old in sorted(needed):
+        for old in order:
             step = self._steps[old]
             b = numbers[int(step.b)] if step.kind in ("+", "-", "*") else step.b
             steps.append(Operation(step.kind, step.a if step.kind == "in" else numbers[step.a], b))
-        return Line(
-            tuple(self._inputs),
-            tuple(steps),
-            tuple((r.sign, numbers[r.step]) if isinstance(r, Symbol) else float(r) for r in results),
-        )
+        told = ((r.sign, numbers[r.step]) if isinstance(r, Symbol) else float(r) for r in results)
+        return every._replace(steps=tuple(steps), results=tuple(told))
 
     def _symbol(self, kind: str, a: int, b: float | int, sign: int = 1) -> Symbol:
         key = (kind, a, b)

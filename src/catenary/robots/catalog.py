@@ -13,7 +13,7 @@ from catenary.robots.model import Massless, RobotModel
 # by ending, or XML's root; each is imported when its file comes: a table needs neither an XML nor a MuJoCo reader
 READERS = {
     ".toml": ("dh_table", "load_table"), ".npz": ("model_record", "load_identified"),
-    ".json": ("dvrk_files", "load_dvrk"), ".xacro": ("urdf", "load_xacro"),
+    ".json": ("dvrk_files", "load_dvrk"), ".xacro": ("urdf", "load_urdf"),
     "<robot>": ("urdf", "load_urdf"), "<mujoco>": ("mjcf", "load_mjcf"),
 }  # fmt: skip
 _DATA = files("catenary.robots") / "data"

@@ -46,7 +46,7 @@ _KINDS: dict[str, JointKind] = {
 
 
 def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a URDF file.
+    """Load a robot from a URDF file, or from a xacro file, which xacro expands with its default arguments.
 
     The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
     no other, in the file's order; links and frames have the file's link names. A link without any inertia, shape
@@ -54,13 +54,7 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     A mass that the file says is zero is zero, and a doubt where the link is not declared massless.
     """
     content = read_bounded(path, MOST_XML)
-    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)], path=path)
-
-
-def load_xacro(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a xacro file, which xacro expands with its default arguments."""
-    content = read_bounded(path, MOST_XML)
-    text = expanded_xacro(path)
+    text = expanded_xacro(path) if path.suffix.lower() == ".xacro" else content
     return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
