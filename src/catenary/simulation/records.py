@@ -71,7 +71,10 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
 
     def __new__(cls, **fields: object) -> Self:
         """Make one record; fields that are not given are zero."""
-        return cls.rows(()).replace(**fields)
+        record = cls.rows(())  # no copy, which would leave the bytes between fields as they were in memory
+        for name, value in fields.items():
+            record[name] = value
+        return record
 
     @classmethod
     def rows(cls, shape: int | tuple[()]) -> Self:
