@@ -97,6 +97,11 @@ def test_what_a_kind_cannot_have_is_refused_wherever_it_is_simulated(place, robo
         (OPENED | SIMULATED)[place](robot, where)
 
 
+def test_a_ravens_model_alone_has_no_firmware_that_compensates_gravity() -> None:
+    with pytest.raises(UnsupportedModelError, match="has no grav_dir"):
+        open_robot(load_robot("raven2"), Simulated(grav_dir=(0, 0, 980)))
+
+
 @pytest.mark.parametrize("place", OPENED)
 @pytest.mark.parametrize(
     ("robot", "options", "error", "message"),

@@ -40,7 +40,11 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             key = member.filename.removesuffix(".npy")
             if key == member.filename:
                 raise ValueError(f'"{cut(key)}" is not an array')
-            arrays[key], most = _member(archive, member, most)
+            with archive.open(member) as file:
+                arrays[key] = np.lib.format.read_array(file, allow_pickle=False)
+                if file.read(1):  # at the end of an array its checksum is checked
+                    raise ValueError(f"{shortened(member.filename)} goes on behind its array")
+            most -= _memory_of(arrays[key], most)
     return arrays
 
 
@@ -90,15 +94,6 @@ def _check_members(members: list[zipfile.ZipInfo], most: int) -> None:
     for member in members:
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"{shortened(member.filename)} is packed in a way that NumPy does not write")
-
-
-def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> tuple[NDArray[Any], int]:
-    """Return an array and how many bytes are left to unpack; its checksum is checked at its end."""
-    with archive.open(member) as file:
-        array = np.lib.format.read_array(file, allow_pickle=False)
-        if file.read(1):
-            raise ValueError(f"{shortened(member.filename)} goes on behind its array")
-    return array, most - _memory_of(array, most)
 
 
 def _memory_of(array: NDArray[Any], most: int) -> int:

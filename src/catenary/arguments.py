@@ -79,9 +79,8 @@ def _name(hint: Any) -> str:
     if origin is Annotated:
         return _name(parts[0])
     if origin in (Union, types.UnionType):
-        has_array = _OF_ARRAYS <= set(parts)
-        rest = [_name(part) for part in parts if not (has_array and part in _OF_ARRAYS)]
-        return " | ".join(dict.fromkeys(["ArrayLike"] * has_array + rest))
+        has_array, rest = _members_of_union(parts)
+        return " | ".join(dict.fromkeys(["ArrayLike"] * has_array + [*map(_name, rest)]))
     if origin is np.ndarray:
         return "NDArray"
     if hint in (None, types.NoneType, inspect.Signature.empty):
@@ -90,6 +89,12 @@ def _name(hint: Any) -> str:
         return str(hint).replace("typing.", "")
     name = (origin or hint).__name__
     return f"{name}[{', '.join('...' if part is Ellipsis else _name(part) for part in parts)}]" if parts else name
+
+
+def _members_of_union(parts: tuple[Any, ...]) -> tuple[bool, list[Any]]:
+    """Return whether a union takes arrays, whose own parts say little (text and bytes are among them), and the rest."""
+    has_array = _OF_ARRAYS <= set(parts)
+    return has_array, [part for part in parts if not (has_array and part in _OF_ARRAYS)]
 
 
 def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: Mapping[str, Any]) -> str | None:
@@ -131,8 +136,7 @@ def fits(value: Any, hint: Any) -> bool:
     if origin is Annotated:
         return fits(value, parts[0])
     if origin in (Union, types.UnionType):
-        has_array = _OF_ARRAYS <= set(parts)  # whose own parts say little: text and bytes are among them
-        rest = [part for part in parts if not (has_array and part in _OF_ARRAYS)]
+        has_array, rest = _members_of_union(parts)
         return (has_array and _is_array(value)) or any(fits(value, part) for part in rest)
     if origin is Literal:
         return any(type(value) is type(choice) and value == choice for choice in parts)
@@ -157,10 +161,8 @@ def expected(hint: Any) -> str:
     if origin is Annotated:
         return expected(parts[0])
     if origin in (Union, types.UnionType):
-        has_array = _OF_ARRAYS <= set(parts)
-        rest = [part for part in parts if not (has_array and part in _OF_ARRAYS)]
-        said = dict.fromkeys([*(["numbers"] if has_array else []), *map(expected, rest)])
-        return " or ".join(said)
+        has_array, rest = _members_of_union(parts)
+        return " or ".join(dict.fromkeys(["numbers"] * has_array + [*map(expected, rest)]))
     if origin is Literal:
         return "one of " + ", ".join(map(repr, parts))
     if hint in (None, types.NoneType):

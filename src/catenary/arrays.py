@@ -57,16 +57,9 @@ class Listed(NamedTuple):
 
 
 def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, finite: bool = True) -> Floats:
-    """Return `values` as a C-contiguous float64 array of the expected shape.
+    """Return numbers as a C-contiguous float64 array of a shape, in which None stands for any length.
 
-    Args:
-        name: What the values are; opens every error message.
-        values: Anything NumPy can read as numbers.
-        shape: Expected shape; None stands for any length.
-        finite: Refuse NaN and infinity.
-
-    Raises:
-        InputError: Not numbers, another shape, NaN or infinity.
+    What the values are, `name`, opens the InputError over what is no number, another shape or, if `finite`, NaN.
     """
     array = _as_floats(name, values, shape)
     if array.shape != shape and not _has_shape(array, shape):

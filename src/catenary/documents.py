@@ -10,6 +10,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
@@ -21,13 +22,14 @@ MOST_JSON = 8 * 2**20  # [B]; the longest that is written, the steps of a large 
 MOST_TOML = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
 MOST_XML = 16 * 2**20  # [B]; published humanoids have less than 1 MB
 DEEPEST = 64  # tables within lists within tables; what is written here goes 8 deep
-_TOO_DEEP = f"is nested more than {DEEPEST} levels deep"
 MOST_ELEMENTS = 100_000  # of an XML file
 LARGEST = 2**128  # of integers: seeds of NumPy have up to 128 bits
 SHOWN = 200  # characters of a value or a message that an error repeats
 
 # a text of JSON, which may hold // and /*, or a comment; one that does not end goes to the end of the file
 _TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*+(?:"|\\?\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+XML_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)  # MuJoCo allows "--" within, XML does not
+_ROOT_TAG = re.compile(rb"<([^\s<>/?!][^\s<>/]*)")
 _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 
 
@@ -37,12 +39,14 @@ def no_file(path: Path) -> str:
 
 
 @contextmanager
-def reading(path: Path, kind: str, unreadable: tuple[type[Exception], ...]) -> Iterator[None]:
+def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]) -> Iterator[None]:
     """Say of what a library raises over a file that it cannot be read as one of a kind."""
     try:
         yield
     except FileFormatError:
         raise
+    except RecursionError as error:
+        raise FileFormatError(f"{path}: is nested more than {DEEPEST} levels deep") from error
     except unreadable as error:
         raise FileFormatError(f"{path}: cannot be read as {kind}: {cut(str(error) or repr(error))}") from error
 
@@ -61,16 +65,10 @@ def read_bounded(path: Path, most: int) -> bytes:
 
 
 def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
-    """Return what JSON text holds, as plain data: at most `MOST_JSON` bytes, `DEEPEST` levels.
+    """Return what JSON text, or its bytes in UTF-8, holds as plain data: at most `MOST_JSON` bytes, `DEEPEST` levels.
 
-    Args:
-        data: The text; bytes are UTF-8, with or without a byte order mark.
-        where: What opens every message: the file, and what of it.
-        finite: Refuse NaN and infinity, which JSON does not know and Python writes.
-
-    Raises:
-        FileFormatError: No JSON, too long or too deep, a key twice in a table, a number beyond a float64, an integer
-            beyond `LARGEST`, or half a character (a lone surrogate).
+    Refused are a key twice in a table, a number beyond a float64, an integer beyond `LARGEST`, and if `finite` NaN and
+    infinity, which JSON does not know and Python writes.
     """
     text = _text_of(data, where, "JSON", MOST_JSON)
 
@@ -87,23 +85,15 @@ def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
             raise FileFormatError(f"{where}: {_place(text, name)}holds {name}, expected a finite number")
         return float(name)
 
-    try:
-        content = json.loads(
-            text,
-            object_pairs_hook=table,
-            parse_constant=constant,
-            parse_float=lambda digits: _real(digits, text, where),
-        )
+    def real(digits: str) -> float:
+        return _real(digits, text, where)
+
+    # no JSON, an integer of thousands of digits, half a character (a lone surrogate)
+    with reading(where, "JSON", (ValueError,)):
+        content = json.loads(text, object_pairs_hook=table, parse_constant=constant, parse_float=real)
         _refuse_depth(content, where)
         if "\\u" in text:
             json.dumps(content, ensure_ascii=False).encode()
-    except FileFormatError:
-        raise
-    # no JSON, an integer of thousands of digits, half a character (a lone surrogate)
-    except ValueError as error:
-        raise FileFormatError(f"{where}: cannot be read as JSON: {error}") from error
-    except RecursionError as error:
-        raise FileFormatError(f"{where}: {_TOO_DEEP}") from error
     return content
 
 
@@ -127,14 +117,8 @@ def without_comments(data: bytes) -> bytes:
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
     """Return what TOML text holds, as plain data: at most `MOST_TOML` bytes, `DEEPEST` levels."""
     text = _text_of(data, where, "TOML", MOST_TOML)
-    try:
+    with reading(where, "TOML", (ValueError,)):
         content = tomllib.loads(text, parse_float=lambda digits: _real(digits, text, where))
-    except FileFormatError:
-        raise
-    except RecursionError as error:
-        raise FileFormatError(f"{where}: {_TOO_DEEP}") from error
-    except ValueError as error:
-        raise FileFormatError(f"{where}: cannot be read as TOML: {error}") from error
     _refuse_depth(content, where)
     return content
 
@@ -147,25 +131,35 @@ def xml_tree(data: str | bytes, where: str) -> Element:
     can stand for other files and for gigabytes, are refused.
     """
     _refuse_length(data, where, MOST_XML)
-    reader = _XmlReader(where)
-    for begin in range(0, len(data), _CHUNK):
-        reader.feed(data[begin : begin + _CHUNK])
-    return reader.tree()
+    builder, parser, numbers = TreeBuilder(), expat.ParserCreate(), count(1)
+
+    def refuse(what: str) -> None:
+        raise FileFormatError(f"{where}: line {parser.CurrentLineNumber}: {what}")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if next(numbers) > MOST_ELEMENTS:
+            refuse(f"more than {MOST_ELEMENTS} elements, the most that are read of such a file")
+        builder.start(tag, attributes)
+
+    def entity(name: str, *_: object) -> None:
+        refuse(f"entity {shortened(name)}: expected none but XML's own; write what it stands for")
+
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.EntityDeclHandler = parser.SkippedEntityHandler = entity
+    with reading(where, "XML", (expat.ExpatError, LookupError, ValueError)):  # LookupError: no such encoding
+        for begin in range(0, len(data), _CHUNK):
+            parser.Parse(data[begin : begin + _CHUNK], False)
+        parser.Parse(b"", True)
+    return builder.close()
 
 
 def xml_root_tag(data: str | bytes, where: str) -> str:
     """Return the name of XML text's root element; what follows it is not read."""
     _refuse_length(data, where, MOST_XML)
-    reader = _XmlReader(where)
-    for begin in range(0, len(data), _CHUNK):
-        try:
-            reader.feed(data[begin : begin + _CHUNK])
-        except FileFormatError:
-            if reader.root_tag is None:
-                raise
-        if reader.root_tag is not None:
-            return reader.root_tag
-    return str(reader.tree().tag)
+    found = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
+    return found[1].decode(errors="replace") if found else xml_tree(data, where).tag
 
 
 def shortened(value: Any) -> str:
@@ -178,48 +172,6 @@ def shortened(value: Any) -> str:
 def cut(text: str) -> str:
     """Return a text of at most `SHOWN` characters, its beginning."""
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}... ({len(text)} characters)"
-
-
-class _XmlReader:
-    """Elements as expat finds them, counted, in a tree."""
-
-    def __init__(self, where: str) -> None:
-        self._where, self._count = where, 0
-        self._builder = TreeBuilder()
-        self.root_tag: str | None = None
-        self._parser = expat.ParserCreate()
-        self._parser.buffer_text = True
-        self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = self._builder.end
-        self._parser.CharacterDataHandler = self._builder.data
-        self._parser.EntityDeclHandler = self._entity
-        self._parser.SkippedEntityHandler = self._entity
-
-    def feed(self, data: str | bytes, *, is_final: bool = False) -> None:
-        try:
-            self._parser.Parse(data, is_final)
-        except FileFormatError:
-            raise
-        except (expat.ExpatError, LookupError, ValueError) as error:  # LookupError: no such encoding
-            raise FileFormatError(f"{self._where}: cannot be read as XML: {error}") from error
-
-    def tree(self) -> Element:
-        self.feed(b"", is_final=True)
-        return self._builder.close()
-
-    def _refuse(self, what: str) -> None:
-        raise FileFormatError(f"{self._where}: line {self._parser.CurrentLineNumber}: {what}")
-
-    def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        self._count += 1
-        if self._count > MOST_ELEMENTS:
-            self._refuse(f"more than {MOST_ELEMENTS} elements, the most that are read of such a file")
-        if self.root_tag is None:
-            self.root_tag = tag
-        self._builder.start(tag, attributes)
-
-    def _entity(self, name: str, *_: object) -> None:
-        self._refuse(f"entity {shortened(name)}: expected none but XML's own; write what it stands for")
 
 
 def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:
@@ -250,7 +202,7 @@ def _refuse_depth(content: Any, where: str) -> None:
         level = [value for one in inner for value in (one.values() if isinstance(one, dict) else one)]
         if any(type(value) is int and abs(value) >= LARGEST for value in level):
             raise FileFormatError(f"{where}: holds a huge integer, expected less than 2^128")
-    raise FileFormatError(f"{where}: {_TOO_DEEP}")
+    raise FileFormatError(f"{where}: is nested more than {DEEPEST} levels deep")
 
 
 def _real(digits: str, text: str, where: str) -> float:

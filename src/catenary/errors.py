@@ -6,7 +6,8 @@ A message says what is wrong, where, what was got, what was expected and, where 
 import re
 import shlex
 from collections.abc import Sequence
-from importlib import metadata
+from importlib import import_module, metadata
+from typing import Any
 
 
 class CatenaryError(Exception):
@@ -51,19 +52,16 @@ class MissingInertiaError(CatenaryError, ValueError):
     def __init__(self, model_name: str, links: Sequence[str], *, only_tensor: bool = False) -> None:
         self.links = tuple(links)
         names = ", ".join(f'"{link}"' for link in links)
-        if only_tensor:
-            super().__init__(
-                f'robot "{model_name}": link(s) {names} have a mass but no inertia that a body can have; '
-                "gravity torques are right without, a mass matrix or a torque of motion is not. "
-                "Give their inertia about the centre of mass"
-            )
-            return
-        super().__init__(
-            f'robot "{model_name}": no inertia for link(s) {names}; '
-            "a gravity torque or a mass matrix would silently leave them out. "
-            "Give them mass, centre of mass and inertia, or name them as massless (--massless LINK,... or all) if "
-            "they have none"
+        of_tensor = (
+            f"link(s) {names} have a mass but no inertia that a body can have; gravity torques are right without, a "
+            "mass matrix or a torque of motion is not. Give their inertia about the centre of mass"
         )
+        of_all = (
+            f"no inertia for link(s) {names}; a gravity torque or a mass matrix would silently leave them out. Give "
+            "them mass, centre of mass and inertia, or name them as massless (--massless LINK,... or all) if they have "
+            "none"
+        )
+        super().__init__(f'robot "{model_name}": {of_tensor if only_tensor else of_all}')
 
 
 class MissingPackageError(CatenaryError, ImportError):
@@ -80,6 +78,14 @@ def to_install(extra: str) -> str:
     return (
         f"pip install {shlex.join(wanted)}" if wanted else f"pip install -e '.[{extra}]' in a clone of the repository"
     )
+
+
+def imported(module: str, why: str, extra: str) -> Any:
+    """Return a module of an optional package; its MissingPackageError begins with `why` it is needed."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingPackageError(f"{why}: {to_install(extra)}") from error
 
 
 class UnreachablePoseError(CatenaryError, ValueError):

@@ -71,19 +71,14 @@ class Snapshot(NamedTuple):
         if self.inside is not None and not self.inside.all():
             names = [name for name, ok in zip(self.joint_names, self.inside, strict=True) if not ok]
             found.append(f"outside the model's valid range: {', '.join(names)}")
-        near = self._near_limits()
-        if near:
-            found.append(f"near a limit: {', '.join(near)}")
+        if self.lower is not None and self.upper is not None:
+            margin = np.array([NEAR_LIMIT[unit] for unit in self.joint_units])
+            near = np.flatnonzero((self.q < self.lower + margin) | (self.q > self.upper - margin))
+            if len(near):
+                found.append(f"near a limit: {', '.join(self.joint_names[j] for j in near)}")
         if self.late:
             found.append(f"{self.late} ticks of this program late within {WINDOW:g} s")
         return found
-
-    def _near_limits(self) -> list[str]:
-        if self.lower is None or self.upper is None:
-            return []
-        margin = np.array([NEAR_LIMIT[unit] for unit in self.joint_units])
-        near = (self.q < self.lower + margin) | (self.q > self.upper - margin)
-        return [name for name, bad in zip(self.joint_names, near, strict=True) if bad]
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI; null for what is not known."""
@@ -138,43 +133,32 @@ _COLUMNS = {  # by heading: field of the snapshot, characters
 
 
 def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24, *, colour: bool = False) -> list[str]:
-    """Return exactly `lines` lines of at most `columns` characters, colours not counted.
-
-    Args:
-        colour: Show warnings in red.
-    """
-    shown = [_fit(_left_right(f"catenary monitor  {name}", _state(shot), columns), columns)]
+    """Return exactly `lines` lines of at most `columns` characters, colours not counted; warnings in red, if any."""
+    shown = [_left_right(f"catenary monitor  {name}", _state(shot), columns)]
     rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
-    shown += [_fit(_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
+    shown += [_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), ""]
     heads = [head for head, (field, _) in _COLUMNS.items() if _is_known(getattr(shot, field), head)]
     while heads and 14 + sum(_COLUMNS[head][1] for head in heads) > columns:
         heads.pop()  # half a column tells nothing
     titles = "".join(head.rjust(_COLUMNS[head][1]) for head in heads)
     has_room = 14 + len(titles) + 3 + BAR + 2 <= columns
-    shown.append(_fit(f"{'':<14}{titles}{'   range' if has_room else ''}", columns))
+    shown.append(f"{'':<14}{titles}{'   range' if has_room else ''}")
     for j, joint in enumerate(shot.joint_names):
         cells = "".join(_cell(shot, head, j) for head in heads)
-        shown.append(
-            _fit(
-                f"{joint[:9]:<10}{DISPLAY[shot.joint_units[j]][0]:<4}{cells}   {_bar(shot, j) if has_room else ''}",
-                columns,
-            )
-        )
-    shown += ["", _fit(_gravity(shot), columns)]
-    if shot.tip is not None:
-        shown.append(_fit(tip_line(shot), columns))
-    warnings = shot.warnings()
-    shown.append("")
+        line = f"{joint[:9]:<10}{DISPLAY[shot.joint_units[j]][0]:<4}{cells}"
+        if has_room and shot.lower is not None and shot.upper is not None:
+            line += f"   {range_bar(shot.q[j], shot.lower[j], shot.upper[j], BAR)}"
+        shown.append(line)
+    shown += ["", _gravity(shot), *([] if shot.tip is None else [tip_line(shot)]), ""]
+    shown = [visible(line.replace("\n", " "))[:columns].rstrip() for line in shown]
     told = [  # why a robot is in FAULT is not cut off
         line
-        for text in warnings
+        for text in shot.warnings()
         for line in wrap(visible(f"! {text}".replace("\n", " ")), max(8, columns), subsequent_indent="  ")
     ]
     shown += [f"\x1b[31m{line}\x1b[0m" if colour else line for line in told] or ["no warnings"]
-    last = _fit("Q quit", columns)
     shown = shown[: max(0, lines - 1)]
-    shown += [""] * (lines - 1 - len(shown)) + [last]
-    return shown[:lines]
+    return [*shown, *[""] * (lines - 1 - len(shown)), "Q quit"[:columns]][:lines]
 
 
 def plain_line(shot: Snapshot) -> str:
@@ -228,12 +212,6 @@ def _is_known(values: Floats | None, head: str) -> bool:
     return values is not None and (head != "+/-" or not np.isnan(values).all())
 
 
-def _bar(shot: Snapshot, j: int) -> str:
-    if shot.lower is None or shot.upper is None:
-        return ""
-    return range_bar(shot.q[j], shot.lower[j], shot.upper[j], BAR)
-
-
 def _state(shot: Snapshot) -> str:
     if shot.operating is None:
         return "recording"
@@ -253,7 +231,3 @@ def _gravity(shot: Snapshot) -> str:
 
 def _left_right(left: str, right: str, columns: int) -> str:
     return left + " " * max(2, columns - len(left) - len(right)) + right
-
-
-def _fit(text: str, columns: int) -> str:
-    return visible(text.replace("\n", " "))[:columns].rstrip()

@@ -99,18 +99,8 @@ def open_robot(robot: str, where: OverTopics) -> CrtkReader: ...
 def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> SimulatedRobotPlant | CrtkReader:
     """Open a robot: one simulated here, enabled and homed unless it is to stay switched off, or one behind topics.
 
-    Args:
-        robot: Name in the catalogue, or a robot file; a model is simulated as rigid bodies.
-        where: In this process, or behind a transport; there a `CrtkClient` unless it is only read, the caller's to
-            close.
-
-    Raises:
-        UnsupportedModelError: What its kind cannot have, as a seed.
-        InputError: A dialect that it does not speak, or a namespace that it does not have.
-        TransportError: It is not behind the topics, which are named.
-        FileFormatError: Unknown robot; the message has the catalogue.
-        MissingInertiaError: Links without inertia, of a robot without cables.
-        MissingPackageError: MuJoCo is not installed.
+    A robot is named by the catalogue or its file; a model is simulated as rigid bodies. Behind topics it is a
+    `CrtkClient` unless it is only read, the caller's to close.
     """
     if isinstance(where, OverTopics):
         return _over_topics(str(robot), where)
@@ -133,7 +123,7 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
         )
     if kind is PSM and where.payload:
         raise UnsupportedModelError(f'robot "{name}": has no payload; a RAVEN-II and robots without cables have one')
-    if name not in RAVEN_SIDES and where.grav_dir is not None:
+    if (kind is None or kind is PSM) and where.grav_dir is not None:
         raise UnsupportedModelError(f'robot "{name}": has no grav_dir; its own gravity compensation is a RAVEN-II\'s')
 
 

@@ -107,39 +107,30 @@ class Plant(Bounded, Protocol):
 
     def measured_js(self) -> JointState:
         """Return the latest measured joint state."""
-        ...
 
     def setpoint_js(self) -> JointState:
         """Return the latest joint setpoint."""
-        ...
 
     def servo_jp(self, q: Floats) -> None:
         """Command joint positions (n,) [rad|m] for the next tick."""
-        ...
 
     def servo_jr(self, dq: Floats) -> None:
         """Command joint increments (n,) [rad|m] for the next tick."""
-        ...
 
     def servo_jf(self, tau: Floats) -> None:
         """Command joint torques (n,) [Nm|N], in place of the robot's own position control."""
-        ...
 
     def operating_state(self) -> OperatingState:
         """Return the operating state."""
-        ...
 
     def state_command(self, command: StateCommand) -> None:
         """Ask for a transition of the operating state; the robot decides."""
-        ...
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every declared column, each (width,)."""
-        ...
 
     def wait(self) -> None:
         """End a tick: a simulator advances by its period, hardware sleeps until the next one."""
-        ...
 
 
 def fault_of(plant: Plant) -> str:
@@ -210,13 +201,7 @@ def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[
     """Return where each wanted joint is among those had, by name, (n,); there may be further ones.
 
     Wherever numbers of one meet joints of another, this says which is which. Units are compared where both sides have
-    them.
-
-    Args:
-        wanted: Such as a model.
-        had: Such as a recording.
-        whose: What has them, as the message begins: 'recording "run"'.
-        of: What wants them: "the model is for".
+    them. Messages tell what has them, `whose` ('recording "run"'), and what wants them, `of` ("the model is for").
     """
     names = had.joint_names
     both = f"it has {joints_text(had)}, {of} {joints_text(wanted)}"
@@ -283,7 +268,19 @@ class MotionLog:
         if rows == 0:
             raise InputError(f"{where}: is empty, expected at least one row")
         for key in (*JOINT_ARRAYS, "time", "ok"):
-            self._freeze(where, key, (rows, n) if key in JOINT_ARRAYS else (rows,))
+            values, shape = getattr(self, key), (rows, n) if key in JOINT_ARRAYS else (rows,)
+            if values is None:
+                continue
+            if values.shape != shape:
+                raise InputError(f"{where}: {key}: expected shape {shape}, got {values.shape}")
+            # q_encoder may hold anything where ok is not set
+            bad = np.zeros(0) if key in ("q_encoder", "ok") else np.argwhere(~np.isfinite(values))
+            if len(bad):
+                raise InputError(
+                    f"{where}: {key} is {values[tuple(bad[0])]} at row {int(bad[0][0])}; expected finite numbers "
+                    f"({len(bad)} are not)"
+                )
+            object.__setattr__(self, key, frozen(values))
         if self.ok.dtype != np.bool_:
             raise InputError(f"{where}: ok: expected true or false on each row, got {self.ok.dtype}")
         for key, values in self.signals.items():
@@ -299,23 +296,6 @@ class MotionLog:
                     f"{self.q_encoder[row, joint]} at row {row}, where ok is set ({len(bad)} such values); "
                     "clear ok on rows without a measurement"
                 )
-
-    def _freeze(self, where: str, key: str, shape: tuple[int, ...]) -> None:
-        values = getattr(self, key)
-        if values is None:
-            return
-        if values.shape != shape:
-            raise InputError(f"{where}: {key}: expected shape {shape}, got {values.shape}")
-        # q_encoder may hold anything where ok is not set
-        if key not in ("q_encoder", "ok"):
-            bad = np.argwhere(~np.isfinite(values))
-            if len(bad):
-                row = int(bad[0][0])
-                raise InputError(
-                    f"{where}: {key} is {values[tuple(bad[0])]} at row {row}; expected finite numbers "
-                    f"({len(bad)} are not)"
-                )
-        object.__setattr__(self, key, frozen(values))
 
     def __len__(self) -> int:
         return len(self.q_nominal)

@@ -34,12 +34,7 @@ def part_of(progress: Progress, part: int, parts: int) -> Progress:
 def on_workers(workers: int = 1, cluster: str | None = None) -> Iterator[None]:
     """Let independent parts of tasks within the block run side by side.
 
-    Args:
-        workers: Processes on this machine; one runs in this process.
-        cluster: Address of a Dask scheduler, such as tcp://HOST:8786, in place of these.
-
-    Raises:
-        InputError: Dask is not installed, the cluster does not answer, or has another version of catenary.
+    They run in processes on this machine, one worker in this process, or on a Dask cluster by its scheduler's address.
     """
     from joblib import parallel_config
 
@@ -83,9 +78,7 @@ def of_each(
 
     count, results = len(items), []
     if min(effective_n_jobs(None), count) < 2:  # the default of joblib: what `on_workers` says, else 1
-        for i, item in enumerate(items):
-            results.append(kept(_alone(work, item, part_of(progress, i, count))))
-        return results
+        return [kept(_alone(work, item, part_of(progress, i, count))) for i, item in enumerate(items)]
     for result in Parallel(return_as="generator")(delayed(_alone)(work, item, silent) for item in items):
         results.append(kept(result))
         progress(len(results) / count)

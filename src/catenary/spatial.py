@@ -43,8 +43,7 @@ def _turned(rotation: Floats, vector: Floats) -> Floats:
     """Return R v of one or of each of N."""
     if rotation.ndim == 2 and vector.ndim == 1:
         return rotation @ vector
-    turned: Floats = (rotation @ vector[..., None])[..., 0]
-    return turned
+    return np.asarray((rotation @ vector[..., None])[..., 0])
 
 
 def identity_pose() -> Pose:
@@ -74,8 +73,7 @@ def rotation_from_rpy(rpy: ArrayLike) -> Floats:
     """Return the rotation Rz(yaw) Ry(pitch) Rx(roll) of fixed-axis angles (roll, pitch, yaw) [rad], as URDF has it."""
     from scipy.spatial.transform import Rotation
 
-    matrix: Floats = Rotation.from_euler("xyz", as_array("rpy", rpy, (3,))).as_matrix()
-    return matrix
+    return np.asarray(Rotation.from_euler("xyz", as_array("rpy", rpy, (3,))).as_matrix())
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
@@ -142,8 +140,7 @@ def rotation_from_vector(vector: ArrayLike) -> Floats:
 
 def angle_between(a: Floats, b: Floats) -> Floats:
     """Return the angle [rad] between vectors (..., 3), also of nearly parallel ones."""
-    angle: Floats = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
-    return angle
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
 def as_rotation(name: str, values: ArrayLike) -> Floats:

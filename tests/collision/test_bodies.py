@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.collision import bodies
-from catenary.collision.bodies import body_of, box_at, floor_at, mesh_at
+from catenary.collision import scene
+from catenary.collision.scene import body_of, box_at, floor_at, mesh_at
 from catenary.errors import FileFormatError, InputError, MissingPackageError
 from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Shape, TriangleMesh
 from catenary.spatial import Pose, rotation_from_vector
@@ -37,7 +37,7 @@ def test_balls_about_forms_hold_them():
 
 
 def test_what_is_missing_is_said(monkeypatch):
-    bodies._coal.cache_clear()
+    scene._coal.cache_clear()
     monkeypatch.setitem(__import__("sys").modules, "coal", None)
     with pytest.raises(MissingPackageError, match=r"pip install .*coal"):
         body(Box(1, 1, 1))

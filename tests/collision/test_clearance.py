@@ -5,8 +5,7 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from catenary.collision.bodies import box_at, floor_at
-from catenary.collision.scene import LOOKS, scene_of
+from catenary.collision.scene import LOOKS, box_at, floor_at, scene_of
 from catenary.dynamics.kinematics import Configuration, forward_kinematics
 from colliding_arm import PANDA, apart, box_arm, capsule_arm, motion
 

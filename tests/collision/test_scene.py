@@ -5,8 +5,7 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.collision.bodies import floor_at
-from catenary.collision.scene import scene_of
+from catenary.collision.scene import floor_at, scene_of
 from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot

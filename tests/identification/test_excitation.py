@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.collision.bodies import box_at, floor_at
+from catenary.collision.scene import box_at, floor_at
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError, LimitError
 from catenary.identification.excitation import MotionLimits, fourier_motion, room_of, series_at_rest, static_poses

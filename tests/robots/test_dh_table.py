@@ -189,6 +189,8 @@ def test_a_wrong_key_is_refused_by_file_row_and_key(load, text, said):
     (ONE + 'variable = { a = 1 }\n' + row("b", more='variable = { a = 1 }\nlimits_deg = [0, 1]\n'), InputError,
      'DH row "b": has limits but no coordinate of its own'),
     (ONE + 'limits_deg = [0, 1]\n[[coordinate]]\nname = "a"\nunit = "rad"\n', InputError, "has limits but no coordinate"),
+    (ONE + 'effort_nm = 5.0\n[[coordinate]]\nname = "a"\nunit = "rad"\n', InputError, "has limits but no coordinate"),
+    (ONE + 'velocity_deg_s = 9.0\n[[coordinate]]\nname = "a"\nunit = "rad"\n', InputError, "has limits but no coordinate"),
     ("base_rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n" + ONE, InputError, "expected a rotation matrix"),
     (HEAD + row("a", "fixed"), UnsupportedModelError, "no moving joint"),
 ])  # fmt: skip

@@ -1,5 +1,5 @@
-import builtins
 import hashlib
+import sys
 
 import mujoco
 import numpy as np
@@ -295,14 +295,7 @@ def test_included_files_and_meshes_are_found_beside_the_file(tmp_path, file):
 
 
 def test_without_mujoco_the_error_says_what_to_install(load, monkeypatch):
-    import_module = builtins.__import__
-
-    def refuse(name, *args, **kwargs):
-        if name == "mujoco":
-            raise ImportError(name)
-        return import_module(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", refuse)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingPackageError, match=r"pip install 'mujoco>="):
         load(arm())
 

@@ -5,8 +5,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.raven2.topics import CHANNELS, raven_topics
-from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cable_telemetry import COLUMNS, PER_AXIS, of_both_arms, telemetry_of
+from catenary.simulation.cable_plant import COLUMNS, PER_AXIS, CablePlant, of_both_arms, telemetry_of
 from catenary.simulation.firmware import TickLog
 from oracles.cable_arms import ROBOTS, homed_plant, smooth_motion
 

@@ -15,9 +15,9 @@ PLACES = np.array([6, 7, 8]), np.array([7, 8, 9])
 def test_drives_act_on_the_rotors_of_elastic_joints():
     hardware = JointHardware(friction=[1, 2, 3], armature=0.5, stiffness=[np.inf, 10, np.inf])
     numbers = drive_parameters(MODEL, hardware, *PLACES)
-    assert numbers.joints.drive.tolist() == [0, 3, 2]
-    assert numbers.parts.friction.tolist() == [1, 0, 3, 2]
-    assert numbers.parts.inertia.tolist() == [0.5, 0, 0.5, 0.5]
+    assert numbers.drive.tolist() == [0, 3, 2]
+    assert numbers.friction.tolist() == [1, 0, 3, 2]
+    assert numbers.inertia.tolist() == [0.5, 0, 0.5, 0.5]
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.robots.catalog import load_robot
-from catenary.simulation.joint_hardware import JointHardware, drive_parameters
-from catenary.simulation.joint_step import finish_step, new_motion
+from catenary.simulation.joint_hardware import JointHardware, drive_parameters, finish_step, new_motion
 
 MODEL = load_robot("raven2")  # three joints with limits
 PLACES = np.arange(3), np.arange(3)
@@ -25,8 +24,8 @@ class Finished:
         factor = np.linalg.cholesky(self.mass)
         self.friction = friction * rng.uniform(0.0, 1.0, 3)
         joints = drive_parameters(MODEL, JointHardware(friction=self.friction), *PLACES)
-        motion = new_motion(3, 3)
-        motion.factor[0], parts = factor, motion.parts
+        parts = motion = new_motion(3, 3)
+        motion.factor[0] = factor
         parts.start[:] = MIDDLE + WIDTH * rng.choice([-1.0, 1.0, 0.3, 0.9999], 3)
         parts.start_rate[:] = rng.normal(size=3) * rng.choice([0.0, 1.0], 3)
         parts.rate[:] = parts.start_rate + 0.02 * rng.normal(size=3)
@@ -66,7 +65,7 @@ def test_friction_stays_within_coulombs_torque_and_stops_only_push_inwards(seed,
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_step_that_is_not_finite_is_not_taken(bad):
     motion = new_motion(3, 3)
-    motion.parts.start[:], motion.parts.position[:] = MIDDLE, MIDDLE
-    motion.parts.rate[1] = bad
+    motion.start[:], motion.position[:] = MIDDLE, MIDDLE
+    motion.rate[1] = bad
     assert not finish_step(drive_parameters(MODEL, JointHardware(), *PLACES), motion, STEP)
-    assert_allclose(motion.parts.start, MIDDLE)
+    assert_allclose(motion.start, MIDDLE)

@@ -12,7 +12,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mas
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import parse_urdf
-from catenary.simulation.mujoco_dynamics import MujocoDynamics, tree_mjcf
+from catenary.simulation.mujoco_plant import MujocoDynamics, tree_mjcf
 from oracles.catalogue import robots_with_inertia
 
 

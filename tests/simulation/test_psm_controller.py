@@ -7,13 +7,13 @@ from numpy.testing import assert_allclose
 from catenary.simulation.psm_controller import (
     TURN,
     PsmControlState,
+    PsmState,
     control_joints,
     read_psm_encoders,
     register_psm,
     take_psm_setpoint,
 )
 from catenary.simulation.psm_parameters import load_psm
-from catenary.simulation.psm_physics import PsmState
 from catenary.simulation.records import POSITION, TORQUE
 
 ARM = load_psm()

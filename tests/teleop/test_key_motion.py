@@ -22,7 +22,7 @@ def held(motion: TeleopMotion, key: str, seconds: float, q: np.ndarray, after: f
         now = tick * PERIOD
         if now < seconds and tick % 30 == 0:
             motion.press(key, now)
-        goal = motion.step(path[-1], now, PERIOD).q
+        goal = motion.step(path[-1], now, PERIOD)[0]
         path.append(path[-1] if goal is None else goal)
     return np.array(path)
 
@@ -61,7 +61,7 @@ def test_a_limit_is_reached_reported_and_never_passed() -> None:
     path = held(motion, "q", 1.0, q)
     assert_allclose(path[-1, 0], RAVEN.upper[0])
     motion.press("q", 1.0)
-    assert motion.step(path[-1], 1.0, PERIOD).blocked == ("shoulder",)
+    assert motion.step(path[-1], 1.0, PERIOD)[1] == ("shoulder",)
 
 
 def test_a_joint_beyond_its_limit_may_only_come_back() -> None:
@@ -74,10 +74,10 @@ def test_opposite_keys_cancel() -> None:
     motion = raven_motion()
     motion.press("q", 0.0)
     motion.press("a", 0.0)
-    assert_allclose(motion.step(START, 0.0, PERIOD).q, START)
+    assert_allclose(motion.step(START, 0.0, PERIOD)[0], START)
 
 
 def test_keys_of_joints_that_there_are_not_move_nothing() -> None:
     motion = raven_motion()
     assert not motion.press("r", 0.0)
-    assert motion.step(START, 0.0, PERIOD).q is None
+    assert motion.step(START, 0.0, PERIOD)[0] is None

@@ -10,7 +10,7 @@ from catenary.robots.catalog import load_robot
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import arm_shapes
 from catenary.view.shown import HOLD_HZ, Shown
-from catenary.view.surroundings import driving_tabs
+from catenary.view.simulated import driving_tabs
 from oracles.ideal_plant import IdealPlant
 from patience import PATIENCE
 

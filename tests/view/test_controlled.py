@@ -10,11 +10,10 @@ from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.topic_names import JOINT_STATE, find_topic
 from catenary.errors import RobotHeldError
 from catenary.teleop.driver import RAMP, TIMEOUT
-from catenary.view.controlled import ControlledArm
 from catenary.view.shapes import arm_shapes
 from catenary.view.shown import NOBODY, Change, ControlTab, HeldControl
 from catenary.view.state import ViewState
-from catenary.view.watched import WatchedArm
+from catenary.view.watched import ControlledArm, WatchedArm
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot

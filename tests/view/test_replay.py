@@ -149,4 +149,4 @@ def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_th
 def test_a_psms_project_is_shown_in_the_joints_that_it_reports(tmp_path: Path) -> None:
     folder = Project(tmp_path / "psm", ProjectSettings(robot="dvrk_psm")).folder
     (folder / "train.parquet").touch()
-    assert load_robot(str(shown_project(folder).robot)).joint_names == PSM_JOINTS
+    assert load_robot(str(shown_project(folder)[2])).joint_names == PSM_JOINTS

@@ -5,9 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.view.shown import Change
-from catenary.view.simulated import DrivenArm
+from catenary.view.simulated import CONTROLLERS, GO_TO, OWN, DrivenArm
 from catenary.view.state import ViewState
-from catenary.view.surroundings import CONTROLLERS, GO_TO, OWN
 
 
 class Script:

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.sensing.vector import ReadingStatus
 from catenary.simulation.base_motion import CHANGE, SteeredBase
-from catenary.view.surroundings import FAULTS, Surroundings
+from catenary.view.simulated import FAULTS, Surroundings
 from catenary.workflows.gravity.simulated_arm import simulated_arm
 
 

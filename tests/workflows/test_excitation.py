@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 from rosbags.typesys import Stores, get_typestore
 
-from catenary.collision.bodies import floor_at
+from catenary.collision.scene import floor_at
 from catenary.errors import InputError
 from catenary.identification.excitation import room_of
 from catenary.robots.catalog import load_robot

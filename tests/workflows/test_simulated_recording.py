@@ -4,8 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import NotReadyError
 from catenary.plant import MotionLog
-from catenary.simulation.cable_plant import JOINTS, CablePlant
-from catenary.simulation.cable_telemetry import as_reported
+from catenary.simulation.cable_plant import JOINTS, CablePlant, as_reported
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.simulated_recording import record_simulated

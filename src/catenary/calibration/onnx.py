@@ -7,7 +7,6 @@ its other side.
 
 from collections.abc import Callable, Sequence
 from functools import reduce
-from importlib import import_module
 from math import inf
 from pathlib import Path
 from types import ModuleType
@@ -23,7 +22,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.midline import FULL, STATES
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.errors import InputError, MissingPackageError, to_install
+from catenary.errors import InputError, imported
 from catenary.files import json_text, write_atomically
 from catenary.transmission.coupled_friction import SWEEPS
 
@@ -104,13 +103,8 @@ def save_onnx(model: CalibrationModel, card: Card, path: Path) -> Any:
     return made
 
 
-def _import_onnx() -> ModuleType:
-    try:
-        return import_module("onnx")
-    except ImportError as error:
-        raise MissingPackageError(
-            f"ONNX files are written by the package onnx, which is not installed: {to_install('onnx')}"
-        ) from error
+def _import_onnx() -> Any:
+    return imported("onnx", "ONNX files are written by the package onnx, which is not installed", "onnx")
 
 
 class _Graph:

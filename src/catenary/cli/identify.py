@@ -324,7 +324,7 @@ class CollisionOptions:
 
     def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":
         """Return what a robot must not hit."""
-        from catenary.collision.bodies import box_at, floor_at, mesh_at
+        from catenary.collision.scene import box_at, floor_at, mesh_at
         from catenary.robots.shapes import load_geometry
         from catenary.workflows.excitation import MotionSurroundings
 

@@ -96,9 +96,8 @@ def _simulated(robot: str, model: Path | None, seed: int | None) -> Any:
 
 def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: str | None) -> _Titled:
     """Return a robot on ROS, which is only read unless the options are those of one that is moved."""
-    from catenary.view.controlled import ControlledArm
     from catenary.view.shapes import shapes_of
-    from catenary.view.watched import WatchedArm
+    from catenary.view.watched import ControlledArm, WatchedArm
 
     moved = isinstance(robot, MovedRobot)
     opened = stack.enter_context(chosen_robot(robot, "view", moves=moved, gravity=gravity))
@@ -114,8 +113,8 @@ def _recording(what: str | None, log: Path | None, model: Path | None, recording
 
     robot, path = what, log or Path()
     if what is not None and _is_project(what):
-        project = shown_project(Path(what))
-        robot, path, model = project.robot, log or project.log, model or project.model
+        recorded, recommended, robot = shown_project(Path(what))
+        path, model = log or recorded, model or recommended
     recording, loaded = _played(path, model, recordings)
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)

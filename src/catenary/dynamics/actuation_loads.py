@@ -52,8 +52,7 @@ class ActuationLoads(NamedTuple):
             drives = [k for k, term in enumerate(self.terms) if term.kind in ("motor_inertia", "spring")]
             carried = links + known + columns[:, :, drives] @ self.values[drives]
             columns = actuation_columns(self.terms, q, qd, qdd, smooth, carried)
-        torque: Floats = columns @ self.values + known
-        return torque
+        return np.asarray(columns @ self.values + known)
 
 
 def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) -> ActuationLoads:

@@ -102,12 +102,8 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
-def gravity_rows(gravity: ArrayLike, count: int) -> Floats:
-    """Return gravity (3,) or (N, 3) as one row for all, or as one row for each of `count` configurations."""
-    return _vector_rows("gravity", gravity, count)
-
-
-def _vector_rows(name: str, vectors: ArrayLike, count: int) -> Floats:
+def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Floats:
+    """Return gravity, or another vector, (3,) or (N, 3) as one row for all or for each of `count` configurations."""
     rows, single = as_batch(name, vectors, 3)
     if not single and len(rows) != count:
         raise InputError(f"{name}: expected shape (3,) or ({count}, 3), as q has it, got {rows.shape}")
@@ -123,7 +119,7 @@ def felt_rows(gravity: ArrayLike, base: BaseMotion | None, count: int) -> tuple[
     if base is None:
         return down, _AT_REST[None], _AT_REST[None]
     omega, alpha, linear = (
-        _vector_rows(f"base {name.replace('_', ' ')}", vectors, count)
+        gravity_rows(vectors, count, f"base {name.replace('_', ' ')}")
         for name, vectors in zip(BaseMotion._fields, base, strict=True)
     )
     return down - linear, omega, alpha

@@ -345,12 +345,8 @@ def to_robot(coupling: Floats, tree_torque: Floats, torque: Floats) -> None:
 @inlined
 def to_robot_columns(coupling: Floats, tree_columns: Floats, columns: Floats) -> None:
     """Write tree_columns @ coupling: a Jacobian's columns along the robot's coordinates."""
-    for r in range(tree_columns.shape[0]):
-        for k in range(coupling.shape[1]):
-            total = 0.0
-            for i in range(coupling.shape[0]):
-                total += tree_columns[r, i] * coupling[i, k]
-            columns[r, k] = total
+    for r in range(len(tree_columns)):
+        to_robot(coupling, tree_columns[r], columns[r])
 
 
 @inlined

@@ -11,13 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.dynamics.lines import (
-    forward_kinematics_line,
-    gravity_line,
-    holding_line,
-    inverse_dynamics_line,
-    mass_matrix_line,
-)
+from catenary.dynamics import lines
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
@@ -35,7 +29,7 @@ def gravity_kernel(model: RobotModel) -> Kernel:
     Raises:
         MissingInertiaError: Links without inertia.
     """
-    return known_kernel(model, "gravity", gravity_line, (model.n,)).ready()
+    return known_kernel(model, "gravity", lines.gravity_line, (model.n,)).ready()
 
 
 def holding_kernel(model: RobotModel) -> Kernel:
@@ -47,7 +41,7 @@ def holding_kernel(model: RobotModel) -> Kernel:
     Inputs are q (n,) [rad|m]; gravity (3,), the free-fall acceleration less the acceleration of the base's origin
     [m/s2]; omega and alpha (3,), the angular velocity and acceleration of the base [rad/s, rad/s2]; all in base axes.
     """
-    return known_kernel(model, "holding", holding_line, (model.n,)).ready()
+    return known_kernel(model, "holding", lines.holding_line, (model.n,)).ready()
 
 
 def inverse_dynamics_kernel(model: RobotModel) -> Kernel:
@@ -56,18 +50,18 @@ def inverse_dynamics_kernel(model: RobotModel) -> Kernel:
     Inputs are q, qd and qdd (n,) [rad|m, /s, /s2]; gravity, omega and alpha (3,) as in `holding_kernel`, omega and
     alpha zero on a base at rest.
     """
-    return known_kernel(model, "inverse-dynamics", inverse_dynamics_line, (model.n,)).ready()
+    return known_kernel(model, "inverse-dynamics", lines.inverse_dynamics_line, (model.n,)).ready()
 
 
 def mass_matrix_kernel(model: RobotModel) -> Kernel:
     """Return `kernel(q)`, the mass matrix (n, n) at q (n,) [rad|m]; see `mass_matrix`."""
-    return known_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n)).ready()
+    return known_kernel(model, "mass-matrix", lines.mass_matrix_line, (model.n, model.n)).ready()
 
 
 def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Kernel:
     """Return `kernel(q)`, rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]; of the tip when None."""
     name = model.tip if frame is None else frame
-    return known_kernel(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4)).ready()
+    return known_kernel(model, f"pose-{name}", lambda m: lines.forward_kinematics_line(m, name), (3, 4)).ready()
 
 
 class DynamicQuantity(NamedTuple):

@@ -5,16 +5,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal, get_args
 
+from catenary.dynamics import lines
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
-from catenary.dynamics.law_lines import feedforward_line, forward_dynamics_line
-from catenary.dynamics.lines import (
-    forward_kinematics_line,
-    gravity_line,
-    gravity_regressor_line,
-    holding_line,
-    inverse_dynamics_line,
-    mass_matrix_line,
-)
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.tracing import Line
@@ -107,15 +99,15 @@ def _traced(
         regressor = compact_regressor(model)
         return regressor.line(), (n, len(regressor.labels)), "Z"
     table: dict[str, tuple[Callable[[RobotModel], Line], tuple[int, ...], str]] = {
-        "gravity": (gravity_line, (n,), "tau"),
-        "holding": (holding_line, (n,), "tau"),
-        "mass_matrix": (mass_matrix_line, (n, n), "M"),
-        "inverse_dynamics": (partial(inverse_dynamics_line, moving_base=False), (n,), "tau"),
-        "inverse_dynamics_on_moving_base": (inverse_dynamics_line, (n,), "tau"),
-        "feedforward": (partial(feedforward_line, loads=loads), (n,), "tau"),
-        "forward_dynamics": (partial(forward_dynamics_line, loads=loads), (n,), "qdd"),
-        "forward_kinematics": (partial(forward_kinematics_line, frame=frame), (3, 4), "pose"),
-        "gravity_regressor": (gravity_regressor_line, (n, 4 * links), "Z"),
+        "gravity": (lines.gravity_line, (n,), "tau"),
+        "holding": (lines.holding_line, (n,), "tau"),
+        "mass_matrix": (lines.mass_matrix_line, (n, n), "M"),
+        "inverse_dynamics": (partial(lines.inverse_dynamics_line, moving_base=False), (n,), "tau"),
+        "inverse_dynamics_on_moving_base": (lines.inverse_dynamics_line, (n,), "tau"),
+        "feedforward": (partial(lines.inverse_dynamics_line, loads=loads, moving_base=False), (n,), "tau"),
+        "forward_dynamics": (partial(lines.forward_dynamics_line, loads=loads), (n,), "qdd"),
+        "forward_kinematics": (partial(lines.forward_kinematics_line, frame=frame), (3, 4), "pose"),
+        "gravity_regressor": (lines.gravity_regressor_line, (n, 4 * links), "Z"),
     }
     traced, shape, result = table[quantity]
     return traced(model), shape, result

@@ -88,17 +88,15 @@ def _check(names: Sequence[str], inputs: Sequence[NDArray[Any]], outputs: Sequen
     for name, array in zip(names, [*inputs, *outputs], strict=True):
         if not isinstance(array, np.ndarray):
             raise InputError(f"{name}: expected a NumPy array, got {type(array).__name__}")
-        if not _is_known(array.dtype):
-            raise InputError(
-                f"{name}: expected float64, int64, uint8, bool, or named fields of these (arrays in fields: not of "
-                f"bool), in the machine's byte order, got {array.dtype}"
-            )
-        if not array.flags.c_contiguous:
-            raise InputError(
-                f"{name}: expected a C-contiguous array, got shape {array.shape} with strides {array.strides}"
-            )
-        if not array.flags.aligned:
-            raise InputError(f"{name}: expected an aligned array, got {array.dtype} at an odd address")
+        wanted = {
+            "float64, int64, uint8, bool, or named fields of these (arrays in fields: not of bool), in the machine's "
+            f"byte order, got {array.dtype}": _is_known(array.dtype),
+            f"a C-contiguous array, got shape {array.shape} with strides {array.strides}": array.flags.c_contiguous,
+            f"an aligned array, got {array.dtype} at an odd address": array.flags.aligned,
+        }
+        for told, holds in wanted.items():
+            if not holds:
+                raise InputError(f"{name}: expected {told}")
     written = list(zip(names[len(inputs) :], outputs, strict=True))
     for name, array in written:
         if not array.flags.writeable:

@@ -3,7 +3,7 @@
 import re
 
 from catenary.kernels import sines
-from catenary.kernels.tracing import ANGLES, FUNCTIONS, Line, name_of, needed, operation, result, widths_of
+from catenary.kernels.tracing import ANGLES, FUNCTIONS, Line, name_of, needed, widths_of
 
 
 def c_sines(prefix: str) -> str:
@@ -77,9 +77,10 @@ def c_function(prefix: str, name: str, line: Line) -> str:
             text.append(f"  const double {name_of(line, number)} = {whole}[{angles.index(step.a)}];")
         elif number not in before:
             text.append(_statement(line, number))
+    results = [repr(r) if isinstance(r, float) else "-" * (r[0] < 0) + name_of(line, r[1]) for r in line.results]
     used = {line.inputs[step.a][0] for step in line.steps if step.kind == "in"}
     text += [f"  (void){array};" for array in arrays if array not in used]
-    text += [f"  out[{k}] = {result(line, k)};" for k in range(len(line.results))]
+    text += [f"  out[{k}] = {result};" for k, result in enumerate(results)]
     return "\n".join([*text, "}", ""])
 
 
@@ -88,11 +89,12 @@ def _statement(line: Line, number: int) -> str:
     if step.kind == "in":
         array, index = line.inputs[step.a]
         return f"  const double t{number} = {array}[{index}];"
+    a = name_of(line, step.a)
     if step.kind in FUNCTIONS:
-        a = name_of(line, step.a)
         written = {"sign": f"{a} > 0.0 ? 1.0 : {a} < 0.0 ? -1.0 : {a}", "inverse": f"1.0 / {a}", "abs": f"fabs({a})"}
         return f"  const double t{number} = {written.get(step.kind, f'{step.kind}({a})')};"
-    return f"  const double t{number} = {operation(line, step)};"
+    b = _number(step.b) if step.kind.endswith("k") else name_of(line, int(step.b))
+    return f"  const double t{number} = {a} {step.kind[0]} {b};"
 
 
 def _number(value: float) -> str:

@@ -1,14 +1,12 @@
 """Compiled functions: the one place that asks numba for them, and the private folders that keep their machine code.
 
-numba takes half a second to import, and as long again to make ready. That is done when a compiled function is first
-called, so programs that call none start without it. numba keeps machine code on disk until the file of its function
-changes, whatever became of the functions in other files that it calls. Here it is made anew when any file with such
-functions has changed.
+numba takes a second to import and make ready: that is done when a compiled function is first called. It keeps machine
+code on disk until the file of its function changes; here it is made anew when any file with such functions has.
 
 Code that is loaded from a folder is as safe as the folder. So every folder above must be the user's or root's, and
 writable by nobody else (but for sticky ones like /tmp); and the folder must be the user's own and no link, and nobody
 else may enter it: one that others could read is emptied, since they could have written to files in it. Where no such
-folder can be had, code is compiled in memory, for each process again, and one note says so.
+folder can be had, code is compiled in memory, and one note says so.
 
 Of a generated module (`load_module`) the text in memory is run, just written: the file with the same text beside it
 only tells numba which machine code, cached in `__pycache__`, belongs to it. That machine code is read back, so before
@@ -212,11 +210,9 @@ def start_numba() -> ModuleType:
 def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None = None) -> ModuleType:
     """Run a module's text, once in a process; its machine code is cached where that is safe.
 
-    The text may use `@compiled` and `@compiled_for(SIGNATURE)`, which compiles for one signature of
-    numba's, refuses others with TypeError, and keeps Python's lock: to give it takes as long as a torque. Where the
-    module's `__file__` is None it is in memory. `stem`, of letters, digits and hyphens, is what the file's name
-    begins with; what the names `given` are must follow from the text; files are kept in `folder`, or in
-    `cache_folder()`.
+    The text may use `@compiled` and `@compiled_for(SIGNATURE)`, which compiles for one signature of numba's, refuses
+    others with TypeError, and keeps Python's lock: to give it takes as long as a torque. Where the module's `__file__`
+    is None it is in memory. The file's name begins with `stem`; what the names `given` are must follow from the text.
     """
     digest = sha256(text.encode()).hexdigest()[:32]
     name = f"_catenary_kernel_{digest}"

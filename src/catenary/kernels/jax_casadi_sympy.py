@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from catenary.errors import InputError, MissingPackageError, NotReadyError, to_install
+from catenary.errors import InputError, NotReadyError, imported
 from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
 
 JaxFunction = Callable[..., Any]
@@ -24,10 +24,7 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
     shape is of the result, (m,) or (m, k), and result the name of the output; inputs have the names of the arrays of
     the line.
     """
-    try:
-        import casadi
-    except ImportError as error:
-        raise MissingPackageError(f"CasADi functions need casadi: {to_install('casadi')}") from error
+    casadi = imported("casadi", "CasADi functions need casadi", "casadi")
     inputs = {array: casadi.SX.sym(array, width) for array, width in widths_of(line).items()}
     values = evaluate(
         line,
@@ -44,11 +41,8 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
 
 def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
     """Return a jitted function of float64 arrays in the order of the line's inputs, which are its names too."""
-    try:
-        import jax
-        import jax.numpy as jnp
-    except ImportError as error:
-        raise MissingPackageError(f"JAX functions need jax: {to_install('jax')}") from error
+    jax = imported("jax", "JAX functions need jax", "jax")
+    jnp = jax.numpy
     if not jax.config.jax_enable_x64:
         raise NotReadyError(
             "JAX computes in float32, in which torques are wrong in the sixth digit: switch float64 on before "
@@ -104,10 +98,7 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
     Short lines (60 operations) are multiplied out, with sines and cosines of sums of angles; longer ones stay as nested
     as they were computed, for `sympy.cse`, `sympy.lambdify` and derivatives.
     """
-    try:
-        import sympy
-    except ImportError as error:
-        raise MissingPackageError(f"SymPy expressions need sympy: {to_install('symbolic')}") from error
+    sympy = imported("sympy", "SymPy expressions need sympy", "symbolic")
     inputs = {
         array: tuple(
             sympy.Symbol(f"{array}_{'xyz'[i]}" if array in VECTORS else f"{array}{i + 1}", real=True)

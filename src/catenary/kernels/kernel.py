@@ -24,9 +24,8 @@ class Kernel:
     configurations, without Python's lock. Single calls and rows take what `as_array` takes. None looks at values, so
     that a control loop counts its NaN: one reaches every number that depends on it. Any number of threads may call.
 
-    Its machine code is made when it is first called or bound, in about half a second, and found in the user's cache
-    afterwards (compiled.py). It is pickled without, so it goes to processes that are spawned; what `bind` returns holds
-    addresses of this process and is not pickled.
+    Its machine code is made when it is first called or bound, and found in the user's cache afterwards (compiled.py);
+    it is pickled without.
     """
 
     def __init__(self, name: str, line: Line, shape: tuple[int, ...]) -> None:

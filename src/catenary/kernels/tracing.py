@@ -159,21 +159,16 @@ class Trace:
 
     def line(self, results: Sequence[Term]) -> Line:
         """Return the operations that the results need, renumbered."""
-        needed = {r.step for r in results if isinstance(r, Symbol)}
-        for number in range(len(self._steps) - 1, -1, -1):
-            if number in needed:
-                needed.update(_operands(self._steps[number]))
-        numbers = {old: new for new, old in enumerate(sorted(needed))}
+        every = Line(tuple(self._inputs), tuple(self._steps), ())
+        order = needed(every, [r.step for r in results if isinstance(r, Symbol)], stop=())
+        numbers = {old: new for new, old in enumerate(order)}
         steps = []
-        for old in sorted(needed):
+        for old in order:
             step = self._steps[old]
             b = numbers[int(step.b)] if step.kind in ("+", "-", "*") else step.b
             steps.append(Operation(step.kind, step.a if step.kind == "in" else numbers[step.a], b))
-        return Line(
-            tuple(self._inputs),
-            tuple(steps),
-            tuple((r.sign, numbers[r.step]) if isinstance(r, Symbol) else float(r) for r in results),
-        )
+        told = ((r.sign, numbers[r.step]) if isinstance(r, Symbol) else float(r) for r in results)
+        return every._replace(steps=tuple(steps), results=tuple(told))
 
     def _symbol(self, kind: str, a: int, b: float | int, sign: int = 1) -> Symbol:
         key = (kind, a, b)
@@ -288,23 +283,6 @@ def name_of(line: Line, number: int) -> str:
     """Return the name of a step's value."""
     step = line.steps[number]
     return f"{step.kind[0]}{step.a}" if step.kind in ANGLES else f"t{number}"
-
-
-def operation(line: Line, step: Operation) -> str:
-    """Write a sum or product, the same in Python and in C."""
-    a = name_of(line, step.a)
-    if step.kind.endswith("k"):
-        return f"{a} {step.kind[0]} {step.b!r}" if step.b >= 0 else f"{a} {step.kind[0]} ({step.b!r})"
-    return f"{a} {step.kind} {name_of(line, int(step.b))}"
-
-
-def result(line: Line, k: int) -> str:
-    """Write a result."""
-    given = line.results[k]
-    if isinstance(given, float):
-        return repr(given)
-    sign, number = given
-    return ("-" if sign < 0 else "") + name_of(line, number)
 
 
 def needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[int]:

@@ -285,11 +285,11 @@ def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
 def check_actuation(where: str, actuation: Actuation, n: int) -> None:
     """Refuse effects that do not fit the robot."""
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):
-        terms = getattr(actuation, kind)
-        check_names(f"{where}: {kind.replace('_', ' ')}", [term.name for term in terms])
+        said, terms = f"{where}: {kind.replace('_', ' ')}", getattr(actuation, kind)
         names = [term.name for term in terms]
+        check_names(said, names)
         for term in terms:
-            what = f'{where}: {kind.replace("_", " ")} "{term.name}"'
+            what = f'{said} "{term.name}"'
             if names.count(term.name) > 1:
                 raise InputError(f"{what}: is there twice")
             if term.combination.shape != (n,) or not np.isfinite(term.combination).all():
@@ -300,10 +300,9 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
                 raise InputError(f"{what}: expected {n} finite factors along which it acts, got {along}")
             if not term.combination.any():
                 raise InputError(f"{what}: acts on no coordinate")
-            lever = getattr(term, "lever", None)
-            if lever is not None and not (0.0 < lever.arm < lever.anchor):
-                raise InputError(f"{what}: expected an arm above 0 and shorter than the anchor's distance")
-            if lever is not None:
+            if (lever := getattr(term, "lever", None)) is not None:
+                if not 0.0 < lever.arm < lever.anchor:
+                    raise InputError(f"{what}: expected an arm above 0 and shorter than the anchor's distance")
                 check_within(f"{what}: lever", [lever.anchor, lever.rest, lever.angle], FARTHEST, "m or rad")
     if actuation.values is not None:
         count = len(actuation_terms(actuation))

@@ -85,13 +85,11 @@ def assemble(
     moving link as a whole has no possible one and more than a gram. Gravity never needs them.
 
     Args:
-        name: The robot's.
         links: In any order; a parent that is no link's name must be `root`.
         coordinates: In the order of q; those that move no link may be in `actuation`.
         frames: Further named frames: link they are fixed to, pose in it.
         root: What everything hangs on; it is called "base" too, unless a link or frame is.
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
-        massless, closed_form, actuation, sources, notes, doubts: As `RobotModel` has them.
     """
     plausible.check_names("robot", [name])
     where = f'robot "{name}"'
@@ -105,7 +103,11 @@ def assemble(
         _check_link(where, link, [c.name for c in coordinates])
     if actuation is not None:
         check_actuation(where, actuation, len(coordinates))
-    _check_moved(where, ordered, coordinates, actuation)
+    moved_by = {name for link in ordered if link.joint != "fixed" for name in link.variable}
+    loaded = {c.name for i, c in enumerate(coordinates) if actuation is not None and actuation.moves(i)}
+    idle = [c.name for c in coordinates if c.name not in moved_by | loaded]
+    if idle and moved_by:  # a robot without any moving joint is refused as such
+        raise InputError(f"{where}: coordinates {', '.join(idle)} move no joint")
 
     folded = fold(ordered, root)
     if not folded.moving:
@@ -116,7 +118,7 @@ def assemble(
         for link, body in zip(folded.moving, folded.inertia, strict=True)
         if body.inertia is None or (body.mass > LIGHTEST and is_negative(body.mass, body.inertia))
     ]
-    doubted = [*doubts, *_far_apart(folded), *_doubts(ordered, folded, untold)]
+    doubted = [*doubts, *_doubts(ordered, folded, untold)]
     if doubted:
         more = f"; and {len(doubted) - SHOWN} more" if len(doubted) > SHOWN else ""
         _log.warning("%s: %s%s", where, "; ".join(doubted[:SHOWN]), more)
@@ -128,7 +130,11 @@ def assemble(
         note = f'"{BASE}" is the description\'s own frame; "{root}" is the base frame, whose axes gravity is given in'
         _log.warning("%s: %s", where, note)
         notes = [*notes, note]
-    tip = tip if tip is not None else _deepest(ordered, root)
+    if tip is None:
+        depth = {root: 0}
+        for link in ordered:
+            depth[link.name] = depth[link.parent] + 1
+        tip = max(ordered, key=lambda link: depth[link.name]).name
     if tip not in all_frames:
         raise InputError(f'{where}: tip "{tip}" is no frame; frames: {", ".join(all_frames)}')
     return RobotModel(
@@ -157,20 +163,14 @@ def assemble(
     ).with_massless(massless)
 
 
-def _far_apart(folded: "Folded") -> list[str]:
-    """Return which joints and centres of mass lie farther from the joint before than any arm reaches."""
+def _doubts(ordered: Sequence[Link], folded: "Folded", untold: Sequence[str]) -> list[str]:
+    """Return in words which lengths no arm has, what inertias no body has, and what becomes of these."""
     doubts = []
     for link, pose, body in zip(folded.moving, folded.poses, folded.inertia, strict=True):
         for what, vector in (("its joint", pose.position), ("its centre of mass", body.com)):
             length = float(np.linalg.norm(vector))
             if length > plausible.FAR:
                 doubts.append(f'link "{link.name}": {what} lies {length:.4g} m away; lengths are in m')
-    return doubts
-
-
-def _doubts(ordered: Sequence[Link], folded: "Folded", untold: Sequence[str]) -> list[str]:
-    """Return in words what inertias no body has, and what becomes of them."""
-    doubts = []
     for link in ordered:
         if link.inertia is None or link.inertia.mass == 0.0:
             continue
@@ -227,8 +227,7 @@ def fold(ordered: Sequence[Link], root: str) -> Folded:
 def _axes_seen_from(pose: Pose, axes_of_com: Sequence[bool]) -> Flags:
     """Return on which axes of a parent frame a CoM may lie that lies on some of a frame at `pose`."""
     reached = np.abs(pose.rotation)[:, np.array(axes_of_com, dtype=bool)].sum(axis=1)
-    off_axis: Flags = np.abs(pose.position) + reached > OFF_AXIS
-    return off_axis
+    return np.asarray(np.abs(pose.position) + reached > OFF_AXIS)
 
 
 def tree_of(folded: Folded) -> Tree:
@@ -273,20 +272,14 @@ def _parents_first(where: str, links: Sequence[Link], root: str) -> list[Link]:
                 f'{where}: link "{link.name}" hangs on unknown link "{link.parent}"; '
                 f"links: {', '.join([root, *by_name])}"
             )
-    ordered: list[Link] = []
-    placed = {root}
-    waiting = list(links)
+    ordered, waiting = dict[str, Link](), dict(by_name)
     while waiting:
-        ready = [link for link in waiting if link.parent in placed]
-        if not ready:
-            loop = ", ".join(link.name for link in waiting)
-            raise UnsupportedModelError(f"{where}: the parents of links {loop} form a loop")
-        # take one at a time where the given order already works, so that q keeps the file's order
-        link = ready[0]
-        ordered.append(link)
-        placed.add(link.name)
-        waiting.remove(link)
-    return ordered
+        # one at a time where the given order already works, so that q keeps the file's order
+        ready = next((link for link in waiting.values() if link.parent == root or link.parent in ordered), None)
+        if ready is None:
+            raise UnsupportedModelError(f"{where}: the parents of links {', '.join(waiting)} form a loop")
+        ordered[ready.name] = waiting.pop(ready.name)
+    return list(ordered.values())
 
 
 def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
@@ -300,19 +293,6 @@ def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
             raise InputError(f"{what}: limits [{c.lower}, {c.upper}], expected the lower one first")
         if not (c.velocity >= 0.0 and c.effort >= 0.0):
             raise InputError(f"{what}: velocity limit {c.velocity}, effort limit {c.effort}: expected zero or more")
-
-
-def _check_moved(
-    where: str, links: Sequence[Link], coordinates: Sequence[Coordinate], actuation: Actuation | None
-) -> None:
-    moved = {name for link in links if link.joint != "fixed" for name in link.variable}
-    idle = [
-        c.name
-        for i, c in enumerate(coordinates)
-        if c.name not in moved and (actuation is None or not actuation.moves(i))
-    ]
-    if idle and moved:  # a robot without any moving joint is refused as such
-        raise InputError(f"{where}: coordinates {', '.join(idle)} move no joint")
 
 
 def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
@@ -345,13 +325,6 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
                     f"{what}: centre of mass has {axis} = {value:g} m, and its axes are declared to be "
                     f"{', '.join(a for a, m in zip('xyz', link.axes_of_com, strict=True) if m) or 'none'}"
                 )
-
-
-def _deepest(ordered: Sequence[Link], root: str) -> str:
-    depth = {root: 0}
-    for link in ordered:
-        depth[link.name] = depth[link.parent] + 1
-    return max(ordered, key=lambda link: depth[link.name]).name
 
 
 # what readers of descriptions share

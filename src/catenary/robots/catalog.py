@@ -13,20 +13,21 @@ from catenary.robots.model import Massless, RobotModel
 # by ending, or XML's root; each is imported when its file comes: a table needs neither an XML nor a MuJoCo reader
 READERS = {
     ".toml": ("dh_table", "load_table"), ".npz": ("model_record", "load_identified"),
-    ".json": ("dvrk_files", "load_dvrk"), ".xacro": ("urdf", "load_xacro"),
+    ".json": ("dvrk_files", "load_dvrk"), ".xacro": ("urdf", "load_urdf"),
     "<robot>": ("urdf", "load_urdf"), "<mujoco>": ("mjcf", "load_mjcf"),
 }  # fmt: skip
+_DATA = files("catenary.robots") / "data"
 RAVEN_SIDES = {"raven2": "left", "raven2_right": "right"}  # which arm of a RAVEN-II a robot is
 
 
 def robot_names() -> tuple[str, ...]:
     """Return the names of the robots that come with the package."""
-    return tuple(sorted(p.name.removesuffix(".toml") for p in _data().iterdir() if p.name.endswith(".toml")))
+    return tuple(sorted(p.name.removesuffix(".toml") for p in _DATA.iterdir() if p.name.endswith(".toml")))
 
 
 def catalogue_file(name: str) -> Traversable:
     """Return the table of a robot that comes with the package."""
-    return _data() / f"{name}.toml"
+    return _DATA / f"{name}.toml"
 
 
 def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
@@ -46,21 +47,15 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
         InputError: `massless` names a link that does not exist or has a mass; strict, and the model has doubts.
         UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent.
     """
-    model = _load(source, massless)
-    if strict and model.doubts:
-        raise InputError(f'robot "{model.name}": {"; ".join(model.doubts)}')
-    return model
-
-
-def _load(source: str | Path, massless: Massless) -> RobotModel:
     name = str(source)
     if isinstance(source, str) and source.lstrip().startswith("<"):
-        return load_text(source, massless=massless)
-    if name in robot_names():
+        model = load_text(source, massless=massless)
+    elif name in robot_names():
         with as_file(catalogue_file(name)) as table:
-            return load_file(table, massless=massless)
-    path = Path(source)
-    if not _is_file(path):
+            model = load_file(table, massless=massless)
+    elif _is_file(Path(source)):
+        model = load_file(Path(source), massless=massless)
+    else:
         begins = [known for known in robot_names() if name.startswith(known)]
         close = begins[-1:] or get_close_matches(cut(name), robot_names(), n=1, cutoff=0.6)
         hint = f' (did you mean "{close[0]}"?)' if close else ""
@@ -68,7 +63,9 @@ def _load(source: str | Path, massless: Massless) -> RobotModel:
             f'robot "{cut(name)}": neither a file nor in the catalogue{hint}; '
             f"the catalogue has {', '.join(robot_names())}"
         )
-    return load_file(path, massless=massless)
+    if strict and model.doubts:
+        raise InputError(f'robot "{model.name}": {"; ".join(model.doubts)}')
+    return model
 
 
 def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
@@ -120,7 +117,3 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # a name that no file can have: too long, or with a zero byte
         return False
-
-
-def _data() -> Traversable:
-    return files("catenary.robots") / "data"

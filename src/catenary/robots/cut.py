@@ -230,12 +230,8 @@ def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotM
             model = cut_arm(model, table.base, table.tip or model.tip, locked=locked)
         elif locked:
             model = lock_joints(model, locked)
-        changes: dict[str, object] = {"tip": model.tip}
-        if table.tip is not None:
-            model.frame(table.tip)
-            changes["tip"] = table.tip
-        if table.name is not None:
-            changes["name"] = table.name
+        model.frame(table.tip)
+        changes: dict[str, object] = {"tip": table.tip or model.tip, "name": table.name or model.name}
         if table.actuation is not None:
             where = f"{path}: actuation"
             actuation = parse_settings(table.actuation, Actuation, where, context=model.joint_names)

@@ -164,8 +164,7 @@ def _coordinates(where: str, table: RobotTable) -> list[Coordinate]:
         what = f'robot "{table.name}": DH row "{row.name}"'
         coordinate = _coordinate(where, row.name, "m" if row.joint == "prismatic" else "rad", row)
         moves_itself = row.joint != "fixed" and (row.variable is None or row.name in row.variable)
-        limited = np.isfinite(coordinate.lower) or np.isfinite(coordinate.upper)
-        if limited and (listed is not None or not moves_itself):
+        if coordinate != Coordinate(row.name, coordinate.unit) and (listed is not None or not moves_itself):
             raise InputError(f"{what}: has limits but no coordinate of its own; give limits to the coordinate")
         if moves_itself:
             own.append(coordinate)

@@ -106,21 +106,16 @@ def shape_on(where: str, model: RobotModel, frame: str, name: str, pose: Pose, f
 
 def check_form(what: str, form: Form) -> None:
     """Refuse sizes that are not positive, or beyond what any robot has (a kilometre)."""
-    if isinstance(form, MeshFile):
-        sizes: tuple[float, ...] = tuple(abs(float(s)) for s in form.scale)
-    elif isinstance(form, TriangleMesh):
+    if isinstance(form, TriangleMesh):
         if len(form.vertices) < 3 or len(form.triangles) < 1:
             raise InputError(f"{what}: a mesh without triangles")
         if not np.isfinite(form.vertices).all():
             raise InputError(f"{what}: a vertex of the mesh is not finite")
         return
-    elif isinstance(form, Capsule):
-        if not 0.0 <= form.length <= FARTHEST:
-            raise InputError(f"{what}: length {form.length:g} m, expected zero to {FARTHEST:g} m")
-        sizes = (form.radius,)
-    else:
-        sizes = tuple(float(s) for s in form)
-    for size in sizes:
+    if isinstance(form, Capsule) and not 0.0 <= form.length <= FARTHEST:
+        raise InputError(f"{what}: length {form.length:g} m, expected zero to {FARTHEST:g} m")
+    sizes = form.scale if isinstance(form, MeshFile) else form[:1] if isinstance(form, Capsule) else form
+    for size in np.abs(sizes) if isinstance(form, MeshFile) else sizes:
         if not 0.0 < size <= FARTHEST:
             raise InputError(f"{what}: size {size:g}, expected above zero and at most {FARTHEST:g}")
 

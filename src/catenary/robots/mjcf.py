@@ -1,6 +1,5 @@
 """Robots from MJCF files, read by MuJoCo itself and taken from its compiled arrays."""
 
-import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,8 +9,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.documents import MOST_XML, read_bounded, shortened, xml_tree
-from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError, to_install
+from catenary.documents import MOST_XML, XML_COMMENT, read_bounded, shortened, xml_tree
+from catenary.errors import FileFormatError, UnsupportedModelError, imported
 from catenary.robots.actuation import StatedDrive, stated_actuation
 from catenary.robots.assembly import (
     Coordinate,
@@ -80,22 +79,24 @@ class CompiledMjcf(NamedTuple):
 
 def compile_mjcf(path: Path) -> CompiledMjcf:
     """Return a file as MuJoCo compiles it, whatever masses it lacks."""
-    try:
-        import mujoco
-    except ImportError as error:
-        raise MissingPackageError(
-            f"{path}: MuJoCo reads MJCF files and is not installed: {to_install('mujoco')}"
-        ) from error
-    try:
-        spec, aside = _read(mujoco, path)
-        model = _compiled_by(spec)
-        mass, inertia = model.body_mass, model.body_inertia
-    except _mujocos_errors(mujoco) as error:
-        if "must be larger than mjMINVAL" not in str(error):
-            raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
-        spec, model, aside = _compile_without_mass(mujoco, path)
-        mass = np.where(model.body_mass > 100.0 * _LEAST_MASS, model.body_mass, 0.0)
-        inertia = np.where(model.body_inertia > 100.0 * _LEAST_INERTIA, model.body_inertia, 0.0)
+    mujoco = imported("mujoco", f"{path}: MuJoCo reads MJCF files and is not installed", "mujoco")
+    for lacks_mass in (False, True):
+        try:
+            spec, aside = _read(mujoco, path)
+            if lacks_mass:
+                spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
+                spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
+            with warnings.catch_warnings():  # MuJoCo's are of its own simulation, and the tree is checked here
+                warnings.simplefilter("ignore")
+                model = spec.compile()
+            break
+        except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
+            if lacks_mass or "must be larger than mjMINVAL" not in str(error):
+                raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
+    mass, inertia = model.body_mass, model.body_inertia
+    if lacks_mass:
+        mass = np.where(mass > 100.0 * _LEAST_MASS, mass, 0.0)
+        inertia = np.where(inertia > 100.0 * _LEAST_INERTIA, inertia, 0.0)
     given = {body.name for body in spec.bodies if body.explicitinertial}
     compiled = CompiledMjcf(mujoco, model, np.array(mass), np.array(inertia), [], aside)
     for body in range(1, model.nbody):
@@ -157,27 +158,6 @@ def _without_missing_meshes(mujoco: Any, spec: Any, path: Path) -> list[str]:
     return left_out("meshes whose files are not there", files.values())
 
 
-def _compiled_by(spec: Any) -> Any:
-    """Compile without MuJoCo's warnings: they are of its own simulation, and the tree is checked here."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return spec.compile()
-
-
-def _mujocos_errors(mujoco: Any) -> tuple[type[Exception], ...]:
-    return (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError)
-
-
-def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any, tuple[str, ...]]:
-    try:
-        spec, aside = _read(mujoco, path)
-        spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
-        spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
-        return spec, _compiled_by(spec), aside
-    except _mujocos_errors(mujoco) as error:
-        raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
-
-
 def _refuse_what_no_tree_has(c: CompiledMjcf) -> None:
     for joint in range(c.model.njnt):
         kind = c.mujoco.mjtJoint(c.model.jnt_type[joint])
@@ -213,8 +193,9 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel
         carrier = int(c.model.site_bodyid[site])
         pose = Pose(rotation_from_quaternion(c.model.site_quat[site]), np.array(c.model.site_pos[site]))
         frames[frame] = (c.name("body", carrier), pose)
+    name = bytes(c.model.names).split(b"\0", 1)[0].decode()  # the first of the compiled names is the model's
     return assemble(
-        _model_name(c, path),
+        path.stem if name in ("", "MuJoCo Model") else name,
         links,
         [_coordinate(c, joint, name) for joint, name in joints.items() if name not in following],
         frames=frames,
@@ -347,21 +328,15 @@ def _notes(c: CompiledMjcf, joints: Mapping[int, str]) -> list[str]:
     return notes
 
 
-def _model_name(c: CompiledMjcf, path: Path) -> str:
-    name = bytes(c.model.names).split(b"\0", 1)[0].decode()  # the first of the compiled names is the model's
-    return path.stem if name in ("", "MuJoCo Model") else name
-
-
 # what a file asks for is counted before MuJoCo is given it: a line of it can ask for gigabytes
 MOST_FILES = 100  # that a file includes
 MOST_ASKED = {"bodies": MOST_LINKS, "points of images and height fields": 2**24, "reserved numbers": 10_000}
 IMAGES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
-_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 
 
 def _mjcf_tree(content: bytes, where: str) -> Element:
-    """Return the root element; comments are left out first, as MuJoCo allows "--" in them and XML does not."""
-    return xml_tree(_COMMENT.sub(lambda found: b"\n" * found[0].count(b"\n"), content), where)
+    """Return the root element, without comments; lines keep their numbers."""
+    return xml_tree(XML_COMMENT.sub(lambda found: b"\n" * found[0].count(b"\n"), content), where)
 
 
 def included_files(path: Path, content: bytes) -> dict[str, bytes]:

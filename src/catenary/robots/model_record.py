@@ -68,7 +68,7 @@ def _check(model: RobotModel) -> None:
     tree, links, n = model.tree, len(model.link_names), model.n
     if not 0 < links <= MOST_LINKS or not n:
         raise InputError(f"{links} links and {n} joints, expected at least one of each, and {MOST_LINKS} at most")
-    counts = {**dict.fromkeys((*Tree._fields, "coupling", "offset"), links)}
+    counts = dict.fromkeys((*Tree._fields, "coupling", "offset"), links)
     counts |= dict.fromkeys(("joint_units", "lower", "upper", "velocity_limit", "effort_limit"), n)
     for key, count in counts.items():
         values = getattr(tree if key in Tree._fields else model, key)

@@ -46,10 +46,3 @@ def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
 def check_length(what: str, vector: ArrayLike) -> None:
     """Refuse a vector (3,) [m] that is longer in any direction than a robot is."""
     check_within(what, as_array(what, vector, (3,)), FARTHEST, "m")
-
-
-def payload_doubt(mass: float, own: float) -> str | None:
-    """Return in words why a payload may not be meant, given the arm's own moving mass [kg]; None where it may."""
-    if not mass > HEAVY * own > 0.0:
-        return None
-    return f"payload of {mass:g} kg on an arm of {own:.3g} kg; payloads are in kg"

@@ -23,7 +23,7 @@ from catenary.robots.dh_table import RobotTable
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf, included_files, refuse_too_much
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf import expanded_xacro, named_elements, number_of, numbers_of, origin_of, urdf_root
-from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
+from catenary.spatial import Pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]
 DESCRIPTIONS = (".urdf", ".xml", ".mjcf")  # endings of files that may state shapes, beside tables
@@ -85,11 +85,9 @@ def described_geometry(
 def capsules_along_links(model: RobotModel, radius: float | None = None) -> geometry.Geometry | None:
     """Return capsules along the links; None where neither masses nor a radius say how thick they are.
 
-    From a link's joint to those it carries, thick enough to hold the link's mass as a body of the density of water:
-    arms are hollow tubes with motors and gears in them. A UR10e's upper arm (13.05 kg over 0.61 m) comes out some 75 mm
-    in radius. An assumption, not a measurement: a robot whose shapes matter needs a description that has them. Where
-    the centre of mass lies outside a capsule to the next joint, two capsules pass through it. `radius` is of all
-    capsules [m]; by the links' masses when None.
+    From a link's joint to those it carries, thick enough to hold the link's mass as a body of the density of water: an
+    assumption, not a measurement. Where the centre of mass lies outside a capsule to the next joint, two capsules pass
+    through it. `radius` is of all capsules [m]; by the links' masses when None.
     """
     known = [i for i, mass in enumerate(model.tree.mass) if mass > 0.0]
     if radius is None and not known:
@@ -106,11 +104,11 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> geom
         if radius is None:
             thick = _thickness(mass, segments)
         radii.append(thick)
-        shapes += [_capsule(name, link, segment, thick) for segment in segments]
+        shapes += [geometry.Shape(name, link, *geometry.capsule_between(*segment, thick)) for segment in segments]
     for child in np.flatnonzero(model.tree.parent < 0):
         end = model.tree.origin[child]
         if np.linalg.norm(end) > NO_LENGTH:
-            shapes.append(_capsule(model.base, -1, (np.zeros(3), end), radii[0]))
+            shapes.append(geometry.Shape(model.base, -1, *geometry.capsule_between(np.zeros(3), end, radii[0])))
     thickness = f"{1000 * min(radii):.0f} to {1000 * max(radii):.0f} mm"
     by = "as given" if radius is not None else "as thick as their masses are in water"
     return geometry.Geometry(
@@ -144,11 +142,6 @@ def _thickness(mass: float, segments: list[Segment]) -> float:
     return float(roots[np.isclose(roots.imag, 0.0) & (roots.real > 0.0)].real[0])
 
 
-def _capsule(name: str, link: int, segment: Segment, radius: float) -> geometry.Shape:
-    pose, capsule = geometry.capsule_between(segment[0], segment[1], radius)
-    return geometry.Shape(name, link, identity_pose() @ pose, capsule)
-
-
 def table_shapes(path: Path, model: RobotModel) -> geometry.Geometry | None:
     """Return the capsules of a robot table; None where it has none."""
     table = load_toml(path, RobotTable)
@@ -156,8 +149,7 @@ def table_shapes(path: Path, model: RobotModel) -> geometry.Geometry | None:
         return None
     shapes = []
     for row in table.capsule:
-        start, end = np.array(row.from_m, dtype=float), np.array(row.to_m, dtype=float)
-        pose, capsule = geometry.capsule_between(start, end, row.radius_m)
+        pose, capsule = geometry.capsule_between(np.array(row.from_m), np.array(row.to_m), row.radius_m)
         try:
             link = model.frame(row.frame).link
             name = model.base if link < 0 else model.link_names[link]

@@ -5,8 +5,9 @@ Links, one-coordinate joints, mimic joints; friction in <dynamics>, rotors of tr
 
 from collections.abc import Container, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -45,7 +46,7 @@ _KINDS: dict[str, JointKind] = {
 
 
 def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a URDF file.
+    """Load a robot from a URDF file, or from a xacro file, which xacro expands with its default arguments.
 
     The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
     no other, in the file's order; links and frames have the file's link names. A link without any inertia, shape
@@ -53,13 +54,7 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     A mass that the file says is zero is zero, and a doubt where the link is not declared massless.
     """
     content = read_bounded(path, MOST_XML)
-    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)], path=path)
-
-
-def load_xacro(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a xacro file, which xacro expands with its default arguments."""
-    content = read_bounded(path, MOST_XML)
-    text = expanded_xacro(path)
+    text = expanded_xacro(path) if path.suffix.lower() == ".xacro" else content
     return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
@@ -101,9 +96,9 @@ def parse_urdf(
     root = _only_root(where, links, joints)
     free, following = _leaders(where, joints)
     with np.errstate(all="ignore"):  # what is not finite is refused by name
-        stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
-        tree_links = [_tree_link(where, joint, links[joint.child], following, stepping) for joint in joints]
-    leaders = {joint.name: following.get(joint.name, Mimic(joint.name, 1.0, 0.0)) for joint in joints if joint.moves}
+        stepping = {j.link.parent for j in joints if j.link.joint != "fixed" and not j.link.pose.position.any()}
+        leaders = {j.name: following.get(j.name, Mimic(j.name, 1.0, 0.0)) for j in joints if j.link.joint != "fixed"}
+        tree_links = [_tree_link(where, joint.link, links, leaders.get(joint.name), stepping) for joint in joints]
     rotors, beside = _srdf_rotors(path, str(robot.get("name")))
     actuation, rotorless = _stated_drives(where, robot, leaders, rotors)
     declared = set(links) if massless == "all" else set(massless)
@@ -124,21 +119,12 @@ def parse_urdf(
     return model.with_massless(massless)
 
 
-@dataclass(frozen=True)
-class _Joint:
+class _Joint(NamedTuple):
     name: str
-    kind: JointKind
-    parent: str
-    child: str
-    pose: Pose
-    axis: Floats
+    link: Link  # that it carries, without what moves it and its inertia
     coordinate: Coordinate
     mimic: Mimic | None
     element: Element
-
-    @property
-    def moves(self) -> bool:
-        return self.kind != "fixed"
 
 
 def urdf_root(text: str | bytes, where: str) -> Element:
@@ -172,17 +158,14 @@ def _joint(where: str, name: str, element: Element, links: Mapping[str, Element]
     axis = element.find("axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else numbers_of(f"{what}: <axis>", axis, "xyz", 3)
     mimic = element.find("mimic")
-    return _Joint(
-        name=name,
-        kind=_KINDS[kind],
-        parent=parent,
-        child=child,
-        pose=origin_of(what, element),
-        axis=direction,
-        coordinate=_coordinate(what, name, kind, element),
-        mimic=None if mimic is None or kind == "fixed" else _mimic(what, mimic),
-        element=element,
-    )
+    follows = None
+    if mimic is not None and kind != "fixed":
+        if not (leader := mimic.get("joint")):
+            raise FileFormatError(f"{what}: <mimic> names no joint")
+        keys = {"multiplier": 1.0, "offset": 0.0}
+        follows = Mimic(leader, *(number_of(f"{what}: <mimic>", mimic, key, default=d) for key, d in keys.items()))
+    link = Link(child, parent, _KINDS[kind], origin_of(what, element), direction)
+    return _Joint(name, link, _coordinate(what, name, kind, element), follows, element)
 
 
 def _link_name(what: str, joint: Element, tag: str, links: Mapping[str, Element]) -> str:
@@ -211,25 +194,17 @@ def _coordinate(what: str, name: str, kind: str, joint: Element) -> Coordinate:
     return Coordinate(name, unit, lower, upper, velocity, effort)
 
 
-def _mimic(what: str, element: Element) -> Mimic:
-    leader = element.get("joint")
-    if not leader:
-        raise FileFormatError(f"{what}: <mimic> names no joint")
-    what = f"{what}: <mimic>"
-    multiplier = number_of(what, element, "multiplier", default=1.0)
-    return Mimic(leader, multiplier, number_of(what, element, "offset", default=0.0))
-
-
 def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint]) -> str:
     """Return the one link that is no joint's child; every other must have one parent."""
     carried_by: dict[str, str] = {}
     for joint in joints:
-        if joint.child in carried_by:
+        child = joint.link.name
+        if child in carried_by:
             raise UnsupportedModelError(
-                f'{where}: link "{joint.child}" has two parents, by joints "{carried_by[joint.child]}" and '
+                f'{where}: link "{child}" has two parents, by joints "{carried_by[child]}" and '
                 f'"{joint.name}": a loop cannot be represented by a tree'
             )
-        carried_by[joint.child] = joint.name
+        carried_by[child] = joint.name
     roots = [name for name in links if name not in carried_by]
     if not roots:
         raise UnsupportedModelError(f"{where}: every link has a parent: a loop cannot be represented by a tree")
@@ -240,7 +215,7 @@ def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint
 
 def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, Mimic]]:
     """Return the joints that are coordinates, and the other joints in terms of them."""
-    moving = {joint.name for joint in joints if joint.kind != "fixed"}
+    moving = {joint.name for joint in joints if joint.link.joint != "fixed"}
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
     for name, mimic in mimics.items():
         if mimic.leader not in moving:
@@ -253,22 +228,16 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
 
 
 def _tree_link(
-    where: str, joint: _Joint, child: Element, following: Mapping[str, Mimic], stepping: Container[str]
+    where: str, link: Link, links: Mapping[str, Element], leader: Mimic | None, stepping: Container[str]
 ) -> Link:
-    mimic = following.get(joint.name, Mimic(joint.name, 1.0, 0.0))
-    inertia = _inertia(f'{where}: link "{joint.child}"', child)
-    bare = len(child) == 0 and joint.child in stepping
-    weightless = inertia is not None and inertia.mass == 0.0
-    return Link(
-        name=joint.child,
-        parent=joint.parent,
-        joint=joint.kind,
-        pose=joint.pose,
-        axis=joint.axis,
-        variable={} if joint.kind == "fixed" else {str(mimic.leader): mimic.multiplier},
-        offset=mimic.offset,
-        inertia=inertia,
-        massless=bare or weightless,
+    """Return a link with its inertia and, in terms of a coordinate, what moves it; nothing where it is fixed."""
+    inertia = _inertia(f'{where}: link "{link.name}"', links[link.name])
+    bare = len(links[link.name]) == 0 and link.name in stepping
+    link = replace(link, inertia=inertia, massless=bare or (inertia is not None and inertia.mass == 0.0))
+    return (
+        link
+        if leader is None
+        else replace(link, variable={str(leader.leader): leader.multiplier}, offset=leader.offset)
     )
 
 
@@ -289,7 +258,7 @@ def _inertia(what: str, link: Element) -> LinkInertia | None:
 
 def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mimic]) -> list[str]:
     """Return notes on what the file holds and the model leaves out, and which limits look like placeholders."""
-    free = [j for j in joints if j.kind != "fixed" and j.name not in following]
+    free = [j for j in joints if j.link.joint != "fixed" and j.name not in following]
     coordinates = {j.name: j.coordinate for j in free}
     notes = list[str]()
     for tag, what in (("calibration", "calibration positions"), ("safety_controller", "soft limits")):

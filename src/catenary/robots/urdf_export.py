@@ -2,7 +2,6 @@
 
 from math import atan2, hypot
 from pathlib import Path
-from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -37,7 +36,7 @@ def urdf_text(model: RobotModel) -> str:
     friction = None if model.actuation is None else joint_drives(model.actuation, model.n)
     for i in range(len(model.link_names)):
         _add_link(root, model, i)
-        _add_joint(root, model, i, drives, friction)
+        _add_joint(root, model, i, drives[i], friction)
     for frame, (link, pose) in model.frames.items():
         moved = not (np.array_equal(pose.rotation, np.eye(3)) and not pose.position.any())
         if frame == model.base or (frame in model.link_names and not moved):
@@ -52,16 +51,9 @@ def urdf_text(model: RobotModel) -> str:
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-class _Drive(NamedTuple):
-    """Which coordinate a tree joint follows, how fast, and whether it stands for that coordinate."""
-
-    coordinate: int
-    factor: float
-    leads: bool
-
-
-def _drives(model: RobotModel) -> list[_Drive]:
-    drives: list[_Drive] = []
+def _drives(model: RobotModel) -> list[tuple[int, float, bool]]:
+    """Return which coordinate each tree joint follows, how fast, and whether it stands for that coordinate."""
+    drives: list[tuple[int, float, bool]] = []
     led: set[int] = set()
     for i, row in enumerate(model.coupling):
         moved_by = np.flatnonzero(row)
@@ -73,11 +65,11 @@ def _drives(model: RobotModel) -> list[_Drive]:
         coordinate, factor = int(moved_by[0]), float(row[moved_by[0]])
         leads = abs(factor) == 1.0 and coordinate not in led
         led |= {coordinate} if leads else set()
-        drives.append(_Drive(coordinate, factor, leads))
-    for drive in drives:
-        if drive.coordinate not in led:
+        drives.append((coordinate, factor, leads))
+    for coordinate, _, _ in drives:
+        if coordinate not in led:
             raise UnsupportedModelError(
-                f'robot "{model.name}": no joint follows {model.joint_names[drive.coordinate]} one to one, as a URDF '
+                f'robot "{model.name}": no joint follows {model.joint_names[coordinate]} one to one, as a URDF '
                 "joint that others mimic must"
             )
     return drives
@@ -98,8 +90,10 @@ def _add_link(root: Element, model: RobotModel, i: int) -> None:
     SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in entries})
 
 
-def _add_joint(root: Element, model: RobotModel, i: int, drives: list[_Drive], friction: JointDrives | None) -> None:
-    coordinate, factor, leads = drives[i]
+def _add_joint(
+    root: Element, model: RobotModel, i: int, drive: tuple[int, float, bool], friction: JointDrives | None
+) -> None:
+    coordinate, factor, leads = drive
     slides = bool(model.tree.prismatic[i])
     low, high = sorted(
         factor * limit + (0.0 if leads else float(model.offset[i])) if np.isfinite(limit) else np.sign(factor) * limit

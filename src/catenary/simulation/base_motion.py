@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from catenary.arrays import Floats, as_array
-from catenary.errors import InputError
-from catenary.spatial import LEVEL, STANDARD_GRAVITY, rotation_about_x
+from catenary.arrays import Floats, as_array, as_not_negative
+from catenary.spatial import LEVEL, STANDARD_GRAVITY, rotation_about_x, rotation_about_y
 
 
 class BaseSamples(NamedTuple):
@@ -26,7 +25,6 @@ class MovingBase(Protocol):
 
     def sample(self, times: Floats) -> BaseSamples:
         """Return the motion at times (N,) [s]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -85,8 +83,7 @@ class Wave:
     def along(self) -> Floats:
         """Return the amplitude along the axis (3,)."""
         axis = as_array("axis", self.axis, (3,))
-        along: Floats = self.amplitude * axis / np.linalg.norm(axis)
-        return along
+        return np.asarray(self.amplitude * axis / np.linalg.norm(axis))
 
     def angle(self, times: Floats) -> Floats:
         """Return the argument of the sine at times (N,), (N, 1) [rad]."""
@@ -128,10 +125,7 @@ class SwayingBase:
 
 def tilt(roll: float, pitch: float) -> Floats:
     """Return R_world_base of a base turned by roll about x, then by pitch about its own y [rad]."""
-    c, s = np.cos(pitch), np.sin(pitch)
-    about_y = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    R_world_base: Floats = rotation_about_x(roll) @ about_y
-    return R_world_base
+    return rotation_about_x(roll) @ rotation_about_y(pitch)
 
 
 class BaseTimeline:
@@ -141,13 +135,9 @@ class BaseTimeline:
 
     def __init__(self, base: MovingBase, period: float) -> None:
         """Sample `base` every `period` [s], beginning at time zero."""
-        self.base, self._period = base, period
+        self.base, self.period = base, period
         self._number = -1
         self._block = BaseSamples(np.empty((0, 3)), np.empty((0, 3, 3)))
-
-    def of(self, base: MovingBase) -> BaseTimeline:
-        """Return the timeline of another base, with the same period."""
-        return BaseTimeline(base, self._period)
 
     def rows(self, first: int, count: int) -> tuple[BaseSamples, int]:
         """Return the motion from tick `first` on, and for how many ticks it holds, `count` at most.
@@ -157,7 +147,7 @@ class BaseTimeline:
         number, start = divmod(first, self.BLOCK)
         if number != self._number:
             ticks = np.arange(number * self.BLOCK, (number + 1) * self.BLOCK, dtype=float)
-            rows = self.base.sample(ticks * self._period)
+            rows = self.base.sample(ticks * self.period)
             self._block = BaseSamples._make(np.ascontiguousarray(part, dtype=float) for part in rows)
             self._number = number
         gravity, motion = self._block
@@ -230,16 +220,9 @@ class SteeredBase:
         Before the time [s] it stands as it did then. Angles are in rad; amplitude and frequency [Hz] are of rocking
         about x.
         """
-        values = as_array("roll, pitch, amplitude, frequency", [roll, pitch, amplitude, frequency], (4,))
-        if (values[2:] < 0.0).any():
-            raise InputError(
-                f"rocking: expected an amplitude and a frequency of zero or more, got {values[2:].tolist()}"
-            )
-        return replace(
-            self,
-            roll=self.roll.toward(time, float(roll), amplitude, frequency),
-            pitch=self.pitch.toward(time, float(pitch)),
-        )
+        roll, pitch = as_array("roll, pitch", [roll, pitch], (2,)).tolist()
+        as_not_negative("amplitude and frequency of rocking", [amplitude, frequency], (2,))
+        return SteeredBase(self.roll.toward(time, roll, amplitude, frequency), self.pitch.toward(time, pitch))
 
     def sample(self, times: Floats) -> BaseSamples:
         """Return gravity and turning in base axes; R_world_base = Rx(roll) Ry(pitch)."""

@@ -1,4 +1,4 @@
-"""A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant, and its first joints."""
+"""A simulated RAVEN-II arm: real cables, its own firmware, external encoders; its first joints alone, its telemetry."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_not_negative
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.plant import Column, JointState
-from catenary.raven2.topics import JOINTS, UNITS
+from catenary.raven2.topics import ARM_OF_SIDE, JOINTS, UNITS, in_channels
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseSamples, MovingBase
@@ -190,13 +191,9 @@ class CablePlant(FirmwarePlant[TickLog]):
         return joint_torques(self.firmware, self.control.torque)
 
     def _homing_rows(self) -> Iterator[Floats]:
-        return home(self.firmware, self.control, self.encoders, self.cable.stop_side, self.joint_names)
-
-    def _ticked(self) -> None:
-        self.encoders.see(self.state.q)
+        return home(self.firmware, self.control, self.state, self.encoders, self.cable.stop_side, self.joint_names)
 
     def _homing_stopped(self) -> None:
-        self.encoders.stop_watching()
         self.control.seek[:] = OFF
 
     def _state_or_homing_changed(self) -> None:
@@ -235,23 +232,12 @@ class PositioningArm:
     def __init__(self, arm: CablePlant) -> None:
         """Take an arm; commands to it and to this one reach the same joints."""
         self.arm = arm
-        self.joint_names = arm.joint_names[:POSITIONING]
-        self.joint_units = arm.joint_units[:POSITIONING]
 
     def __getattr__(self, name: str) -> Any:
         if name == "arm":  # while a copy is made
             raise AttributeError(name)
-        return getattr(self.arm, name)
-
-    @property
-    def lower(self) -> Floats:
-        """Software limits below, (3,)."""
-        return self.arm.lower[:POSITIONING]
-
-    @property
-    def upper(self) -> Floats:
-        """Software limits above, (3,)."""
-        return self.arm.upper[:POSITIONING]
+        value = getattr(self.arm, name)
+        return value[:POSITIONING] if name in ("joint_names", "joint_units", "lower", "upper") else value
 
     @property
     def q_true(self) -> Floats:
@@ -284,3 +270,54 @@ class PositioningArm:
 def _first(state: JointState) -> JointState:
     n = POSITIONING
     return state._replace(q=state.q[:n], qd=state.qd[:n], tau=state.tau[:n], q_motor=state.q_motor[:n])
+
+
+RUNNING = 3  # run level: pedal down
+# name in telemetry: field of a tick's log, which has no offsets of the encoders
+PER_AXIS = {name: field for name, (field, _) in REPORTED.items() if name != "encoffsets"}
+COLUMNS = (
+    *PER_AXIS, "encoffsets", "runlevel", "type", "dt", "pos", "ori", "ext_jpos", "joint_enc",
+    "measured_js", "measured_js_velocity", "measured_js_effort",
+)  # fmt: skip
+
+
+def as_reported(plant: CablePlant, values: Floats) -> Floats:
+    """Return values with the digits that the robot's messages have."""
+    return values.astype(plant.arm.file.reported).astype(np.float64)
+
+
+def of_both_arms(
+    plant: CablePlant, log: TickLog, beside: CablePlant | None, log_beside: TickLog | None
+) -> dict[str, Floats]:
+    """Return `telemetry_of` an arm with the channels and the pose of another beside it, of the same ticks."""
+    columns = telemetry_of(plant, log)
+    if beside is not None and log_beside is not None:
+        others = telemetry_of(beside, log_beside)
+        columns |= {name: columns[name] + others[name] for name in (*PER_AXIS, "encoffsets", "pos", "ori")}
+    return columns
+
+
+def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
+    """Return T ticks of a run as telemetry: column name to (T, width), SI.
+
+    `pos` and `ori` are the tool's pose in the arm's frame 0, as the robot believes it from its motors.
+    """
+    ticks = len(log.joint)
+    side = ARM_OF_SIDE[plant.side]
+    columns = {name: in_channels(side, as_reported(plant, getattr(log, field))) for name, field in PER_AXIS.items()}
+    columns["encoffsets"] = in_channels(side, np.tile(plant.control.offset, (ticks, 1)))
+    columns["runlevel"] = np.full((ticks, 1), float(RUNNING))
+    columns["type"] = np.zeros((ticks, 2))
+    columns["dt"] = np.full((ticks, 1), plant.period)
+    arm = tuple(ARM_OF_SIDE).index(plant.side)
+    base, q = plant.model.frames["frame0"].pose, np.column_stack([log.joint[:, :5], 0.5 * np.diff(log.joint[:, 5:])])
+    rotation, position = forward_kinematics(plant.model, q)
+    positions, rotations = np.zeros((ticks, 2, 3)), np.zeros((ticks, 2, 3, 3))  # of both arms
+    positions[:, arm], rotations[:, arm] = (position - base.position) @ base.rotation, base.rotation.T @ rotation
+    columns["pos"], columns["ori"] = positions.reshape(ticks, 6), rotations.reshape(ticks, 18)
+    columns["joint_enc"] = plant.encoders.counts(log.q)
+    columns["ext_jpos"] = plant.encoders.positions(columns["joint_enc"])
+    columns["measured_js"] = log.joint
+    columns["measured_js_velocity"] = log.joint_velocity
+    columns["measured_js_effort"] = joint_torques(plant.firmware, log.torque)
+    return columns

@@ -3,11 +3,8 @@
 Compiled; the physics runs inside its tick. [RAVEN-II source, branch master; sections 3 and 5 of its description in
 docs/plant.md]
 
-Gravity compensation of its own [branches master and crtk: grav_comp.cpp, rt_raven.cpp, init.cpp]: once homed, whether
-the pedal is down or not, the torques that hold the three positioning joints are added to what the PD asks for, at the
-reported positions and under the vector `grav_dir`. Each joint's torque goes to its own motor by its ratio alone: the
-cables' coupling is left out. Homing has none of it, nor have torques that somebody commands. The robot has no switch
-for it; here there is.
+Gravity compensation of its own [branches master and crtk: grav_comp.cpp, rt_raven.cpp, init.cpp] adds what holds the
+positioning joints under `grav_dir` to the PD's torques, each to its own motor: the cables' coupling is left out.
 """
 
 import math
@@ -273,8 +270,7 @@ def gravity_of(grav_dir: Sequence[float]) -> Floats:
     given = np.asarray(grav_dir, dtype=float)
     if given.shape != (3,) or not (np.abs(given) <= MOST).all() or (given != np.round(given)).any():
         raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {MOST}, got {grav_dir}")
-    gravity: Floats = _AXES * given / 100.0
-    return gravity
+    return np.asarray(_AXES * given / 100.0)
 
 
 def grav_dir_of(gravity: Floats) -> tuple[int, int, int]:
@@ -312,15 +308,12 @@ def run_ticks(
     substeps: int,
     log: TickLog,
 ) -> int:
-    """Run the firmware and the arm for T ticks of 1 ms.
+    """Run the firmware and the arm for T ticks of 1 ms; return how many ran: fewer when the software e-stop tripped.
 
-    A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the physics by 1
-    ms, and reads the encoders again. The log holds each tick's reading and what was sent on it. Joint torques act
-    within the motors' limits and the joints' soft ones. The tree is that of the positioning joints, payload included,
-    links what the firmware knows of it.
+    A tick acts on what the encoders gave at the end of the last one, advances the physics by 1 ms, and reads them
+    again. The tree is that of the positioning joints, payload included, links what the firmware knows of it.
     Setpoints (T, 7) are desired joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in
-    base axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log. Returns the number of
-    ticks run; fewer than T when the software e-stop tripped.
+    base axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log.
     """
     cable, firmware, arm, control, work = cable[()], firmware[()], arm[()], control[()], work[()]
     own = own[()]

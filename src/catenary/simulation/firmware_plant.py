@@ -54,14 +54,12 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     @property
     def lower(self) -> Floats:
         """Limits below of the setpoints, (n,) [rad|m]."""
-        limits: Floats = self.firmware.lower.copy()
-        return limits
+        return np.array(self.firmware.lower)
 
     @property
     def upper(self) -> Floats:
         """Limits above, (n,)."""
-        limits: Floats = self.firmware.upper.copy()
-        return limits
+        return np.array(self.firmware.upper)
 
     def measured_js(self) -> JointState:
         """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
@@ -100,26 +98,22 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         rows = np.full((1, len(self.joint_names)), np.nan) if row is None else row[np.newaxis]  # NaN: stay
         self._advance(rows, self.log.rows(0))
         self._wanted = None
-        self._ticked()
 
     def run(self, setpoints: ArrayLike) -> Log:
         """Run a list of setpoints (T, n), one a tick, in one compiled call, with the firmware inside.
 
-        Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run
-        in pieces: the next call goes on where this one ended, bit for bit, and a log takes some 500 B a tick.
+        Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run in
+        pieces: a log takes some 500 B a tick.
         """
         self._require_ready()
-        rows = np.ascontiguousarray(setpoints, dtype=float)
-        n = len(self.joint_names)
-        if rows.ndim != 2 or rows.shape[1] != n:
-            raise InputError(f"run: expected setpoints of shape (T, {n}), got {rows.shape}")
+        rows = as_array("run: setpoints", setpoints, (None, len(self.joint_names)), finite=False)
         if np.isinf(rows).any():
             raise InputError(f"run: setpoints are infinite on {np.isinf(rows).any(axis=1).sum()} rows")
         self.control.mode[:] = POSITION
         log = self.log.rows(len(rows))
         self._advance(rows, log)
         if self._state == "FAULT":
-            raise NotReadyError(self._fault.removeprefix(": "))
+            raise NotReadyError(self._fault)
         return log
 
     def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
@@ -157,8 +151,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     def _joint_torques(self) -> Floats:
         """Return the joint torques (n,) that the robot reports [Nm|N]."""
-        torque: Floats = self.control.torque.copy()
-        return torque
+        return np.array(self.control.torque)
 
     @abstractmethod
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: Log) -> int:
@@ -167,9 +160,6 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     @abstractmethod
     def _homing_rows(self) -> Iterator[Floats]:
         """Home, tick by tick: each item is the next row of setpoints (n,)."""
-
-    def _ticked(self) -> None:
-        """Do what follows each tick of `wait`."""
 
     def _homing_stopped(self) -> None:
         """Do what follows a homing, however it ended."""
@@ -197,7 +187,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
             ran = self._run_ticks(rows[done : done + count], base, log[done:])
             done, self._tick = done + ran, self._tick + ran
         if self.control.stopped:
-            self._set_state("FAULT", f"{self.stops_when.format(time=f'{self.time:.3f} s')}")
+            self._set_state("FAULT", self.stops_when.format(time=f"{self.time:.3f} s"))
 
     def _next_homing_row(self, homing: Iterator[Floats]) -> Floats | None:
         try:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import NotReadyError
 from catenary.simulation.cable_parameters import Firmware, Rig
+from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.firmware import FOUND, SEEKING, ControlState, register
 from catenary.simulation.firmware_plant import half_cosine
 from catenary.simulation.records import OFF, POSITION
@@ -37,7 +38,6 @@ class ExternalEncoders:
         """Take the rig's numbers; the encoders are not registered."""
         self.rig = rig
         self.zero = np.full(3, np.nan)  # (3,) counts at which a joint is where `rig.registered` says
-        self._seen: list[Floats] | None = None
 
     def counts(self, q: Floats) -> Floats:
         """Return the counts at true joint positions (..., 3) [rad, rad, m]."""
@@ -45,44 +45,24 @@ class ExternalEncoders:
 
     def positions(self, counts: Floats) -> Floats:
         """Return the joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
-        positions: Floats = self.rig.registered + (counts - self.zero) / self.rig.counts
-        return positions
-
-    def watch_for_stops(self) -> None:
-        """Keep all counts from now on, for `register`."""
-        self._seen = []
-
-    def see(self, q: Floats) -> None:
-        """Keep the counts at true joint positions (3,), while watching."""
-        if self._seen is not None:
-            self._seen.append(self.counts(q))
-
-    def stop_watching(self) -> None:
-        """Forget what was seen."""
-        self._seen = None
-
-    def register(self, stop_side: Floats) -> None:
-        """Register each joint at its stop, (3,) -1 for one below, 1 above: the mean of the counts near their peak."""
-        if self._seen:
-            self.zero = mean_near_peak(np.array(self._seen), stop_side, self.rig.window)
-        self._seen = None
+        return np.asarray(self.rig.registered + (counts - self.zero) / self.rig.counts)
 
 
 def mean_near_peak(counts: Floats, side: Floats, window: Floats) -> Floats:
     """Return the mean (3,) of the counts (T, 3) within a window (3,) of their peaks on the given sides (3,)."""
     peak = np.max(counts * side, axis=0) * side
     near = np.abs(counts - peak) <= window
-    mean: Floats = np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0)
-    return mean
+    return np.asarray(np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0))
 
 
 def home(
-    firmware: Firmware, control: ControlState, encoders: ExternalEncoders, stop_side: Floats, joint_names: Sequence[str]
-) -> Iterator[Floats]:
+    firmware: Firmware, control: ControlState, arm: ArmState, encoders: ExternalEncoders, stop_side: Floats,
+    joint_names: Sequence[str],
+) -> Iterator[Floats]:  # fmt: skip
     """Home an arm, tick by tick: each item is the next row of setpoints (7,).
 
-    Modes, registration and what it seeks are written to control; the encoders of the rig are registered at the stops of
-    the positioning joints, on stop_side (3,): -1 for a stop below, 1 above.
+    Modes, registration and what it seeks are written to control. The encoders of the rig are registered at the stops of
+    the positioning joints, on stop_side (3,), -1 for one below, 1 above: at the mean of the counts near their peak.
     """
     control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION
@@ -92,9 +72,11 @@ def home(
     yield from _seek(control, TOOL_AXES, WAITED_FOR, joint_names)
     register(firmware, control, np.where(TOOL_AXES, firmware.stop_value, firmware.home_value))
     yield from half_cosine(control.joint.copy(), np.where(TOOL_AXES, firmware.home_value, control.joint), HOME_TIME)
-    encoders.watch_for_stops()
-    yield from _seek(control, POSITIONING_AXES, POSITIONING_AXES, joint_names)
-    encoders.register(stop_side)
+    seen = []
+    for wanted in _seek(control, POSITIONING_AXES, POSITIONING_AXES, joint_names):
+        yield wanted
+        seen.append(encoders.counts(arm.q))
+    encoders.zero = mean_near_peak(np.array(seen), stop_side, encoders.rig.window)
     register(firmware, control, np.where(POSITIONING_AXES, firmware.stop_value, control.joint))
     yield from half_cosine(
         control.joint.copy(), np.where(POSITIONING_AXES, firmware.home_value, control.joint), HOME_TIME

@@ -1,4 +1,8 @@
-"""What is built into an arm's joints besides rigid links, friction, rotors, springs, stops; whether a step suits it."""
+"""What is built into an arm's joints besides rigid links, and one Runge-Kutta step of it; whether the step suits it.
+
+Motors and springs act within a step whose rigid-body terms are given; friction and joint limits are impulses at its
+end. The step is compiled.
+"""
 
 import math
 from collections.abc import Sequence
@@ -10,8 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_not_negative, one_for_all
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel
-from catenary.simulation.records import Index, Number, Record
+
+Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -31,51 +37,29 @@ class JointHardware:
     spring_damping: ArrayLike = 0.0  # across it [Nms/rad|Ns/m]
 
 
-class TreeCoordinate(Record):
-    """A coordinate of the robot's tree."""
-
-    dof: Index  # where MuJoCo keeps its velocity
-    at: Index  # where MuJoCo keeps its position
-    offset: Number  # at the robot's zero [rad|m]
-
-
-class DrivenJoint(Record):
-    """A coordinate of the robot."""
-
-    drive: Index  # number of the moving part on which its motor acts: itself, or its rotor
-    lower: Number  # [rad|m]
-    upper: Number
-
-
-class JointSpring(Record):
-    """The spring between a joint and its rotor; spring e turns moving part n + e."""
-
-    joint: Index
-    stiffness: Number  # [Nm/rad|N/m]
-    damping: Number  # [Nms/rad|Ns/m]
-
-
-class MovingPart(Record):
-    """One of the nz things that move by themselves: the robot's n coordinates, then its m elastic rotors."""
-
-    inertia: Number  # of the rotor [kg m2|kg]
-    friction: Number  # [Nm|N]
-    damping: Number  # [Nms/rad|Ns/m]
-
-
 class DriveParameters(NamedTuple):
-    """An arm's drives for compiled code."""
+    """An arm's drives for compiled code.
+
+    Its nz moving parts are the robot's n coordinates, then the m rotors of those that are elastic: spring e is between
+    joint elastic[e] and moving part n + e.
+    """
 
     coupling: Floats  # (n_tree, n)
-    tree: TreeCoordinate  # (n_tree,) rows
-    joints: DrivenJoint  # (n,)
-    springs: JointSpring  # (m,)
-    parts: MovingPart  # (nz,)
+    dof: Integers  # (n_tree,) where MuJoCo keeps a tree coordinate's velocity
+    at: Integers  # (n_tree,) and its position
+    offset: Floats  # (n_tree,) of a tree coordinate at the robot's zero [rad|m]
+    drive: Integers  # (n,) the moving part on which a joint's motor acts: itself, or its rotor
+    lower: Floats  # (n,) [rad|m]
+    upper: Floats
+    elastic: Integers  # (m,)
+    stiffness: Floats  # (m,) [Nm/rad|N/m]
+    spring_damping: Floats  # (m,) [Nms/rad|Ns/m]
+    inertia: Floats  # (nz,) of the rotor [kg m2|kg]
+    friction: Floats  # (nz,) [Nm|N]
+    damping: Floats  # (nz,) [Nms/rad|Ns/m]
 
 
-def drive_parameters(
-    model: RobotModel, hardware: JointHardware, dof: NDArray[np.int64], at: NDArray[np.int64]
-) -> DriveParameters:
+def drive_parameters(model: RobotModel, hardware: JointHardware, dof: Integers, at: Integers) -> DriveParameters:
     """Check an arm's hardware."""
     n = model.n
     friction, damping, armature, stiffness, spring_damping = (
@@ -89,17 +73,14 @@ def drive_parameters(
                 f'joint "{model.joint_names[j]}": stiffness {stiffness[j]:g} and armature {armature[j]:g}: '
                 "an elastic joint needs both above zero"
             )
-    tree = TreeCoordinate.rows(len(model.offset))
-    tree.dof[:], tree.at[:], tree.offset[:] = dof, at, model.offset
-    joints = DrivenJoint.rows(n)
-    joints.drive[:], joints.lower[:], joints.upper[:] = np.arange(n), model.lower, model.upper
-    joints.drive[elastic] = n + np.arange(len(elastic))
-    springs = JointSpring.rows(len(elastic))
-    springs.joint[:] = elastic
-    springs.stiffness[:], springs.damping[:] = stiffness[elastic], spring_damping[elastic]
-    parts, driven = MovingPart.rows(n + len(elastic)), joints.drive
-    parts.inertia[driven], parts.friction[driven], parts.damping[driven] = armature, friction, damping
-    return DriveParameters(np.array(model.coupling), tree, joints, springs, parts)
+    drive = np.arange(n)
+    drive[elastic] = n + np.arange(len(elastic))
+    parts = np.zeros((3, n + len(elastic)))
+    parts[:, drive] = armature, friction, damping
+    return DriveParameters(
+        np.array(model.coupling), dof, at, np.array(model.offset), drive, np.array(model.lower), np.array(model.upper),
+        elastic, stiffness[elastic], spring_damping[elastic], *parts,
+    )  # fmt: skip
 
 
 MOST = 2.0  # of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1
@@ -111,7 +92,7 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
 
     mass (nz, nz) is that of all that moves, where the arm stands; step in s.
     """
-    n, nz = len(joints.joints), len(mass)
+    n, nz = len(joints.drive), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < LEAST_INERTIA]
     if bare:
         raise InputError(
@@ -122,9 +103,8 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
         raise InputError(
             "the mass matrix is singular: some joints together move no mass; give them an armature (rotor inertia)"
         )
-    stiffness, damping = np.zeros((nz, nz)), np.diag(joints.parts.damping)
-    springs = joints.springs
-    for e, (j, k, d) in enumerate(zip(springs.joint, springs.stiffness, springs.damping, strict=True)):
+    stiffness, damping = np.zeros((nz, nz)), np.diag(joints.damping)
+    for e, (j, k, d) in enumerate(zip(joints.elastic, joints.stiffness, joints.spring_damping, strict=True)):
         across = np.zeros(nz)
         across[n + e], across[j] = 1.0, -1.0
         stiffness += k * np.outer(across, across)
@@ -138,3 +118,243 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
             f"springs or dampers act within {1e3 / fastest:.3g} ms, too stiff for steps of {1e3 * step:.3g} ms; "
             f"take at least {math.ceil(fastest * step / MOST)} times as many substeps"
         )
+
+
+class TreeTerms(NamedTuple):
+    """M xdd + h = torque of the tree in MuJoCo's coordinates, and where it is; its joints are at `dof` and `at`."""
+
+    q: Floats  # (nq,) positions [rad|m]
+    qd: Floats  # (nv,) velocities
+    mass: Floats  # (nv, nv) mass matrix
+    bias: Floats  # (nv,) velocity, gravity and base motion torques
+
+
+class StepMotion(NamedTuple):
+    """A step of an arm's nz moving parts."""
+
+    start: Floats  # (nz,) where the step began, and where the parts are between steps [rad|m]
+    start_rate: Floats
+    position: Floats  # (nz,) where a stage looks; where the step ends, after the last one
+    rate: Floats
+    acceleration: Floats  # (4, nz) found by the stages
+    factor: Floats  # (4, n, n) Cholesky factors of the stages' mass matrices, in the lower triangles
+
+
+def new_motion(n: int, nz: int) -> StepMotion:
+    """Return an arm at zero, at rest."""
+    start, start_rate, position, rate = np.zeros((4, nz))
+    return StepMotion(start, start_rate, position, rate, np.zeros((4, nz)), np.zeros((4, n, n)))
+
+
+@inlined
+def along_robot(joints: DriveParameters, tree: TreeTerms, mass: Floats, bias: Floats) -> None:
+    """Write the rigid-body terms along the robot's coordinates: M = A' M_tree A, h = A' h_tree; A the coupling."""
+    n_tree, n = joints.coupling.shape
+    half = np.zeros((n_tree, n))
+    for i in range(n_tree):
+        for k in range(n_tree):
+            m = tree.mass[joints.dof[i], joints.dof[k]]
+            if m != 0.0:
+                for c in range(n):
+                    half[i, c] += m * joints.coupling[k, c]
+    mass[:, :] = 0.0
+    bias[:] = 0.0
+    for i in range(n_tree):
+        for r in range(n):
+            a = joints.coupling[i, r]
+            if a != 0.0:
+                bias[r] += a * tree.bias[joints.dof[i]]
+                for c in range(n):
+                    mass[r, c] += a * half[i, c]
+    for r in range(n):
+        mass[r, r] += joints.inertia[r]
+
+
+@compiled
+def begin_step(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> None:
+    """Begin a step where the arm is, and write the tree's positions and velocities there."""
+    motion.position[:], motion.rate[:] = motion.start, motion.start_rate
+    _place_tree(joints, motion, tree)
+
+
+@inlined
+def _place_tree(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> None:
+    n_tree, n = joints.coupling.shape
+    for i in range(n_tree):
+        x, xd = joints.offset[i], 0.0
+        for c in range(n):
+            x += joints.coupling[i, c] * motion.position[c]
+            xd += joints.coupling[i, c] * motion.rate[c]
+        tree.q[joints.at[i]] = x
+        tree.qd[joints.dof[i]] = xd
+
+
+@compiled
+def end_stage(
+    joints: DriveParameters, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int, step: float
+) -> bool:
+    """Find a stage's accelerations without friction and stops, and go to the next; to the step's end after stage 3.
+
+    Runge-Kutta's fourth-order method for position' = rate, rate' = acceleration. effort (n,) are motor torques [Nm|N],
+    stage is 0 to 3. Returns False where the mass matrix is singular.
+    """
+    if not _find_accelerations(joints, motion, tree, effort, stage):
+        return False
+    h = step if stage == 2 else 0.5 * step
+    for k in range(len(motion.start)):
+        start, rate, a = motion.start[k], motion.start_rate[k], motion.acceleration[:, k]
+        if stage == 3:
+            motion.position[k] = start + step * rate + step * step / 6.0 * (a[0] + a[1] + a[2])
+            motion.rate[k] = rate + step / 6.0 * (a[0] + 2.0 * (a[1] + a[2]) + a[3])
+        else:
+            before = a[stage - 1] if stage > 0 else 0.0
+            motion.position[k] = start + h * (rate + 0.5 * step * before)
+            motion.rate[k] = rate + h * a[stage]
+    _place_tree(joints, motion, tree)
+    return True
+
+
+@inlined
+def _find_accelerations(
+    joints: DriveParameters, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int
+) -> bool:
+    n, m = len(joints.drive), len(joints.elastic)
+    torque, bias = np.zeros(n + m), np.empty(n)
+    factor = motion.factor[stage]
+    along_robot(joints, tree, factor, bias)
+    if not factorise(factor):
+        return False
+    for j in range(n):
+        torque[j] -= bias[j]
+        torque[joints.drive[j]] += effort[j]
+    for e in range(m):
+        link, rotor = joints.elastic[e], n + e
+        pull = joints.stiffness[e] * (motion.position[rotor] - motion.position[link])
+        pull += joints.spring_damping[e] * (motion.rate[rotor] - motion.rate[link])
+        torque[link] += pull
+        torque[rotor] -= pull
+    for k in range(n + m):
+        torque[k] -= joints.damping[k] * motion.rate[k]
+    solve_factored(factor, torque[:n])
+    for k in range(n + m):
+        motion.acceleration[stage, k] = torque[k] if k < n else torque[k] / joints.inertia[k]
+    return True
+
+
+# symmetric positive definite systems in loops: bounded time, no library call, no exception
+
+
+@inlined
+def factorise(A: Floats) -> bool:
+    """Overwrite the lower triangle of A (n, n) with L, A = L L^T; false when A is not positive definite.
+
+    Only the lower triangle is read.
+    """
+    for i in range(A.shape[0]):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= A[i, k] * A[j, k]
+            if i == j:
+                if not total > 0.0:  # also when it is NaN
+                    return False
+                A[i, i] = math.sqrt(total)
+            else:
+                A[i, j] = total / A[j, j]
+    return True
+
+
+@inlined
+def solve_factored(L: Floats, b: Floats) -> None:
+    """Overwrite b (n,) with the solution of L L^T x = b; of L (n, n) only the lower triangle is read."""
+    for i in range(L.shape[0]):
+        total = b[i]
+        for k in range(i):
+            total -= L[i, k] * b[k]
+        b[i] = total / L[i, i]
+    for i in range(L.shape[0] - 1, -1, -1):
+        total = b[i]
+        for k in range(i + 1, L.shape[0]):
+            total -= L[k, i] * b[k]
+        b[i] = total / L[i, i]
+
+
+SWEEPS = 1000  # of projected Gauss-Seidel, at most
+SETTLED = 1e-13  # [rad/s|m/s] change in a sweep below which impulses are found
+
+
+@compiled
+def finish_step(joints: DriveParameters, motion: StepMotion, step: float) -> bool:
+    """Let friction and stops act on a step that was made without them, and take it.
+
+    Impulses on velocities, found by projected Gauss-Seidel on the inverse mass matrix: friction brings a joint to rest
+    with at most its Coulomb torque times the step, a stop takes the velocity into it (no bounce). A joint that sticks
+    does not move at all, and none passes its limit. The motion's end becomes the next step's start; the mass matrix is
+    that of the first stage. Returns False, and nothing has moved, where the end is not finite.
+    """
+    n, nz = len(joints.drive), len(motion.start)
+    stop = np.zeros(nz)  # 1 at a lower stop, -1 at an upper one
+    acts = False
+    for k in range(nz):
+        if not (math.isfinite(motion.position[k]) and math.isfinite(motion.rate[k])):
+            return False
+        if k < n:
+            stop[k] = _stop_at(joints, k, motion.position[k])
+        acts = acts or stop[k] != 0.0 or joints.friction[k] > 0.0
+    if acts:
+        _apply_impulses(joints, motion, stop, step)
+    motion.start[:], motion.start_rate[:] = motion.position, motion.rate
+    return True
+
+
+@inlined
+def _stop_at(joints: DriveParameters, j: int, position: float) -> float:
+    return 1.0 if position < joints.lower[j] else -1.0 if position > joints.upper[j] else 0.0
+
+
+@inlined
+def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, step: float) -> None:
+    n, nz = len(joints.drive), len(motion.start)
+    response = np.zeros((nz, nz))  # inverse mass matrix, symmetric
+    for k in range(n):
+        response[k, k] = 1.0
+        solve_factored(motion.factor[0], response[k, :n])
+    for k in range(n, nz):
+        response[k, k] = 1.0 / joints.inertia[k]
+    rate, free = motion.rate, motion.rate.copy()
+    friction_impulse, stop_impulse = np.zeros(nz), np.zeros(nz)
+    for _ in range(SWEEPS):
+        change = 0.0
+        for k in range(nz):
+            most = joints.friction[k] * step
+            if most > 0.0:
+                wanted = min(max(friction_impulse[k] - rate[k] / response[k, k], -most), most)
+                change = max(change, _apply(response, k, wanted - friction_impulse[k], rate))
+                friction_impulse[k] = wanted
+            if stop[k] == 0.0 and k < n:  # other joints may push it into its stop
+                stop[k] = _stop_at(joints, k, motion.position[k] + 0.5 * step * (rate[k] - free[k]))
+            if stop[k] != 0.0:
+                wanted = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
+                change = max(change, _apply(response, k, wanted - stop_impulse[k], rate))
+                stop_impulse[k] = wanted
+        if change < SETTLED:
+            break
+    for k in range(nz):
+        motion.position[k] += 0.5 * step * (rate[k] - free[k])  # a constant force over the step
+        if joints.friction[k] > 0.0 and abs(friction_impulse[k]) < joints.friction[k] * step:
+            rate[k] = 0.0
+            if motion.start_rate[k] == 0.0:
+                motion.position[k] = motion.start[k]
+        if stop_impulse[k] != 0.0:  # it ran into its stop within the step, and lies there
+            motion.position[k] = joints.lower[k] if stop[k] > 0.0 else joints.upper[k]
+            rate[k] = 0.0
+    for k in range(n):  # those that others pushed beyond theirs; their speed is taken in the next step
+        motion.position[k] = min(max(motion.position[k], joints.lower[k]), joints.upper[k])
+
+
+@inlined
+def _apply(response: Floats, k: int, impulse: float, rate: Floats) -> float:
+    """Apply an impulse at k; returns by how much that changed its velocity."""
+    for i in range(len(rate)):
+        rate[i] += response[k, i] * impulse
+    return abs(float(response[k, k]) * impulse)

@@ -2,21 +2,159 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.errors import InputError, LimitError
+from catenary.errors import InputError, LimitError, imported
 from catenary.gravity.payload import Payload
 from catenary.plant import Column, JointState
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
-from catenary.simulation.joint_hardware import DriveParameters, JointHardware, drive_parameters, require_stable
-from catenary.simulation.joint_step import StepMotion, TreeTerms, begin_step, end_stage, finish_step, new_motion
-from catenary.simulation.mujoco_dynamics import MujocoDynamics
+from catenary.simulation.joint_hardware import (
+    DriveParameters,
+    JointHardware,
+    StepMotion,
+    TreeTerms,
+    begin_step,
+    drive_parameters,
+    end_stage,
+    finish_step,
+    new_motion,
+    require_stable,
+)
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
+from catenary.spatial import quaternion_from_rotation
+
+# MuJoCo refuses moving bodies below mjMINVAL = 1e-15; a massless link gets this much, which no torque shows
+LEAST_MASS = 1e-12  # [kg]
+LEAST_INERTIA = 1e-14  # [kg m2]
+_ROUNDING = 1e-9  # of the largest moment, by which the triangle inequality may be missed
+
+
+def tree_mjcf(model: RobotModel) -> str:
+    """Write the tree as MJCF, on a body, the base, with a free joint, in weightlessness.
+
+    Body and joint i have the name of link i, the body's frame is frame i of the tree. The joints are the tree's
+    own, each free to move by itself: MJCF has no joint that moves by a linear combination of others, only soft
+    constraints that nearly make it so. Who simulates this sets tree coordinate = coupling q + offset.
+    """
+    model.require_inertia()
+    children: list[list[int]] = [[] for _ in range(len(model.link_names) + 1)]
+    for i, parent in enumerate(model.tree.parent):
+        children[parent].append(i)  # those of the base (-1) come last
+    # written from the leaves, since children come after their parents
+    body = [""] * len(model.link_names)
+    for i in reversed(range(len(body))):
+        body[i] = _body(model, i, "".join(body[c] for c in children[i]))
+    links = "".join(body[c] for c in children[-1])
+    return (
+        f"<mujoco model={quoteattr(model.name)}>\n"
+        '<compiler angle="radian"/>\n'
+        '<option gravity="0 0 0"><flag contact="disable"/></option>\n'
+        f"<worldbody><body name={quoteattr(model.base)}><freejoint/>"
+        f'<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>\n{links}</body></worldbody>\n</mujoco>\n'
+    )
+
+
+def _body(model: RobotModel, i: int, inside: str) -> str:
+    tree, name = model.tree, quoteattr(model.link_names[i])
+    moments, axes = _principal(model, i)
+    return (
+        f'<body name={name} pos="{_text(tree.origin[i])}" '
+        f'quat="{_text(quaternion_from_rotation(tree.rotation[i]))}">'
+        f'<joint name={name} type="{"slide" if tree.prismatic[i] else "hinge"}" axis="{_text(tree.axis[i])}"/>'
+        f'<inertial mass="{max(tree.mass[i], LEAST_MASS):.17g}" pos="{_text(tree.com[i])}" '
+        f'quat="{_text(quaternion_from_rotation(axes))}" diaginertia="{_text(moments)}"/>\n{inside}</body>\n'
+    )
+
+
+def _principal(model: RobotModel, i: int) -> tuple[Floats, Floats]:
+    """Return the principal moments (3,), rising, and their axes as columns, right-handed."""
+    moments, axes = np.linalg.eigh(model.tree.inertia[i])
+    axes = axes * np.linalg.det(axes)
+    tolerance = _ROUNDING * moments[2]
+    if moments[0] < -tolerance or moments[0] + moments[1] < moments[2] - tolerance:
+        raise InputError(
+            f'robot "{model.name}": link "{model.link_names[i]}": principal moments of inertia '
+            f"{moments.tolist()} kg m2 are not those of a rigid body; expected none below zero, and each at most "
+            "the sum of the other two"
+        )
+    moments = np.maximum(moments, LEAST_INERTIA)
+    # a rod's moments (0, I, I) may miss the inequality by rounding, and MuJoCo takes it exactly
+    moments[0] += max(0.0, moments[2] - moments[1] - moments[0])
+    return moments, axes
+
+
+def _text(values: Floats) -> str:
+    return " ".join(f"{v:.17g}" for v in values)
+
+
+class MujocoDynamics:
+    """M and h of M xdd + h = tree torque, for the tree's joints; a second opinion on catenary's own recursions.
+
+    The base is MuJoCo's free body: it stands at the origin, turns and accelerates as it is told, and the joints
+    feel it. Base axes are MuJoCo's world axes at that instant, so gravity is given in them, and h comes from one
+    inverse dynamics with the base's true acceleration in it: nothing is approximated, no force is invented.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        """Compile a robot for MuJoCo."""
+        self._robot = model
+        self._mujoco = mujoco = imported("mujoco", "MuJoCo simulates this robot and is not installed", "mujoco")
+        text = tree_mjcf(model)
+        try:
+            self._model = m = mujoco.MjModel.from_xml_string(text)
+        except ValueError as error:
+            raise InputError(f'robot "{model.name}": MuJoCo refuses it: {str(error).strip()}') from error
+        self._data = d = mujoco.MjData(m)
+        joints = [m.joint(name) for name in model.link_names]
+        self.dof: NDArray[np.int64] = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
+        self.at: NDArray[np.int64] = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
+        # positions to be written at `at`, velocities at `dof`; the terms there after `update`
+        self.tree = TreeTerms(d.qpos, d.qvel, np.zeros((m.nv, m.nv)), np.zeros(m.nv))
+        self._gravity, self._qdd = m.opt.gravity, d.qacc  # views: every access to MuJoCo's makes a new one
+        self.tree.q[:] = 0.0
+        self.tree.q[3] = 1.0  # the base's quaternion
+        self._write_mass = _mass_writer(mujoco, m, d, self.tree.mass)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "MujocoDynamics":
+        """Return another one in the same state; its arrays are views into its own MuJoCo."""
+        twin = MujocoDynamics(self._robot)
+        memo[id(self)] = twin
+        twin.tree.q[:], twin.tree.qd[:], twin._qdd[:] = self.tree.q, self.tree.qd, self._qdd
+        twin._gravity[:] = self._gravity
+        return twin
+
+    def move_base(self, gravity: Floats, motion: Floats) -> None:
+        """Set gravity (3,) [m/s2] and the base's motion (3, 3), as `BaseSamples` has them, for the next `update`."""
+        self._gravity[:] = gravity
+        self.tree.qd[3:6] = motion[0]
+        self._qdd[:3] = motion[2]
+        self._qdd[3:6] = motion[1]
+
+    def update(self) -> None:
+        """Write the tree's mass matrix and bias for its positions and velocities."""
+        mujoco, m, d = self._mujoco, self._model, self._data
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_crb(m, d)
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_rne(m, d, 1, self.tree.bias)
+        self._write_mass()
+
+
+def _mass_writer(mujoco: Any, model: Any, data: Any, mass: Floats) -> Any:
+    """Return the call that writes the mass matrix; MuJoCo 4 changed it."""
+    try:
+        mujoco.mj_fullM(model, data, mass)
+    except TypeError:
+        return lambda: mujoco.mj_fullM(model, mass, data.qM)
+    return lambda: mujoco.mj_fullM(model, data, mass)
+
 
 BANDWIDTH = 200.0  # [rad/s] a steady motion lags by 2 / BANDWIDTH, 10 ms
 SLIP = 1e-4  # [rad|m] from its setpoint within which the servo lets a joint stick
@@ -29,13 +167,12 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     forward as F clip(error / SLIP, -1, 1): within SLIP of where it should be, a joint may stick. The motion is as a
     step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
     """
-    n, dof, drive = len(joints.joints), joints.tree.dof, joints.joints.drive
-    hardware, position, rate = joints.parts, motion.parts.start, motion.parts.start_rate
-    mass = joints.coupling.T @ tree.mass[np.ix_(dof, dof)] @ joints.coupling + np.diag(hardware.inertia[:n])
+    n, dof, drive, elastic = len(joints.drive), joints.dof, joints.drive, joints.elastic
+    position, rate = motion.start, motion.start_rate
+    mass = joints.coupling.T @ tree.mass[np.ix_(dof, dof)] @ joints.coupling + np.diag(joints.inertia[:n])
     bias = joints.coupling.T @ tree.bias[dof]
-    springs, elastic = joints.springs, joints.springs.joint
-    pull = springs.stiffness * (position[n:] - position[elastic])
-    pull += springs.damping * (rate[n:] - rate[elastic])
+    pull = joints.stiffness * (position[n:] - position[elastic])
+    pull += joints.spring_damping * (rate[n:] - rate[elastic])
     error = wanted - position[drive]
     a = np.zeros(len(position))
     a[drive] = BANDWIDTH * (BANDWIDTH * error - 2.0 * rate[drive])
@@ -43,32 +180,24 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     load = pull - bias[elastic] - mass[elastic] @ a[:n]
     a[elastic] = np.linalg.solve(mass[np.ix_(elastic, elastic)], load)
     torque: Floats = bias + mass @ a[:n]
-    torque[elastic] = hardware.inertia[n:] * a[n:] + pull
-    torque += hardware.damping[drive] * rate[drive]
-    torque += hardware.friction[drive] * np.clip(error / SLIP, -1.0, 1.0)
+    torque[elastic] = joints.inertia[n:] * a[n:] + pull
+    torque += joints.damping[drive] * rate[drive]
+    torque += joints.friction[drive] * np.clip(error / SLIP, -1.0, 1.0)
     return torque
 
 
 class MujocoPlant(SimulatedPlant):
     """One robot, given by its model. Brakes hold it while it is not enabled; its encoders are absolute, so it is homed.
 
-    M(q) qdd + h(q, qd, gravity, base motion) = tau - damping qd - friction, integrated in the robot's own
-    coordinates by Runge-Kutta's fourth-order method: MuJoCo gives M and h of the tree's joints, and the model's
-    coupling takes them to q exactly, so parallelograms and wrist couplings are as rigid as they are in the model.
-    Friction and joint limits act as impulses at the end of each step (joint_step.py): a joint sticks without any
-    creep, which MuJoCo's own friction does not, and stops at its limits without bouncing. What MuJoCo is not asked
-    for: contacts, tendons, actuators.
+    M(q) qdd + h(q, qd, gravity, base motion) = tau - damping qd - friction, by Runge-Kutta's fourth-order method:
+    MuJoCo gives M and h of the tree's joints, and the model's coupling takes them to q exactly. Friction and joint
+    limits act as impulses at the end of each step: a joint sticks without any creep, which MuJoCo's own friction does
+    not, and stops at its limits without bouncing. Equal commands give equal motions, bit for bit.
 
     Torques of `servo_jf` act as they are, up to the model's effort limits. `servo_jp` is obeyed by an ideal servo
-    in place of firmware (`servo_torques`): computed torque that knows the arm, its payload, its base and its
-    friction, critically damped at BANDWIDTH. The setpoint moves at most at the model's velocity limits, and stays
-    within its joint limits; where a leap asks for more than the effort limits, the arm follows late and
-    overshoots, as a real one does.
-
-    Gravity in JointState is what an accelerometer on the base's origin takes for it: free-fall acceleration minus
-    the origin's own acceleration, in base axes. With `base_rates` it is all that joints feel of a base's motion.
-
-    The state is as exact as Runge-Kutta's step; nothing is random: equal commands give equal motions, bit for bit.
+    in place of firmware (`servo_torques`), critically damped at BANDWIDTH. The setpoint moves at most at the model's
+    velocity limits, and stays within its joint limits; where a leap asks for more than the effort limits, the arm
+    follows late and overshoots, as a real one does.
     """
 
     def __init__(
@@ -116,13 +245,12 @@ class MujocoPlant(SimulatedPlant):
         )
         q = _start(model, start)
         self.attach(payload)
-        self._motion = new_motion(n, len(self._joints.parts))
-        self._motion.parts.start[:n] = q
-        self._motion.parts.start[n:] = q[self._joints.springs.joint]  # springs relaxed
+        self._motion = new_motion(n, len(self._joints.inertia))
+        self._motion.start[:] = np.append(q, q[self._joints.elastic])  # springs relaxed
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
         self._command = np.zeros(n)  # torques that were asked for
         self._effort = np.zeros(n)  # torques that act
-        self._setpoint = self._motion.parts.start[self._joints.joints.drive]
+        self._setpoint = self._motion.start[self._joints.drive]
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
@@ -146,9 +274,9 @@ class MujocoPlant(SimulatedPlant):
 
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
-        parts, drive = self._motion.parts, self._joints.joints.drive
-        rotors = parts.start[self.model.n :].copy()
-        return self._joint_state(parts.start[drive], parts.start_rate[drive], self._command.copy(), rotors)
+        motion, drive = self._motion, self._joints.drive
+        rotors = motion.start[self.model.n :].copy()
+        return self._joint_state(motion.start[drive], motion.start_rate[drive], self._command.copy(), rotors)
 
     def setpoint_js(self) -> JointState:
         """Return the setpoint of the position servo."""
@@ -156,10 +284,10 @@ class MujocoPlant(SimulatedPlant):
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
-        parts, drive = self._motion.parts, self._joints.joints.drive
+        motion, drive = self._motion, self._joints.drive
         specific_force, rate = imu_reading(self._base_now())  # of an ideal sensor at the base's origin, in base axes
-        link = parts.start[: self.model.n]
-        told = parts.start[drive], parts.start_rate[drive], self._setpoint, self._command, self._effort, link
+        link = motion.start[: self.model.n]
+        told = motion.start[drive], motion.start_rate[drive], self._setpoint, self._command, self._effort, link
         sampled = (*told, specific_force[0], rate[0])
         return {column.name: values.copy() for column, values in zip(self.columns, sampled, strict=True)}
 
@@ -174,8 +302,10 @@ class MujocoPlant(SimulatedPlant):
 
     def wait(self) -> None:
         """Advance by one tick of 1 ms; a motion that diverges stops the robot in FAULT."""
-        if self._mode == "position":
-            self._move_setpoint()
+        if self._mode == "position" and self._wanted is not None:
+            step = np.clip(self._wanted - self._setpoint, -self._setpoint_step, self._setpoint_step)
+            self._setpoint = np.clip(self._setpoint + step, self.model.lower, self.model.upper)
+            self._wanted = None
         for part in range(self._substeps):
             if self._mode == "brakes":
                 break
@@ -183,7 +313,7 @@ class MujocoPlant(SimulatedPlant):
                 self._set_state("FAULT", f"its motion diverged in tick {self._tick}, at {self.time:.3f} s")
         self._tick += 1
         if self._mode == "torque":  # no jump when the servo takes over
-            self._setpoint = self._motion.parts.start[self._joints.joints.drive]
+            self._setpoint = self._motion.start[self._joints.drive]
 
     # what only a simulator can do
 
@@ -220,16 +350,10 @@ class MujocoPlant(SimulatedPlant):
         """Return the mass matrix of all moving parts, (nz, nz)."""
         begin_step(self._joints, self._motion, self._dynamics.tree)
         self._update(0)
-        dof, coupling, n = self._joints.tree.dof, self._joints.coupling, self.model.n
-        mass = np.diag(self._joints.parts.inertia)
+        dof, coupling, n = self._joints.dof, self._joints.coupling, self.model.n
+        mass = np.diag(self._joints.inertia)
         mass[:n, :n] += coupling.T @ self._dynamics.tree.mass[np.ix_(dof, dof)] @ coupling
         return mass
-
-    def _move_setpoint(self) -> None:
-        if self._wanted is not None:
-            step = np.clip(self._wanted - self._setpoint, -self._setpoint_step, self._setpoint_step)
-            self._setpoint = np.clip(self._setpoint + step, self.model.lower, self.model.upper)
-            self._wanted = None
 
     def _advance(self, part: int) -> bool:
         """Make one step; false, and nothing has moved, where it cannot be made."""
@@ -237,25 +361,21 @@ class MujocoPlant(SimulatedPlant):
         begin_step(joints, motion, tree)
         for stage, half_steps in enumerate((0, 1, 1, 2)):
             self._update(2 * part + half_steps)
-            if stage == 0 and part == 0:
-                self._take_command()
+            if stage == 0 and part == 0:  # the servo asks for torques, and the drives give what they can
+                if self._mode == "position":
+                    self._command[:] = servo_torques(joints, motion, tree, self._setpoint)
+                np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
             if not end_stage(joints, motion, tree, self._effort, stage, step):
                 return False
         return finish_step(joints, motion, step)
-
-    def _take_command(self) -> None:
-        """Let the servo ask for torques, and the drives give what they can."""
-        if self._mode == "position":
-            self._command[:] = servo_torques(self._joints, self._motion, self._dynamics.tree, self._setpoint)
-        np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
 
     def _control_position(self) -> None:
         self._mode = "position"
 
     def _state_changed(self) -> None:
         self._mode = "position" if self._moves else "brakes"
-        self._motion.parts.start_rate[:] = 0.0  # the brakes hold at once
-        self._setpoint = self._motion.parts.start[self._joints.joints.drive]
+        self._motion.start_rate[:] = 0.0  # the brakes hold at once
+        self._setpoint = self._motion.start[self._joints.drive]
         self._wanted = None
         self._command[:], self._effort[:] = 0.0, 0.0
 
@@ -274,8 +394,7 @@ def _start(model: RobotModel, start: ArrayLike | None) -> Floats:
             middle = 0.5 * (model.lower + model.upper)
         holds_zero = (model.lower <= 0.0) & (model.upper >= 0.0)
         near = np.where(np.isfinite(model.lower), model.lower, model.upper)
-        q: Floats = np.where(holds_zero, 0.0, np.where(np.isfinite(middle), middle, near))
-        return q
+        return np.asarray(np.where(holds_zero, 0.0, np.where(np.isfinite(middle), middle, near)))
     q = as_array("start", start, (model.n,)).copy()
     for name, value, low, high in zip(model.joint_names, q, model.lower, model.upper, strict=True):
         if not low <= value <= high:

@@ -12,9 +12,17 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.firmware_plant import OF_AXES, FirmwarePlant, columns_of, half_cosine
-from catenary.simulation.psm_controller import PsmControlState, PsmLog, read_psm_encoders, register_psm, run_psm_ticks
+from catenary.simulation.psm_controller import (
+    PsmControlState,
+    PsmLog,
+    PsmState,
+    PsmWork,
+    read_psm_encoders,
+    register_psm,
+    run_psm_ticks,
+    unstretched_motors,
+)
 from catenary.simulation.psm_parameters import ARM_JOINTS, PsmArm, load_psm, varied_psm
-from catenary.simulation.psm_physics import PsmState, PsmWork, unstretched_motors
 from catenary.simulation.records import AXES, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 
@@ -85,8 +93,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         """
         tracker = self.arm.tracker
         noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % NOISE_ROWS]
-        seen: Floats = np.round(noisy / tracker.resolution) * tracker.resolution
-        return seen
+        return np.asarray(np.round(noisy / tracker.resolution) * tracker.resolution)
 
     @property
     def identity(self) -> dict[str, object]:

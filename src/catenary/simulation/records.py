@@ -1,11 +1,8 @@
 """Records: named numbers and arrays of fixed shapes, which compiled code takes as one argument.
 
 numba looks at every array of a call, so an arm's eighty small arrays one by one would cost more than its physics. A
-record is one array for NumPy, with a structured data type, and a struct for numba: `cable.stiffness[j]` reads, and
-writes, the same memory in Python and in compiled code.
-
-Shapes are given by name, "joint" or "link"; the numbers are a RAVEN-II's unless a subclass has other `sizes`: the same
-record for another arm. Compiled code that loops over what it is given takes either.
+record is one structured array: `cable.stiffness[j]` is the same memory in Python and in compiled code. Shapes are given
+by name, "joint" or "link"; the numbers are a RAVEN-II's unless a subclass has other `sizes`.
 """
 
 from collections.abc import Mapping
@@ -35,9 +32,6 @@ PerJoint = Annotated[Floats, "f8", ("joint",)]  # joint behind a cable, or its c
 PerTool = Annotated[Floats, "f8", ("tool",)]
 PerAxis = Annotated[Floats, "f8", ("axis",)]
 CodePerAxis = Annotated[NDArray[np.int64], "i8", ("axis",)]
-# fields of records that come in rows: a number in one of them, an array (N,) in all
-Number = Annotated[Any, "f8", ()]
-Index = Annotated[Any, "i8", ()]
 _SCALARS = {float: "f8", bool: "?"}
 
 
@@ -77,7 +71,7 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
 
     def __new__(cls, **fields: object) -> Self:
         """Make one record; fields that are not given are zero."""
-        record = cls.rows(())
+        record = cls.rows(())  # no copy, which would leave the bytes between fields as they were in memory
         for name, value in fields.items():
             record[name] = value
         return record

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_not_negative, as_positive
 from catenary.errors import InputError
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
@@ -82,11 +82,9 @@ class SensorModel:
     )
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.rate_hz < math.inf:
-            raise InputError(f"rate_hz: expected a positive rate, got {self.rate_hz}")
+        as_positive("rate_hz", self.rate_hz)
         for name in ("noise", "rate_noise", "resolution", "rate_resolution", "latency"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise InputError(f"{name}: expected zero or more, got {getattr(self, name)}")
+            as_not_negative(name, getattr(self, name))
 
 
 class SimulatedSensor:

@@ -47,7 +47,7 @@ class SimulatedPlant(ABC):
 
     def stand_on(self, base: MovingBase) -> None:
         """Stand on another base from now on; one that goes on where the last one is moves the arm without a jolt."""
-        self._base = self._base.of(base)
+        self._base = BaseTimeline(base, self._base.period)
 
     @property
     def time(self) -> float:
@@ -62,7 +62,7 @@ class SimulatedPlant(ABC):
     @property
     def fault_reason(self) -> str:
         """Why it is in FAULT; empty in other states."""
-        return self._fault.removeprefix(": ") if self._state == "FAULT" else ""
+        return self._fault if self._state == "FAULT" else ""
 
     @abstractmethod
     def measured_js(self) -> JointState:
@@ -124,7 +124,7 @@ class SimulatedPlant(ABC):
         return self._state == "ENABLED" and self._is_homed
 
     def _set_state(self, state: StateName, why: str = "") -> None:
-        self._state, self._fault = state, f": {why}" if why else ""
+        self._state, self._fault = state, why
         self._state_changed()
 
     def _base_now(self) -> BaseSamples:
@@ -153,8 +153,9 @@ class SimulatedPlant(ABC):
     def _require_ready(self) -> None:
         if not self._moves or self._is_homing:
             homed = "homing" if self._is_homing else "homed" if self._is_homed else "not homed"
+            why = f": {self._fault}" if self._fault else ""
             raise NotReadyError(
-                f"the robot is {self._state} and {homed}{self._fault}; it must be ENABLED and homed to be moved"
+                f"the robot is {self._state} and {homed}{why}; it must be ENABLED and homed to be moved"
             )
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -61,13 +60,6 @@ class DeadMan:
         return self.shares
 
 
-class TeleopStep(NamedTuple):
-    """The motion of one tick."""
-
-    q: Floats | None  # (n,) [rad|m] where to go; None: nothing moves
-    blocked: tuple[str, ...]  # joints at a limit that the keys ask to pass
-
-
 class TeleopMotion:
     """Velocities of joints, and of the tip in base axes, by the keys that are held."""
 
@@ -114,12 +106,15 @@ class TeleopMotion:
         self._dead_man.stop()
         self._q = None
 
-    def step(self, q: Floats, now: float, period: float) -> TeleopStep:
-        """Move on by a tick of `period` [s] at `press`'s time [s]; a motion sets off from setpoint q (n,) [rad|m]."""
+    def step(self, q: Floats, now: float, period: float) -> tuple[Floats | None, tuple[str, ...]]:
+        """Move on by a tick of `period` [s] at `press`'s time [s]; a motion sets off from setpoint q (n,) [rad|m].
+
+        Return where to go (n,), None where nothing moves, and the joints at a limit that the keys ask to pass.
+        """
         shares = self._dead_man.update(now, period)
         if not shares:
             self._q = None
-            return TeleopStep(None, ())
+            return None, ()
         start = np.array(q) if self._q is None else self._q
         own, tip = self._joint_step(shares, period), self._tip_step(start, shares, period)
         # a joint that is beyond a limit, as after homing against a stop, may come back
@@ -128,7 +123,7 @@ class TeleopMotion:
         if blocked and tip.any() and self._beyond(start + tip, low, high):
             tip = np.zeros(len(start))  # all of it: the tip stays on its line
         self._q = np.clip(start + own + tip, low, high)
-        return TeleopStep(self._q.copy(), blocked)
+        return self._q.copy(), blocked
 
     def _joint_step(self, shares: Mapping[str, float], period: float) -> Floats:
         """Return the joint steps (n,) that the joints' own keys ask for."""

@@ -92,8 +92,7 @@ class CartesianSinusoids(SampledTrajectory):
     def tip_positions(self, times: ArrayLike) -> Floats:
         """Return where the tip is meant to be in the base frame, (N, 3) [m], at `times` (N,) [s]."""
         phases, _, _ = self._phases.sample(times)
-        positions: Floats = self._start.position + np.sin(phases) @ self._swing
-        return positions
+        return np.asarray(self._start.position + np.sin(phases) @ self._swing)
 
     def _solve(self, model: RobotModel, start: Floats, times: Floats) -> Floats:
         positions = self.tip_positions(times)

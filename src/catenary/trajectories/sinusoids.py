@@ -36,8 +36,7 @@ def random_sinusoids(
 
     A joint starts at rest at a random turning point near one end, crosses to a random point near the other at
     a random constant speed, slows down to rest within `turn_time`, turns, and speeds up within `turn_time`.
-    Its last swing ends early, so that all joints come to rest at `duration`. Only the turning points are kept:
-    six hours of three joints take 0.2 MB.
+    Its last swing ends early, so that all joints come to rest at `duration`.
 
     Args:
         duration: [s], from twice `turn_time` [s], positive, to LONGEST.

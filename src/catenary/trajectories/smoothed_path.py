@@ -156,20 +156,16 @@ def go_to(
     if not moving.any():
         return SmoothedPath([BrokenLine([0.0], [q], 1.0) for q in start])
     # as one coordinate from 0 to 1, bounded by the joint that needs the most time
-    time, blend = _fastest(*(float((bound[moving] / way[moving]).min()) for bound in (velocity, acceleration)))
+    v, a = (float((bound[moving] / way[moving]).min()) for bound in (velocity, acceleration))
+    # at this speed or below, the line takes at least a blend: only then does the motion reach its speed
+    speed = min(v, np.sqrt(a / PEAK))
+    time, blend = 1.0 / speed, min(PEAK * speed / a, 1.0 / speed)
     return SmoothedPath(
         [
             BrokenLine([0.0, time], [start[j], goal[j]], blend) if moving[j] else BrokenLine([0.0], [start[j]], 1.0)
             for j in range(n)
         ]
     )
-
-
-def _fastest(velocity: float, acceleration: float) -> tuple[float, float]:
-    """Return the time of the line and of the blend that go from 0 to 1 [s]; the motion takes their sum."""
-    # at this speed or below, the line takes at least a blend: only then does the motion reach its speed
-    speed = min(velocity, np.sqrt(acceleration / PEAK))
-    return 1.0 / speed, min(PEAK * speed / acceleration, 1.0 / speed)
 
 
 def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:

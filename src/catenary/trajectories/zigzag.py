@@ -78,21 +78,10 @@ def unit_zigzag(sparsity: float) -> Floats:
     return np.cumsum(rows, axis=0, out=rows)
 
 
-def zigzag_rows(
-    direction: Direction,
-    sparsity: float,
-    *,
-    form: Form = "generator",
-    lower: ArrayLike = CALIBRATION_LOWER,
-    upper: ArrayLike = CALIBRATION_UPPER,
-) -> Floats:
-    """Return the rows of a path as published: joint positions (rows, 3) [rad or m], equally far apart, corners sharp.
-
-    The arguments are those of `zigzag`.
-    """
-    matrix, shift = _placement(direction, form, lower, upper)
-    joints: Floats = unit_zigzag(sparsity) @ matrix.T + shift
-    return joints
+def zigzag_rows(direction: Direction, sparsity: float, *, form: Form = "generator") -> Floats:
+    """Return the rows of a path as published: joint positions (rows, 3) [rad or m], equally far apart."""
+    matrix, shift = _placement(direction, form, CALIBRATION_LOWER, CALIBRATION_UPPER)
+    return np.asarray(unit_zigzag(sparsity) @ matrix.T + shift)
 
 
 def zigzag(

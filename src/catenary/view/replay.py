@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -129,16 +128,8 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
     return RecordedArm(robot, time, q, seen, said, of(interval), of(inside), of(log.tau), log.simulated, tuple(named))
 
 
-class ShownProject(NamedTuple):
-    """What there is of a project to be shown."""
-
-    log: Path
-    model: Path | None
-    robot: str | None  # its name in the catalogue
-
-
-def shown_project(folder: Path) -> ShownProject:
-    """Return a project's test or training recording, and its recommended model if there is one."""
+def shown_project(folder: Path) -> tuple[Path, Path | None, str | None]:
+    """Return a project's test or training recording, its recommended model and its robot, where there are any."""
     settings = project_settings(folder)
     logs = [folder / f"{name}.parquet" for name in (TEST, TRAIN)]
     found = [log for log in logs if log.is_file()]
@@ -148,7 +139,7 @@ def shown_project(folder: Path) -> ShownProject:
     robot = None
     if settings is not None:
         robot = "raven2_right" if settings.side == "right" and settings.robot == "raven2" else settings.robot
-    return ShownProject(found[0], model if model.is_file() else None, robot)
+    return found[0], model if model.is_file() else None, robot
 
 
 class Replay:
@@ -205,7 +196,8 @@ class Replay:
                 if self._now > self._arm.time[-1]:
                     self._now = 0.0
             before = now
-            self._tell_time(now)
+            if self._plays and now - self._told >= NOW:  # the slider of the time line moves along
+                self._told, self._values = now, {"time": round(self._now, 2)}
             row = int(np.searchsorted(self._arm.time, self._now, side="right")) - 1
             page.put(self._arm.state(max(row, 0))._replace(values=dict(self._values)))
             sleep(EVERY)
@@ -223,11 +215,4 @@ class Replay:
             row = self._arm.worst_row(self._arm.model.joint_names.index(str(value)))
             if row is not None:
                 self._now, self._plays = float(self._arm.time[row]), False
-                self._values["plays"] = False
-                self._values["time"] = round(self._now, 2)
-
-    def _tell_time(self, now: float) -> None:
-        """Move the time line's slider along, now and then."""
-        if self._plays and now - self._told >= NOW:
-            self._told = now
-            self._values = {"time": round(self._now, 2)}
+                self._values |= {"plays": False, "time": round(self._now, 2)}

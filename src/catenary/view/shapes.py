@@ -123,18 +123,15 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
     if spherical:
         _draw_spherical(model, parts, spherical, radius)
     n = len(model.link_names)
-    children: dict[int, list[int]] = {}
-    for child, parent in enumerate(model.tree.parent):
-        children.setdefault(int(parent), []).append(child)
     for link in range(-1, n):
-        for child in children.get(link, []):
+        for child in np.flatnonzero(model.tree.parent == link).tolist():
             if child not in spherical:
                 _draw_way(model, parts, link, child, radius, NEAR * length)
     for link in range(n):
         if link not in spherical and not model.tree.prismatic[link]:
             axis = model.tree.axis[link]
             # a wrist's hubs lie in one another: thinner ones at the end of the chain
-            size = radius * (1.25 if children.get(link) else 2.0 * TIP)
+            size = radius * (1.25 if link in model.tree.parent else 2.0 * TIP)
             parts[link].append(tube(np.outer([-HUB / 2.0, HUB / 2.0], axis) * size, size))
     frame = model.frame()
     if np.linalg.norm(frame.pose.position) > NEAR * length:
@@ -225,8 +222,7 @@ def _arc(a: Floats, b: Floats) -> Floats:
     share = np.linspace(0.0, 1.0, STEPS)[:, None]
     if angle < 1e-3:
         return np.vstack([a, a + 1e-3 * np.cross(a, [0.3, 0.5, 0.7])])
-    rows: Floats = (np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
-    return rows
+    return np.asarray((np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle))
 
 
 def _point(radius: float) -> Mesh:

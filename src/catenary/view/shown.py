@@ -106,15 +106,8 @@ class Shown:
     recording: JointColumns | None = None  # of which curves are drawn; those of the states when None
 
 
-class Extent(NamedTuple):
-    """The bounding sphere of an arm at its start."""
-
-    centre: Floats  # (3,) [m] in the base frame
-    radius: float  # [m]
-
-
-def extent_of(shown: Shown) -> Extent:
-    """Return the ball about an arm's shapes and its base's origin."""
+def extent_of(shown: Shown) -> tuple[Floats, float]:
+    """Return the ball about an arm's shapes and its base's origin: centre (3,) in the base frame and radius [m]."""
     model = shown.model
     ranges = finite_ranges(model)
     q = 0.5 * (ranges.lower + ranges.upper) if shown.start is None else shown.start
@@ -126,7 +119,7 @@ def extent_of(shown: Shown) -> Extent:
         points.append(shown.shapes.base.vertices)
     every = np.vstack(points)
     centre = 0.5 * (every.min(axis=0) + every.max(axis=0))
-    return Extent(centre, float(np.linalg.norm(every - centre, axis=1).max()))
+    return centre, float(np.linalg.norm(every - centre, axis=1).max())
 
 
 def finite_ranges(limits: Bounded) -> JointRanges:

@@ -1,12 +1,15 @@
-"""A simulated arm driven from the page: its control loop, and the changes while it runs."""
+"""A simulated arm driven from the page: its base, payload, sensor, friction and wear; its control loop and controls."""
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
+from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model
@@ -14,24 +17,193 @@ from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import LoopReport
 from catenary.control.pd import SplitController
 from catenary.errors import CatenaryError
+from catenary.gravity.payload import Payload
 from catenary.gravity.torque import gravity_torque
 from catenary.monitor import EventRate, Snapshot
-from catenary.plant import JointState, Plant, fault_of
-from catenary.simulation.base_motion import SteeredBase
-from catenary.simulation.cable_plant import CablePlant
+from catenary.plant import Bounded, JointState, Plant, fault_of
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.simulation.base_motion import BaseSamples, SteeredBase
+from catenary.simulation.cable_plant import CablePlant, PositioningArm
+from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.sensors import InjectedFault
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.spatial import LEVEL
+from catenary.trajectories.reference import Reference
 from catenary.units import DISPLAY
 from catenary.view import steering
-from catenary.view import surroundings as around
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
-from catenary.view.shown import Change, Shown, Value
+from catenary.view.shown import (
+    ButtonsControl,
+    Change,
+    ChoiceControl,
+    Control,
+    ControlTab,
+    Shown,
+    SliderControl,
+    ToggleControl,
+    Value,
+    finite_ranges,
+)
 from catenary.view.state import ViewState
-from catenary.view.surroundings import Surroundings, driving_tabs
 from catenary.view.watched import operating_in_words, view_state
-from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
 from catenary.workflows.gravity.trials import make_controller, make_hold
+
+NOISY = 0.5  # [m/s2] standard deviation of an axis of a reading
+# of the sensor, by what the page calls them
+FAULTS: Mapping[str, str | None] = {
+    "none": None, "unplugged": "drop_out", "stuck": "stuck", "noisy": None, "wrong sign": "wrong_sign",
+    "spikes": "spikes", "came loose": "jump",
+}  # fmt: skip
+# what takes the place of a reading that does not come (SensedGravity)
+AGED = {
+    ReadingStatus.STALE: "no new gravity: the last one is held",
+    ReadingStatus.FALLBACK: "no new gravity: its mean direction of the last seconds is taken",
+}
+# of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
+RIGID_FRICTION = 0.02
+MOST_FRICTION = 4.0
+CHANGED_BY = {"payload_kg": "carry", "friction": "rub", "wear": "wear"}  # method of a robot with cables
+GOTO = "goto:"  # begins the name of a joint's slider
+MOTIONS = REST, GO_TO, RANDOM, ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
+ENABLE, PAUSE, HOME = LEVELS = ("enable", "pause", "home")
+OWN = "the robot's own position control"
+CONTROLLERS = {
+    "PD alone": "pd",
+    "PD + gravity of a level base (SG)": "sg",
+    "PD + sensed gravity (DG)": "dg",
+    "gravity compensation alone": "hold",
+    OWN: "own",
+}
+
+
+class PlantBase(NamedTuple):
+    """The base that a plant stands on, whichever it is at the time."""
+
+    plant: CablePlant | MujocoPlant
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """Return the base's motion at times (N,) [s]."""
+        return self.plant.base.sample(times)
+
+
+class Surroundings:
+    """A simulated arm's base, payload, sensor, friction and wear; a GravitySource, by a sensor on its base."""
+
+    def __init__(self, arm: SimulatedArm) -> None:
+        """Take an arm on a SteeredBase."""
+        plant = arm.plant
+        self.plant = cast(CablePlant | MujocoPlant, plant.arm if isinstance(plant, PositioningArm) else plant)
+        self.has_cables = isinstance(self.plant, CablePlant)
+        self._torque = np.where(np.isfinite(arm.largest_torque), arm.largest_torque, 1.0)
+        self._sensor, mounting = base_sensor(PlantBase(self.plant), start=self.plant.time)
+        self._quiet = self._sensor.model
+        self._sensed = SensedGravity(self._sensor.mailbox, mounting, feed=self._sensor.advance)
+        self._attitude = {"roll_deg": 0.0, "pitch_deg": 0.0, "rocking_deg": 0.0, "rocking_hz": 0.5}
+        self._base = SteeredBase()
+        self.reading: GravityReading | None = None  # the last one
+
+    def set(self, name: str, value: Value) -> bool:
+        """Change something by the name of its control; False for an unknown name."""
+        plant = self.plant
+        if name == "sensor":
+            self._break_sensor(str(value))
+            return True
+        if name in self._attitude:
+            self._attitude[name] = float(value)
+            *angles, frequency = self._attitude.values()
+            roll, pitch, amplitude = np.deg2rad(angles)
+            self._base = self._base.toward(plant.time, roll, pitch, amplitude=amplitude, frequency=frequency)
+            plant.stand_on(self._base)
+        elif name == "payload_kg" and isinstance(plant, MujocoPlant):
+            plant.attach(Payload(float(value)) if float(value) > 0.0 else None)
+        elif name == "friction" and isinstance(plant, MujocoPlant):
+            plant.rub(float(value) * RIGID_FRICTION * self._torque)
+        elif isinstance(plant, CablePlant) and name in CHANGED_BY:
+            getattr(plant, CHANGED_BY[name])(float(value))
+        else:
+            return False
+        return True
+
+    def read(self, time: float) -> GravityReading:
+        """Return gravity as the sensor says at a time [s]."""
+        self.reading = self._sensed.read(time)
+        return self.reading
+
+    def actual(self) -> Floats:
+        """Return gravity as it is (3,) [m/s2], in the base frame."""
+        return np.asarray(self._base.sample(np.array([self.plant.time])).gravity[0])
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return warnings of the sensor."""
+        reading = self.reading
+        if reading is None:
+            return ()
+        said = []
+        if reading.status in AGED:
+            said.append(AGED[reading.status])
+        if reading.faults:
+            said.append(f"sensor: {reading.faults.message}")
+        return tuple(said)
+
+    def _break_sensor(self, fault: str) -> None:
+        kind = FAULTS.get(fault)
+        self._sensor.faults = () if kind is None else (InjectedFault(kind, self.plant.time),)
+        noise = NOISY / math.sqrt(0.5 * self._quiet.rate_hz)
+        self._sensor.model = replace(self._quiet, noise=noise) if fault == "noisy" else self._quiet
+
+
+def driving_tabs(
+    limits: Bounded, q: Floats, *, motion: str, controller: str, has_cables: bool, has_model: bool
+) -> tuple[ControlTab, ...]:
+    """Return the tabs of an arm at q (n,) [rad|m]: motion and controller, picked as given, surroundings, model."""
+    drive = ControlTab(
+        "Drive",
+        (
+            ButtonsControl("level", "run level", LEVELS, hint="Home: against the stops, as a real RAVEN-II does."),
+            ChoiceControl("motion", "motion", MOTIONS if has_cables else MOTIONS[:3], motion),
+            ChoiceControl("controller", "controller", tuple(CONTROLLERS), controller),
+            *joint_sliders(limits, q),
+        ),
+    )
+    world: list[Control] = [
+        SliderControl("roll_deg", "base roll [deg]", -90.0, 90.0, 1.0, 0.0, hint="About x."),
+        SliderControl("pitch_deg", "base pitch [deg]", -90.0, 90.0, 1.0, 0.0, hint="Then about the base's own y."),
+        SliderControl("rocking_deg", "rocking, to either side [deg]", 0.0, 20.0, 0.5, 0.0, hint="About x."),
+        SliderControl("rocking_hz", "rocking [Hz]", 0.1, 2.0, 0.1, 0.5),
+        SliderControl("payload_kg", "payload [kg]", 0.0, 1.0 if has_cables else 5.0, 0.05, 0.0,
+                      hint="The controller does not know of it."),
+        ChoiceControl("sensor", "gravity sensor's fault", tuple(FAULTS), "none"),
+        SliderControl("friction", "Coulomb friction, x its own" if has_cables else "Coulomb friction",
+                      0.0, MOST_FRICTION, 0.1, 1.0 if has_cables else 0.0),
+    ]  # fmt: skip
+    if has_cables:
+        world.append(
+            SliderControl("wear", "cable wear [share]", 0.0, 1.0, 0.05, 0.0, hint="Stretch that stays, stiffness lost.")
+        )
+    tabs = [drive, ControlTab("Surroundings", tuple(world))]
+    if has_model:
+        text = "The calibrated arm shows where the model says that the joints are. Switched on, the loop goes by it."
+        switch = ToggleControl("model", "the loop goes by the model", False)
+        tabs.append(ControlTab("Model", (switch,), text))
+    return tuple(tabs)
+
+
+def joint_sliders(limits: Bounded, q: Floats) -> list[Control]:
+    """Return a slider for each joint [deg|mm]."""
+    found: list[Control] = []
+    ranges = finite_ranges(limits)
+    for j, (name, unit) in enumerate(zip(limits.joint_names, limits.joint_units, strict=True)):
+        shown, scale = DISPLAY[unit]
+        # a tenth within the limits, which are whole degrees but for their last digit
+        low = float(np.ceil(10.0 * scale * ranges.lower[j] - 1e-6) / 10.0)
+        high = float(np.floor(10.0 * scale * ranges.upper[j] + 1e-6) / 10.0)
+        value = float(np.clip(round(scale * float(q[j]), 1), low, high))
+        found.append(SliderControl(f"{GOTO}{name}", f"{name} [{shown}]", low, high, 0.1, value))
+    return found
+
 
 SHOW_EVERY = 40  # ticks: 25 states a second, which the page draws 20 of at most
 LISTEN_EVERY = 10  # ticks
@@ -39,12 +211,7 @@ SAID = 8.0  # [s] for which a refusal stays on the page
 
 
 class LeaveLoop(Exception):
-    """A change was requested that the running control loop cannot make: another run level, another kind of control."""
-
-    def __init__(self, then: str = "") -> None:
-        """Say what comes next: resume, home, or nothing: the arm stays paused."""
-        super().__init__(then)
-        self.then = then
+    """A change that the running control loop cannot make; what comes next: resume, home, or nothing, paused."""
 
 
 class DrivenArm:
@@ -71,10 +238,10 @@ class DrivenArm:
         self._corrector = None if loaded is None else self._switched(loaded)
         self._controllers: dict[str, SplitController] = {k: make_controller(k, self.arm) for k in ("pd", "sg", "dg")}
         self._controllers["hold"] = make_hold("dg", self.arm)
-        self._controller = steering.ChosenController(self._controllers["dg"])
-        self.control = around.OWN if model is not None else "PD + sensed gravity (DG)"
+        self._controller = self._controllers["dg"]
+        self.control = OWN if model is not None else "PD + sensed gravity (DG)"
         self._goal = np.array(self._plant.measured_js().q)
-        self.motion = around.RANDOM
+        self.motion = RANDOM
         self._recipe: steering.Motion | None = None
         self._trajectory = steering.SteeredTrajectory(self._goal)
         self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
@@ -109,24 +276,28 @@ class DrivenArm:
                 else:
                     self._wait_a_while()
             except LeaveLoop as leave:
-                self._reach_level(leave.then)
+                self._reach_level(str(leave))
             except CatenaryError as error:
                 self._say(str(error))
 
     def run_loop(self) -> LoopReport:
         """Run the control loop until something ends it; it ends by an exception, with the arm held and paused."""
-        own = self.control == around.OWN
+        own = self.control == OWN
         start = self._plant.setpoint_js().q if own else self._plant.measured_js().q
         self._trajectory = steering.SteeredTrajectory(np.array(start))
         if self._recipe is not None:
             self._trajectory.follow(self._recipe)
         return run_loop(
-            self._plant, None if own else self._controller, self._trajectory, limits=self.arm.limits(),
+            self._plant, None if own else self, self._trajectory, limits=self.arm.limits(),
             corrector=self._corrector, gravity=self.surroundings, observers=[self._observe],
             duration=np.inf,
         )  # fmt: skip
 
     # in the loop
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """Return torques (n,) [Nm|N] of the controller that is chosen."""
+        return self._controller.torque(state, reference)
 
     def _observe(self, tick: Tick) -> None:
         self._count()
@@ -137,7 +308,7 @@ class DrivenArm:
             if self.control == "gravity compensation alone":
                 setpoint = np.full(self._n, np.nan)
                 self._trajectory.rest_at(tick.state.q)
-            feedback = None if self.control == around.OWN else self._controller.feedback.copy()
+            feedback = None if self.control == OWN else self._controller.feedback.copy()
             self._page.put(self._state(tick.state._replace(q=tick.q_nominal), setpoint, feedback))
 
     def _count(self) -> None:
@@ -157,7 +328,7 @@ class DrivenArm:
             self.surroundings.read(state.time)
             self._page.put(self._state(state, self._plant.setpoint_js().q, None))
 
-    def _state(self, state: JointState, setpoint: np.ndarray, feedback: np.ndarray | None) -> ViewState:
+    def _state(self, state: JointState, setpoint: Floats, feedback: Floats | None) -> ViewState:
         """Return what is shown of a state whose q is as reported."""
         plant, world, now = self._plant, self.surroundings, time.perf_counter()
         reading = world.reading
@@ -205,15 +376,15 @@ class DrivenArm:
         name, value = change
         if self.surroundings.set(name, value):
             return
-        if name.startswith(around.GOTO):
-            self._go_to(name.removeprefix(around.GOTO), float(value))
-        elif name == "motion" and str(value) in around.MOTIONS:
+        if name.startswith(GOTO):
+            self._go_to(name.removeprefix(GOTO), float(value))
+        elif name == "motion" and str(value) in MOTIONS:
             self._choose_motion(str(value))
-        elif name == "controller" and str(value) in around.CONTROLLERS:
+        elif name == "controller" and str(value) in CONTROLLERS:
             self._choose_controller(str(value), in_loop=in_loop)
         elif name == "model" and self._corrector is not None:
             self._corrector.is_on = bool(value)
-        elif name == "level" and str(value) in around.LEVELS:
+        elif name == "level" and str(value) in LEVELS:
             self._change_level(str(value), in_loop=in_loop)
 
     def _go_to(self, joint: str, value: float) -> None:
@@ -222,15 +393,15 @@ class DrivenArm:
         self._goal = self._goal.copy()
         goal = value / DISPLAY[self._plant.joint_units[j]][1]
         self._goal[j] = np.clip(goal, self._plant.lower[j], self._plant.upper[j])
-        self._choose_motion(around.GO_TO)
+        self._choose_motion(GO_TO)
 
     def _choose_motion(self, motion: str) -> None:
         plant, model = self._plant, self.arm.model
         recipes: dict[str, Callable[[], steering.Motion | None]] = {
-            around.REST: lambda: None,
-            around.GO_TO: lambda: lambda q: steering.quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
-            around.RANDOM: lambda: steering.random_motions(model, plant, self._rng),
-            around.ZIGZAG: lambda: steering.zigzags(plant),
+            REST: lambda: None,
+            GO_TO: lambda: lambda q: steering.quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
+            RANDOM: lambda: steering.random_motions(model, plant, self._rng),
+            ZIGZAG: lambda: steering.zigzags(plant),
         }
         self._recipe = recipes[motion]()
         self.motion = motion
@@ -239,15 +410,15 @@ class DrivenArm:
 
     def _choose_controller(self, control: str, *, in_loop: bool) -> None:
         before, self.control = self.control, control
-        if control != around.OWN:
-            self._controller.controller = self._controllers[around.CONTROLLERS[control]]
+        if control != OWN:
+            self._controller = self._controllers[CONTROLLERS[control]]
         self._values["controller"] = control
-        if in_loop and around.OWN in (before, control) and before != control:
+        if in_loop and OWN in (before, control) and before != control:
             raise LeaveLoop("resume")
 
     def _change_level(self, level: str, *, in_loop: bool) -> None:
         """Leave the loop, which pauses the arm, or reach the level at once."""
-        then = {around.ENABLE: "resume", around.HOME: "home"}.get(level, "")
+        then = {ENABLE: "resume", HOME: "home"}.get(level, "")
         if not in_loop:
             self._reach_level(then)
         elif then != "resume":

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
 from catenary.robots.model import RobotModel
-from catenary.spatial import LEVEL, rotation_from_vector
+from catenary.spatial import LEVEL
 
 MOST_WARNINGS = 6
 LONGEST = 140  # characters of a warning
@@ -41,15 +41,9 @@ class ViewState(NamedTuple):
     values: Mapping[str, float | bool | str] = {}  # of the page's controls, where the program has set them
 
 
-_JOINTS = ("q", "calibrated", "interval", "inside", "true", "setpoint", "tau", "gravity_tau", "feedback")
-_VECTORS = ("gravity", "assumed", "actual")
-
-
 def unknown_state(n: int) -> ViewState:
     """Return the state of an arm of n joints of which nothing is known yet."""
-    joints: dict[str, Any] = {name: np.full(n, np.nan) for name in _JOINTS}
-    vectors: dict[str, Any] = {name: np.full(3, np.nan) for name in _VECTORS}
-    return ViewState(time=0.0, **joints, **vectors)
+    return ViewState(0.0, *np.full((9, n), np.nan), *np.full((3, 3), np.nan))
 
 
 def shortened(state: ViewState) -> ViewState:
@@ -109,14 +103,8 @@ def base_orientation(gravity: ArrayLike) -> Floats:
     size = float(np.linalg.norm(vector))
     if not np.isfinite(size) or size < 1e-6:
         return np.array([1.0, 0.0, 0.0, 0.0])
-    felt, down = vector / size, LEVEL / np.linalg.norm(LEVEL)
-    axis = np.cross(felt, down)
-    sine, cosine = float(np.linalg.norm(axis)), float(felt @ down)
-    if sine < 1e-9 and cosine < 0.0:
-        return np.array([0.0, 1.0, 0.0, 0.0])
-    turn = rotation_from_vector(np.arctan2(sine, cosine) * axis / max(sine, 1e-300))
-    w: Floats = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
-    return w if w[0] >= 0.0 else -w
+    turn, _ = Rotation.align_vectors(LEVEL[None], vector[None] / size)
+    return np.asarray(np.roll(turn.as_quat(canonical=True), 1))
 
 
 def _arrow(gravity: Floats) -> Floats | None:

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.calibration.arithmetic import Flags
 from catenary.control.loop import Fade, StateCorrector
-from catenary.control.pd import SplitController
 from catenary.plant import Bounded, JointState
 from catenary.robots.catalog import RAVEN_SIDES
 from catenary.robots.model import RobotModel
@@ -87,28 +86,6 @@ class SteeredTrajectory:
 
 def _rest(q: Floats) -> Trajectory:
     return Rest(q, 0.0)
-
-
-class ChosenController:
-    """One of several controllers of an arm, which may be changed between two ticks."""
-
-    def __init__(self, controller: SplitController) -> None:
-        """Begin with one."""
-        self.controller = controller
-
-    @property
-    def feedback(self) -> Floats:
-        """What the errors asked for, (n,) [Nm|N]: the PD term."""
-        return self.controller.feedback
-
-    @property
-    def feedforward(self) -> Floats:
-        """What the model asked for, (n,) [Nm|N]."""
-        return self.controller.feedforward
-
-    def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N] of the controller that is chosen."""
-        return self.controller.torque(state, reference)
 
 
 class SwitchedCorrector:

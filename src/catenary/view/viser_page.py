@@ -1,20 +1,27 @@
-"""The page in the browser: the one file that talks to viser; a state as HTML: status, table of joints, gravity."""
+"""The page in the browser: the one file that talks to viser; a state as HTML; who is let in.
 
+Access have only browsers that opened the address of this run, token included.
+"""
+
+import hmac
 import logging
+import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from functools import partial
 from html import escape
+from http.client import FORBIDDEN, OK, HTTPConnection
 from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.errors import CatenaryError
 from catenary.reports.page import Column, Table
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
 from catenary.view.curves import Curves, Plot
-from catenary.view.gate import gated, require_gate
 from catenary.view.shapes import grown
 from catenary.view.shown import (
     HOLD_HZ,
@@ -23,7 +30,6 @@ from catenary.view.shown import (
     Change,
     ChoiceControl,
     Control,
-    ControlTab,
     HeldControl,
     Shown,
     SliderControl,
@@ -32,6 +38,58 @@ from catenary.view.shown import (
     extent_of,
 )
 from catenary.view.state import ARMS, Scene, TipPaths, ViewState, scene_of
+
+OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
+REFUSED = "Refused: open the whole address that this run printed, at 127.0.0.1 or localhost, and from no other page.\n"
+HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY"}
+
+
+@contextmanager
+def gated(token: str) -> Iterator[None]:
+    """Have servers that websockets opens meanwhile serve and accept only what asks for /TOKEN/ of their own address.
+
+    A browser says in Host under which name it knows the address, in Origin which page asks; a program sends no Origin.
+    viser has no hook for it: `websockets.asyncio.server.serve` is replaced.
+    """
+    from websockets.asyncio import server
+
+    serve = server.serve
+
+    def with_gate(*args: Any, process_request: Any = None, **options: Any) -> Any:
+        def admit(connection: Any, request: Any) -> Any:
+            hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+            first, _, below = request.path.partition("?")[0].removeprefix("/").partition("/")
+            knows = hmac.compare_digest(first.encode(errors="surrogateescape"), token.encode())
+            own = [f"http://{host}" for host in hosts if OWN_HOST.fullmatch(host)]
+            if knows and len(hosts) == len(own) == 1 and origins in ([], own):
+                request.path = f"/{below}"
+                answer = process_request(connection, request)
+            else:
+                answer = connection.respond(FORBIDDEN, REFUSED)
+            if answer is not None:
+                answer.headers.update(HEADERS)
+            return answer
+
+        return serve(*args, process_request=admit, **options)
+
+    server.serve = with_gate  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        server.serve = serve  # type: ignore[misc]
+
+
+def require_gate(host: str, port: int, token: str) -> None:
+    """Raise CatenaryError where a server lets in what has no token, as a later viser's may, or nothing with it."""
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket"}
+    for path, headers, expected in (("/", {}, FORBIDDEN), ("/", upgrade, FORBIDDEN), (f"/{token}/", {}, OK)):
+        with closing(HTTPConnection(host, port, timeout=30.0)) as connection:
+            connection.request("GET", path, headers=headers)
+            if (status := connection.getresponse().status) != expected:
+                raise CatenaryError(
+                    f"this viser would let in strangers ({status}, expected {expected:d}): pip install 'viser<1.2'"
+                )
+
 
 COLOURS = {"reported": "#3b6fb5", "calibrated": "#1f9d55", "true": "#a8a39a"}
 GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
@@ -203,16 +261,16 @@ class ViserPage:
 
     def _build_scene(self) -> None:
         scene, shown = self._server.scene, self._shown
-        length, extent = shown.shapes.length, extent_of(shown)
+        length, (centre, radius) = shown.shapes.length, extent_of(shown)
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
         # an environment map costs a browser that draws by software 4 s before the first picture
         scene.configure_environment_map(hdri=None)
         scene.add_light_hemisphere("/sky", ground_color=(150, 150, 160), intensity=SKY)
-        floor = float(extent.centre[2] - 1.05 * extent.radius)
+        floor = float(centre[2] - 1.05 * radius)
         scene.add_grid(
-            "/floor", 4.0 * extent.radius, 4.0 * extent.radius, position=(0.0, 0.0, floor),
-            cell_size=_round(extent.radius / 4.0), section_size=_round(extent.radius), shadow_opacity=0.0,
+            "/floor", 4.0 * radius, 4.0 * radius, position=(0.0, 0.0, floor),
+            cell_size=_round(radius / 4.0), section_size=_round(radius), shadow_opacity=0.0,
         )  # fmt: skip
         self._base = scene.add_frame("/base", axes_length=0.12 * length, axes_radius=0.006 * length, origin_radius=0.0)
         if shown.shapes.base is not None:
@@ -221,7 +279,7 @@ class ViserPage:
         self._roots: dict[str, Any] = {}
         self._arms = {name: self._add_arm(name) for name in ARMS}
         # next to the arm in the camera's view; it turns with the base but does not move
-        corner = extent.centre + extent.radius * np.array([-0.75, -0.8, 0.75])
+        corner = centre + radius * np.array([-0.75, -0.8, 0.75])
         self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
         empty = np.zeros((1, 2, 3), np.float32)
         self._path_nodes = {
@@ -231,8 +289,8 @@ class ViserPage:
             for name in ARMS
         }
         camera = self._server.initial_camera
-        camera.look_at = extent.centre
-        camera.position = extent.centre + extent.radius * np.array([2.9, -1.9, 1.2])
+        camera.look_at = centre
+        camera.position = centre + radius * np.array([2.9, -1.9, 1.2])
         camera.fov = np.deg2rad(50.0)
 
     def _add_arm(self, name: str) -> list[Any]:
@@ -306,21 +364,25 @@ class ViserPage:
         tabs = gui.add_tab_group()
         for tab in shown.tabs:
             with tabs.add_tab(tab.label):
-                self._add_tab(tab)
+                if tab.text:
+                    gui.add_markdown(tab.text)
+                for control in tab.controls:
+                    self._handles[control.name] = self._add_control(control)
         with tabs.add_tab("Show"):
-            self._add_show_tab()
+            for name in ARMS:
+                if name in shown.legend:
+                    box = gui.add_checkbox(f"{shown.legend[name]} arm", True)
+                    box.on_update(lambda event, name=name: self._wanted.__setitem__(name, event.target.value))
+            gui.add_button("Wipe the tip's paths").on_click(lambda _: self.forget_paths())
         plots = gui.add_panel()
         plots.dock_left()
         plots.set_width(CURVES_WIDTH)
         with plots.add_tab("Curves"):
-            self._add_plots()
+            names = shown.model.joint_names
+            joint = gui.add_dropdown("joint", names, initial_value=names[0])
+            joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
+            self._plots = [(_add_plot(gui, one, self._curves.span), gui.add_html("")) for one in self._curves.plots(0)]
         self._server.on_client_connect(lambda one: plots.minimize() if one.camera.image_width < NARROW else None)
-
-    def _add_tab(self, tab: ControlTab) -> None:
-        if tab.text:
-            self._server.gui.add_markdown(tab.text)
-        for control in tab.controls:
-            self._handles[control.name] = self._add_control(control)
 
     def _add_control(self, control: Control) -> Any:
         gui, name, hint = self._server.gui, control.name, control.hint or None
@@ -352,20 +414,6 @@ class ViserPage:
         self._values[name] = handle.value
         (handle.on_click if isinstance(control, ButtonsControl) else handle.on_update)(changed)
         return handle
-
-    def _add_show_tab(self) -> None:
-        gui = self._server.gui
-        for name in ARMS:
-            if name in self._shown.legend:
-                box = gui.add_checkbox(f"{self._shown.legend[name]} arm", True)
-                box.on_update(lambda event, name=name: self._wanted.__setitem__(name, event.target.value))
-        gui.add_button("Wipe the tip's paths").on_click(lambda _: self.forget_paths())
-
-    def _add_plots(self) -> None:
-        gui, names = self._server.gui, self._shown.model.joint_names
-        joint = gui.add_dropdown("joint", names, initial_value=names[0])
-        joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
-        self._plots = [(_add_plot(gui, plot, self._curves.span), gui.add_html("")) for plot in self._curves.plots(0)]
 
 
 def open_server(port: int) -> tuple[Any, str]:

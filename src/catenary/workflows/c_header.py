@@ -1,8 +1,7 @@
 """A robot, its actuation and its calibration model as one C header for the control loop of a real robot.
 
 The header's text is c_header.h, a template. Every rigid quantity in it is a traced line (dynamics/lines.py) that
-kernels/c99.py writes, and so are friction, rotors, springs and known torques (dynamics/law_lines.py): the law stands in
-no second place.
+kernels/c99.py writes, and so are friction, rotors, springs and known torques: the law stands in no second place.
 """
 
 from collections.abc import Iterable
@@ -20,7 +19,6 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.dynamics import lines
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
-from catenary.dynamics.law_lines import drives_line, friction_line
 from catenary.errors import InputError
 from catenary.files import write_atomically
 from catenary.gravity.compact_regressor import compact_regressor
@@ -153,8 +151,8 @@ def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None)
     return told | {
         "sliding": f"Coulomb friction {how}",
         "effects": effects,
-        "friction": friction_line(loads),
-        "drives": drives_line(loads),
+        "friction": lines.friction_line(loads),
+        "drives": lines.drives_line(loads),
     }
 
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.plant import UNUSED, MotionLog
 from catenary.raven2.topics import ARM_OF_SIDE, JOINTS, RAVENSTATE, UNITS, further_columns
-from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cable_telemetry import as_reported, of_both_arms
+from catenary.simulation.cable_plant import CablePlant, as_reported, of_both_arms
 from catenary.simulation.firmware import joint_torques
 from catenary.simulation.firmware_plant import FirmwarePlant, Log
 from catenary.simulation.simulated_plant import PERIOD

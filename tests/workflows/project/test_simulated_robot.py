@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose
 from catenary.arrays import Floats
 from catenary.errors import ConfigError, FileFormatError, LimitError
 from catenary.recording.logs import read_log
-from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cable_telemetry import telemetry_of
+from catenary.simulation.cable_plant import CablePlant, telemetry_of
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project import robot as simulated_robot

@@ -18,7 +18,7 @@ from catenary.raven2.transmission import CALIBRATED
 from catenary.recording.import_formats.importer import Synchronisation
 from catenary.recording.import_formats.known_layouts import read_psm, read_raven
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.cable_telemetry import COLUMNS, telemetry_of
+from catenary.simulation.cable_plant import COLUMNS, telemetry_of
 from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.psm_parameters import load_psm
 from catenary.simulation.psm_plant import PSM_COLUMNS, psm_telemetry
