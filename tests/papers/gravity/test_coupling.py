@@ -94,11 +94,3 @@ def test_a_base_above_the_smallest_one_is_stable() -> None:
         for base_hz in (5.0, 20.0):
             size = 1.01 * coupling.smallest_base(arm, sensing, base_hz)
             assert coupling.unstable_roots(arm, sensing, base_hz, size, most_hz=200.0) == 0
-
-
-@pytest.mark.slow
-def test_estimator_follows_slow_gravity_and_filters_fast_one() -> None:
-    gravity, turning = coupling.estimator_response(1.0)
-    assert abs(gravity - 1.0) < 0.01
-    assert abs(turning - 1.0) < 0.03
-    assert abs(coupling.estimator_response(60.0)[0]) < 0.5
