@@ -84,11 +84,6 @@ def test_copy_of_another_models_card_is_told_and_a_lost_one_is_not(model: Path, 
     assert "mine.card.json: is not the card in mine.npz, which counts" in outcome.out
 
 
-def test_an_offset_is_not_worse_than_itself(run: Path, tmp_path: Path) -> None:
-    catenary("fit", run, "--model", "offset", "--out", tmp_path / "model.npz")
-    assert catenary("check", tmp_path / "model.npz").code == 0
-
-
 def keys_of(facts: Any) -> set[str]:
     """The names of facts, but for those of programs and joints."""
     if isinstance(facts, list):

@@ -34,12 +34,6 @@ def test_goto_arrives_and_says_how_well(went: Any) -> None:
     assert not went["interrupted"]
 
 
-def test_any_joint_is_moved_by_its_name() -> None:
-    outcome = catenary("goto", "--joints", "elbow", "--q-deg", "85", "--fast")
-    assert outcome.code == 0, outcome
-    assert "elbow" in outcome.out
-
-
 def test_a_file_is_followed(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time [s],shoulder [deg],insertion [mm]\n0,31,400\n1,33,398\n")

@@ -55,12 +55,11 @@ def test_a_models_errors_on_a_recording_are_a_figure_of_a_column_with_fonts_in_i
     run, model = simulated_arm.write(tmp_path / "run.npz"), tmp_path / "arm.npz"
     assert catenary("fit", run, "--model", "linear", "--out", model).code == 0
     name = read_log(run).joint_names[1]
-    for ending, begins in (("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")):
-        out = tmp_path / f"figure.{ending}"
-        shown = catenary("plot", model, run, "--joint", name, "--out", out, "--json").json
-        assert shown == {"model": str(model), "joint": name, "out": str(out)}
-        assert out.read_bytes().startswith(begins)
-    pdf = (tmp_path / "figure.pdf").read_bytes()
+    out = tmp_path / "figure.pdf"
+    shown = catenary("plot", model, run, "--joint", name, "--out", out, "--json").json
+    assert shown == {"model": str(model), "joint": name, "out": str(out)}
+    pdf = out.read_bytes()
+    assert pdf.startswith(b"%PDF")
     assert b"/FontFile2" in pdf
     assert b"/Type3" not in pdf
     width, _ = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", pdf)[0]

@@ -182,6 +182,8 @@ REFUSALS = {
     "serve --ros none --payload -1": "payload",
     "serve --ros none --grav-dir 0,0,9.8": "three whole numbers",
     "serve --ros none --grav-dir 0,0,99999": "grav_dir",
+    "serve --ros none --qos best-effort": "--qos best-effort: goes with --ros 2",
+    **{f"serve --ros none --depth={depth}": "--depth" for depth in (0, -1)},
     "button --ros none": "nobody listens to it",
     "nonsense": "No such command 'nonsense'",
     "telop": "Did you mean 'teleop'?",

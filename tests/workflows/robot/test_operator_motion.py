@@ -174,21 +174,6 @@ def test_units_of_the_heading_are_obeyed(tmp_path: Path) -> None:
     assert_allclose(file.q, [[np.pi / 2, 0.4], [np.pi, 0.35]])
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "time;elbow;insertion\n[ms];[deg];[mm]\n500;90,0;400\n1500;180,0;350\n",
-        "% of the lab\n%time [ms]\telbow [deg]\tinsertion [mm]\n500\t90\t400\n1500\t180\t350\n",
-        "# time [ms], elbow [deg], insertion [mm]\n  500   90  400\n 1500  180  350\n",
-    ],
-)
-def test_a_motion_is_read_from_every_table_of_text_that_import_reads(text: str, tmp_path: Path) -> None:
-    file = read(tmp_path, text)
-    assert (file.joint_names, file.joint_units) == (("elbow", "insertion"), ("rad", "m"))
-    assert_allclose(file.time, [0.0, 1.0])
-    assert_allclose(file.q, [[np.pi / 2, 0.4], [np.pi, 0.35]])
-
-
 def test_a_published_zigzag_becomes_the_trajectory_of_the_generator(tmp_path: Path) -> None:
     rows = zigzag_rows("J1", 0.5)
     np.savetxt(tmp_path / "traj.csv", rows, delimiter=",", fmt="%.17g")
