@@ -160,6 +160,12 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(motion, gentle, {unit: 4.0 * value for unit, value in getattr(motion, gentle).items()})
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Set up pages and their figures, and leave out to draw them, which takes seconds."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, file, **__: file.write(b"a picture"))
+
+
 @pytest.fixture(scope="session")
 def random_robots() -> "list[RandomRobot]":
     """Sixty trees: each size from one to nine joints six times and more."""

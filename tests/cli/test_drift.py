@@ -15,6 +15,7 @@ from catenary.recording.logs import write_parquet
 from command_line import catenary, refusal
 from tests.verdict.test_delay import cable_arm
 
+pytestmark = pytest.mark.usefixtures("undrawn")
 MAY_14, DAY = 1778716800.0, 86400.0  # [s since 1970] midnight of 14 May 2026, UTC
 
 

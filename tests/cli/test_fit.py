@@ -12,8 +12,6 @@ import pytest
 import simulated_arm
 from catenary.cli.main import main
 from catenary.recording.logs import read_log, write_parquet
-from catenary.reports import joint_errors
-from catenary.reports.page import Picture
 from command_line import catenary, refusal
 
 
@@ -100,13 +98,7 @@ def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
     assert chosen == [["q:J1", "tau:J1"], ["q:J1", "q:J2", "q:J3"], ["q:J3"]]
 
 
-@pytest.fixture
-def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pages without pictures, which take seconds to draw."""
-    monkeypatch.setattr(joint_errors, "joint_picture", lambda *_, **__: Picture("", ""))
-
-
-@pytest.mark.usefixtures("_no_pictures")
+@pytest.mark.usefixtures("undrawn")
 def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert catenary("evaluate", model, run, "--report", page).out.endswith(f"page:  {page}\n")

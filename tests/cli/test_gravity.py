@@ -12,7 +12,7 @@ from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import Mounting, save_mounting
 from command_line import catenary, refusal
 
-pytestmark = pytest.mark.usefixtures("hurried")
+pytestmark = pytest.mark.usefixtures("hurried", "undrawn")
 
 DOWN = np.array([0.0, 0.0, -9.81])
 POSE = ("raven2", "--q", "0,1.57,0.32")

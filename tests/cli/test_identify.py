@@ -12,6 +12,7 @@ from colliding_arm import write_arm
 from command_line import catenary, refusal
 from moving_arm import PLACE, recorded, write_npz
 
+pytestmark = pytest.mark.usefixtures("undrawn")
 ARM = load_robot("raven2")
 QUICK = ("--no-prior", "--friction", "none")  # in a third of the time
 
