@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import simulated_arm
-from catenary.dynamics.kinematics import jacobian
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import Mounting, save_mounting
@@ -180,14 +179,6 @@ def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
 
 
 LOAD = ("--payload", "2", "--payload-on", "tool0", "--payload-at", "0,0,0.1")
-
-
-def test_gravity_of_a_payload_is_that_of_its_weight() -> None:
-    q = ("ur10e", "--q", "0,-1.2,1.0,-0.5,0.6,0", "--json")
-    with_it, without = (np.array(catenary("gravity", *q, *load).json["tau"]) for load in (LOAD, ()))
-    arm, at = load_robot("ur10e"), np.array([0, -1.2, 1.0, -0.5, 0.6, 0])
-    J = jacobian(arm, at, "tool0", [0, 0, 0.1])
-    assert_allclose(with_it - without, 2.0 * 9.81 * J[2], atol=1e-9)
 
 
 def test_every_command_that_takes_a_payload_computes_with_it(tmp_path: Path) -> None:

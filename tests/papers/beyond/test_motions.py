@@ -15,7 +15,6 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import FASTEST, SLOWEST
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.gravity.simulated_arm import rigid_arm
-from papers.beyond import paths
 from papers.beyond.bases import AXES, BASES, DIFFERENCE, GRAVITY, with_gravity
 from papers.beyond.calibration_and_gravity import CalibratedGravity
 from papers.beyond.designed_motion import crossings, designed
@@ -42,16 +41,6 @@ def test_a_designed_motion_crosses_the_range_as_often_as_told_and_as_random_moti
     at_random = [reversals(column) + 1 for column in drawn.T]
     assert_allclose(counts, at_random, rtol=0.5)
     assert ((q >= CALIBRATION_LOWER) & (q <= CALIBRATION_UPPER)).all()
-
-
-@pytest.mark.parametrize("name", [paths.WIDE, paths.NARROW, paths.RANDOM, paths.DESIGNED])
-def test_paths_of_one_length_take_as_long_and_cover_what_their_name_says(name: str) -> None:
-    path, zigzag = (paths.trajectory(each, paths.SHORT, np.random.default_rng(0)) for each in (name, paths.ZIGZAG))
-    assert_allclose(path.duration, zigzag.duration)
-    q, of_zigzag = sampled(path), np.ptp(sampled(zigzag), axis=0)
-    expected = of_zigzag if name == paths.NARROW else WIDTH
-    # corners are rounded by a per cent or two; random motion turns anywhere in a band of an eighth to a fifth
-    assert_allclose(np.ptp(q, axis=0), expected, rtol=0.2 if name == paths.RANDOM else 0.03)
 
 
 FIRMWARE = load_cable_arm().firmware

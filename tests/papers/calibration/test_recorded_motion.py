@@ -1,17 +1,14 @@
 """Paths, recordings and inputs of the calibration paper's experiments."""
 
-from copy import deepcopy
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from catenary import MotionLog
 from papers.calibration import figure_3
-from papers.calibration.figure_5 import LONG, parts, recorded
-from papers.calibration.homings import home_here, random_tests, stay
+from papers.calibration.figure_5 import LONG, parts
 from papers.calibration.peer_hours import at_rows
-from papers.calibration.recordings import SETS, homed
+from papers.calibration.recordings import SETS
 
 
 def test_a_single_directions_volume_is_the_cubes_and_its_hole_half_the_diagonal_between_sweeps() -> None:
@@ -46,25 +43,6 @@ def test_sets_are_all_combinations_no_longer_than_the_longest() -> None:
     longest = sum(SECONDS[part] for part in parts("1/2+1/3+1/4"))
     assert {n for n in several if sum(SECONDS[part] for part in parts(n)) <= longest} == set(SETS)
     assert longest > LONG
-
-
-def test_recordings_of_a_session_differ_and_end_with_the_finest_asked_for() -> None:
-    session = recorded(None, {"1/1": 2, "1/2": 5}, "1/1", test_seconds=5.0)
-    first, second = session.train["1/1"]
-    assert len(first) == len(second)  # the same motion
-    assert not np.array_equal(first.q_nominal, second.q_nominal)
-    assert list(session.test) == ["1/1"]
-
-
-def test_a_test_motion_is_the_same_with_and_without_homing() -> None:
-    told, plant = [], homed(None)
-    for between in (stay, home_here):
-        logs = random_tests(deepcopy(plant), None, range(2), 5.0, between)
-        told.append([log.q_nominal for log in logs])
-    assert_allclose(told[0][0], told[1][0])
-    difference = np.abs(told[0][1] - told[1][1])
-    assert difference.max() < np.deg2rad(3.0)  # cable stretch and registration
-    assert difference.max() > 1e-6
 
 
 def test_some_rows_of_a_recording_keep_every_column() -> None:

@@ -16,7 +16,7 @@ from papers.gravity.raven_base import turned_base
 from papers.plant.circles import SHOWN, Circles, followed
 from papers.plant.pd_share import HeldTool
 from papers.plant.refit import fitted, write_arm
-from papers.plant.targets import free_numbers, joint_1_friction, shares_of, with_shares
+from papers.plant.targets import free_numbers, shares_of, with_shares
 
 ROBOT = "raven2_friction.toml"
 RUBBING = load_cable_arm(ROBOT)
@@ -71,12 +71,6 @@ def test_coulomb_friction_is_found_from_positions_and_setpoints() -> None:
     assert_allclose(found.friction, friction, rtol=0.02)  # speeds are smoothed where they turn
     assert_allclose(found.error[n:], SHOWN[n:], rtol=0.05)
     assert_allclose(found.likeness, 0.0, atol=0.05)
-
-
-def test_friction_of_joint_1_grows_with_its_torque() -> None:
-    c = RUBBING.cable
-    share = c.rotor_load_friction[0] + c.link_load_friction[0] + c.node_load_friction[0]
-    assert_allclose(joint_1_friction(RUBBING, 2.0) - joint_1_friction(RUBBING, 0.0), 2.0 * share)
 
 
 ARM = load_cable_arm()

@@ -55,13 +55,6 @@ def test_measures_are_of_the_ticks_that_count(tilted: SimulatedArm) -> None:
     assert result.time[-1] == pytest.approx(way.duration, abs=1e-3)
 
 
-def test_sensed_gravity_takes_the_work_from_the_pd_on_a_tilted_base(tilted: SimulatedArm) -> None:
-    still = Rest(AT + np.array([0.8, 0.0, 0.0]), 0.3)
-    laws = (make_controller(name, tilted) for name in ("sg", "dg"))
-    static, dynamic = (track(tilted, law, still).pd_share[0] for law in laws)
-    assert dynamic < 0.5 * static
-
-
 def test_a_motion_out_of_reach_moves_nothing(tilted: SimulatedArm) -> None:
     before = tilted.plant.measured_js()
     with pytest.raises(LimitError):
@@ -80,15 +73,6 @@ def test_poses_count_only_at_rest() -> None:
         q, qd, _ = motion.trajectory.sample(np.linspace(first, last, 50))
         assert_allclose(qd, 0.0, atol=1e-12)
         assert_allclose(q, q[:1].repeat(50, axis=0), atol=1e-12)
-
-
-@pytest.mark.parametrize("name", ["cartesian", "random", "poses"])
-def test_motions_keep_to_the_joint_limits(name: str) -> None:
-    model = load_robot("raven2")
-    trajectory = make_motion(name, model, model, np.random.default_rng(1)).trajectory
-    q, _, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, 500))
-    assert (q >= model.lower - 1e-9).all()
-    assert (q <= model.upper + 1e-9).all()
 
 
 def test_a_robot_without_limits_is_told_to_state_a_start() -> None:

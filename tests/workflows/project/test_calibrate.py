@@ -6,10 +6,9 @@ import pytest
 
 import simulated_arm
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.errors import CatenaryError, InputError
+from catenary.errors import InputError
 from catenary.reports.project import comparison_table
 from catenary.workflows.project import calibrate
-from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
@@ -43,19 +42,6 @@ def test_what_was_done_is_not_repeated(finished: CalibrationResult, finished_fol
 def test_another_test_motion_repeats_what_depends_on_it(finished_folder: Path) -> None:
     repeated = calibrate_short(finished_folder, with_page=False, test_minutes=0.2).repeated
     assert repeated == ("record", "extract test", "deploy")
-
-
-def test_it_goes_on_after_a_step_that_failed(finished_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (finished_folder / "deployment.json").unlink()
-    with monkeypatch.context() as broken:
-
-        def fail(*_: object, **__: object) -> None:
-            raise CatenaryError("the loop fell over")
-
-        broken.setattr(simulated_robot, "deploy_on_robot", fail)
-        with pytest.raises(CatenaryError, match="fell over"):
-            calibrate_short(finished_folder)
-    assert calibrate_short(finished_folder, with_page=False).repeated == ("deploy",)
 
 
 def test_results_are_written_and_said_to_be_simulated(finished: CalibrationResult) -> None:

@@ -44,21 +44,6 @@ class StoppedPlant(IdealPlant):
             raise self.stops[self.ticks - 100]
 
 
-def test_an_ideal_robot_arrives_without_error() -> None:
-    robot = ideal_robot(START)
-    summary = go_to_joints(robot, [0.6, 1.5])
-    assert_allclose(summary.q, [0.6, 1.5, START[2]])
-    assert_allclose(summary.max_error, 0.0, atol=1e-15)
-    assert summary.ended_by is None
-
-
-def test_the_tip_arrives_where_it_was_sent() -> None:
-    robot = ideal_robot(START)
-    goal = forward_kinematics(robot.model, START).position + np.array([0.01, -0.02, 0.015])
-    summary = go_to_joints(robot, joints_at(robot, goal, rng=np.random.default_rng(0)))
-    assert_allclose(forward_kinematics(robot.model, summary.q).position, goal, atol=1e-9)
-
-
 @pytest.mark.parametrize("side", ["raven2", "raven2_right"])
 def test_the_tool_of_a_raven_arrives_where_it_was_sent_not_its_wrist(side: str) -> None:
     robot = operated_robot(side, Simulated(), real_time=False)
