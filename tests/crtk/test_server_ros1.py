@@ -155,14 +155,3 @@ def test_clients_like_uws_move_the_robot_are_killed_and_their_latched_resume_doe
             client.process.kill()
             with Program(master, MOVES_ON, "third") as third:
                 assert third.line() == "moving"
-
-
-def test_without_a_master_serving_ends_with_its_uri(tmp_path: Path):
-    from ros import require_ros1
-
-    require_ros1()
-    master = Master(tmp_path)
-    with Program(master, COMMAND, "serve") as server:
-        _, errors = server.finish()
-        assert server.process.returncode == 2
-        assert master.uri in errors
