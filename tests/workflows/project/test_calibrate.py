@@ -61,6 +61,7 @@ def test_every_kind_of_model_is_fitted_to_a_robots_recordings(project_folder: Pa
     assert list(result.evaluations) == ["linear", "polynomial", "neural_paper", "neural_best", RECOMMENDED]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path], tmp_path: Path) -> None:
     train = tmp_path / "train.npz"
     train.write_bytes(days[0].read_bytes())
