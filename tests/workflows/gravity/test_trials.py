@@ -166,7 +166,7 @@ def test_an_arm_whose_joints_are_known_holds_by_a_cheap_sensor_on_a_base_that_ro
         arm = simulated_arm("raven2", base=base)
         sensor, told = base_sensor(base, start=arm.plant.measured_js().time)
         source = SensedGravity(sensor.mailbox, told, feed=sensor.advance) if sensed else None
-        held = hold(arm, make_hold("dg", arm), HOLD_START, 5.0, gravity=source, calibrated=True)
+        held = hold(arm, make_hold("dg", arm), HOLD_START, 4.0, gravity=source, calibrated=True)
         drift.append(np.rad2deg(held.drift[:2]))
     assert drift[0].max() < 0.7  # cables rub, and creep
     assert_allclose(*drift, atol=0.1)  # true gravity holds no better

@@ -64,7 +64,8 @@ def stamps(folder: Path, topic: str) -> Any:
     return np.array([stamp for _, stamp, _ in open_recording(folder).messages((topic,))])
 
 
-def test_a_recorder_that_stood_still_says_when(robot: RobotOnLoopback, tmp_path: Path) -> None:
+def test_a_recorder_that_stood_still_says_when(tmp_path: Path) -> None:
+    robot = RobotOnLoopback(EncodedPlant(), every=5)
     with TopicRecorder(robot.transport, tmp_path / "stood", raven_topics(), about=About(robot="raven2")) as recorder:
         for pause in (0.0, 0.02, 3.0, 0.4):
             robot.transport.sleep(pause)
@@ -97,7 +98,7 @@ class Box:
     """A program whose messages of a topic at 100 Hz are recorded as they come."""
 
     def __init__(self, folder: Path) -> None:
-        self.robot = RobotOnLoopback(homed_plant(), encoders=False)
+        self.robot = RobotOnLoopback(EncodedPlant(), encoders=False)
         self.publisher = Loopback("box", self.robot.network).publisher(EXT_JPOS.name, EXT_JPOS.type)
         self.recorder = TopicRecorder(self.robot.transport, folder, (EXT_JPOS,))
 
