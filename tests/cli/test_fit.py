@@ -85,11 +85,6 @@ def test_a_coverage_is_asked_for_and_without_folds_there_is_none(tmp_path: Path,
     assert "expected a share between 0 and 1" in refused.err
 
 
-def test_notes_do_not_stand_in_the_json(tmp_path: Path) -> None:
-    silent = simulated_arm.write(tmp_path / "silent.npz", units=None)
-    assert any("units not stated" in note for note in fit_json(silent, "--model", "offset")["notes"])
-
-
 def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
     path = simulated_arm.write(tmp_path / "run.npz", tau=np.zeros((400, 3)))
     fit_json(path, "--model", "linear", "--inputs", "J1=q:J1,tau:J1;J2=q;J3=q:J3")

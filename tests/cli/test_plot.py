@@ -39,13 +39,7 @@ def test_a_joint_beyond_its_limits_and_gravity_upwards_are_noted(tmp_path: Path)
     assert "points up" in err
 
 
-def test_what_cannot_be_drawn_is_refused(tmp_path: Path) -> None:
-    assert "--out" in refusal("plot", "raven2")
-    assert 'ending ".npz": expected .png or .svg or .pdf' in refusal("plot", "raven2", "--out", tmp_path / "a.npz")
-    assert "hide: x: expected some of" in refusal("plot", "raven2", "--hide", "x", "--out", tmp_path / "a.png")
-    assert "does not go with" in refusal(
-        "plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1", "--out", "a.png"
-    )
+def test_what_is_no_picture_is_not_replaced(tmp_path: Path) -> None:
     page = tmp_path / "other.png"
     page.write_text("mine")
     assert "is something else than a picture" in refusal("plot", "raven2", "--out", page)

@@ -38,29 +38,6 @@ def _no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page_process, "PageProcess", NoPage)
 
 
-@pytest.mark.usefixtures("_no_page")
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["ravn2"], 'did you mean "raven2"?'),
-        (["raven2", "--model", "none.npz"], "none.npz"),
-        (["panda", "--robot-seed", "1"], "a seed draws the cables"),
-        (["dvrk_psm"], "no inertia"),
-        (["raven2", "--ros", "1", "--log", "x.npz"], "--log: does not go with --ros"),
-        (["raven2", "--dialect", "crtk"], "--dialect: goes with --ros"),
-        (["raven2", "--gravity", "/gravity"], "--gravity: goes with --ros"),
-        (["raven2", "--log", "none.parquet"], "none.parquet"),
-        (["raven2", "--log", "x.npz", "--robot-seed", "1"], "--log: does not go with --robot-seed"),
-    ],
-)
-def test_view_refuses_what_cannot_be_shown(arguments: list[str], message: str) -> None:
-    assert message in refusal("view", *arguments)
-
-
-def test_a_port_of_the_system_is_refused() -> None:
-    assert "--port: expected 1024 to 65535, got 80" in refusal("view", "raven2", "--port", "80")
-
-
 def test_view_without_viser_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page_process, "find_spec", lambda name: None)
     assert re.search(r"not installed: pip install .*'viser>=", refusal("view", "raven2"))
