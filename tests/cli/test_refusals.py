@@ -194,7 +194,6 @@ REFUSALS = {
     "view raven2 --gravity /gravity": "--gravity: goes with --ros",
     "view raven2 --log none.parquet": "none.parquet",
     "view raven2 --log x.npz --robot-seed 1": "--log: does not go with --robot-seed",
-    "view raven2 --port 80": "--port: expected 1024 to 65535, got 80",
     "serve --ros none --robot toaster": "raven2",
     "serve --ros none --base-tilt-deg 1": "roll and pitch",
     "serve --ros none --rate 700": "divided by a whole number",
@@ -224,6 +223,7 @@ class Fixtures(dict[str, Path]):
         return path
 
 
+@pytest.mark.usefixtures("no_page")
 @pytest.mark.parametrize(("line", "words"), REFUSALS.items(), ids=lambda text: text[:60])
 def test_what_cannot_be_done_is_refused_and_leaves_nothing(
     line: str, words: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
