@@ -1,5 +1,6 @@
 import gc
 import os
+import re
 import resource
 from collections import Counter
 from collections.abc import Generator, Iterator
@@ -39,12 +40,12 @@ LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream
 
 
 def pytest_configure() -> None:
-    """Keep compiled code per state of the sources.
+    """Keep compiled code per state of the sources that it is made of.
 
     Two states are then compiled side by side, and neither makes the other's code old.
     """
     sources = sha256()
-    for path in sorted((ROOT / "src").rglob("*.py")):
+    for path in _of_compiled_code():
         sources.update(path.read_bytes())
     numba.config.CACHE_DIR = str(ROOT / ".cache" / "numba" / sources.hexdigest()[:16])
     # an example is not wrong because it takes long: many compile something, and the machine may be busy
@@ -57,6 +58,21 @@ def pytest_configure() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     if "PYTEST_XDIST_WORKER" in os.environ:
         _compile_one_at_a_time(Path(numba.config.CACHE_DIR))
+
+
+def _of_compiled_code() -> list[Path]:
+    """Return the files of what numba compiles, and all that they import."""
+    texts = {path: path.read_text() for path in (ROOT / "src").rglob("*.py")}
+    found, waiting = set(), {path for path, text in texts.items() if "kernels.compiled import" in text}
+    while waiting:
+        found.add(path := waiting.pop())
+        for module, names in re.findall(
+            r"(?:from|import) (catenary[\w.]*)(?: import ([^(\n]+|\([^)]*\)))?", texts[path]
+        ):
+            for name in (module, *(f"{module}.{one}" for one in re.findall(r"\w+", names))):
+                place = ROOT / "src" / name.replace(".", "/")
+                waiting |= {place.with_suffix(".py"), place / "__init__.py"} & texts.keys() - found
+    return sorted(found)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
@@ -142,6 +158,32 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
     for gentle in ("GENTLE_VELOCITY", "GENTLE_ACCELERATION"):
         monkeypatch.setattr(motion, gentle, {unit: 4.0 * value for unit, value in getattr(motion, gentle).items()})
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Set up pages and their figures, and leave out to draw them, which takes seconds."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, file, **__: file.write(b"a picture"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _delays_estimated_once() -> Iterator[None]:
+    """Estimate the delay of the same recording once in a process: of most commands it is what takes longest."""
+    from catenary.verdict import out_of_step
+
+    estimate, known = out_of_step.delay_of, dict[bytes, Any]()
+
+    def delay_of(log: Any, place: Any = None, about: float = 0.0) -> Any:
+        arrays = (log.q_nominal, log.q_encoder, log.ok, log.time, place)
+        told = repr((log.joint_names, log.joint_units, about, [each is None for each in arrays])).encode()
+        key = sha256(told + b"".join(np.asarray(each).tobytes() for each in arrays if each is not None)).digest()
+        if key not in known:
+            known[key] = estimate(log, place, about)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(out_of_step, "delay_of", delay_of)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -106,14 +106,6 @@ def test_a_saved_model_is_loaded_by_a_string(tmp_path: Path) -> None:
     assert catenary.evaluate(path, LOG).joints == model.evaluate(LOG).joints
 
 
-def test_a_model_corrects_in_a_loop() -> None:
-    model = catenary.fit(LOG, model="linear")
-    out, inside = np.empty(3), np.empty(3, dtype=bool)
-    for corrector in (model.corrector(), catenary.Corrector(model)):
-        corrector.correct(LOG.q_nominal[7], LOG.q_nominal[7], out, inside)
-        assert_array_equal(out, model.predict(LOG)[7])
-
-
 def test_torques_are_inputs_where_they_are_given() -> None:
     tau = RNG.normal(size=LOG.q_nominal.shape)
     true = LOG.q_nominal + 0.01 * tau

@@ -39,11 +39,6 @@ def test_non_finite_value_is_refused_with_its_row(key: str, value: float) -> Non
         replace(LOG, **{key: given})
 
 
-def test_nan_command_is_refused_even_without_a_measurement() -> None:
-    with pytest.raises(InputError, match="q_nominal is nan at row 1"):
-        replace(LOG, q_nominal=changed("q_nominal", 1, np.nan), ok=changed("ok", 1, False))
-
-
 def test_nan_measurement_is_fine_where_ok_is_not_set() -> None:
     log = replace(LOG, q_encoder=changed("q_encoder", 1, np.nan), ok=changed("ok", 1, False))
     assert np.isnan(log.q_encoder[1]).all()
@@ -83,11 +78,6 @@ def test_units_that_are_not_rad_or_m_for_each_joint_are_refused(units: tuple[str
 def test_recordings_begin_where_the_clock_goes_back() -> None:
     assert replace(LOG, time=np.array([0.0, 1.0, 1.0, 0.5, 0.6, 0.0])).starts == (0, 3, 5)
     assert replace(LOG, time=None).starts == (0,)
-
-
-def test_measurements_are_kept_as_given() -> None:
-    assert len(LOG) == 6
-    assert_array_equal(LOG.q_nominal, recording(np.random.default_rng(0), rows=6).q_nominal)
 
 
 NAMED = replace(LOG, joint_names=("a", "b", "c"))

@@ -24,7 +24,7 @@ def squared(number: int, tell: Progress) -> int:
 
 def fitted() -> FitResult:
     logs = [recording(seed, rows=400) for seed in (0, 1)]
-    return fit_logs(logs, FitOptions(kind="neural", coupled=()), RUN)
+    return fit_logs(logs, FitOptions(kind="neural", preset="paper", coupled=()), RUN)
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +69,7 @@ def test_a_fit_side_by_side_gives_the_same_bits(where: str, alone: FitResult, re
         np.testing.assert_array_equal(one.predictor.predict(X), other.predictor.predict(X))
 
 
-def test_a_cluster_that_does_not_answer_is_named() -> None:
+def test_a_cluster_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("catenary.side_by_side.PATIENCE", "1 s")
     with pytest.raises(InputError, match="no scheduler answers"), on_workers(1, "tcp://127.0.0.1:9"):
         pass

@@ -32,11 +32,6 @@ def test_composing_poses_applies_one_after_the_other(a_b, b_c, point):
     assert_allclose(both.rotation @ point + both.position, moved_twice, atol=1e-11)
 
 
-@given(poses, poses, poses)
-def test_composition_is_associative(a, b, c):
-    assert_same_pose((a @ b) @ c, a @ (b @ c))
-
-
 @given(poses)
 def test_a_pose_times_its_inverse_is_the_identity(pose):
     assert_same_pose(pose @ pose.inverse(), spatial.identity_pose())

@@ -1,4 +1,4 @@
-"""One sample, a thousand and thirty thousand through calibration models, beside other libraries on one thread.
+"""One sample through calibration models, beside other libraries on one thread.
 
 The others compute the bare predictor. `Corrector` also checks sizes and the valid range, adds the correction to the
 positions and, like the exported graph, falls back to the fixed offset.
@@ -125,7 +125,6 @@ def sklearn_call(predictor: Fitted, X: Floats) -> Predict:
 
 INPUTS, JOINTS = 16, 3
 ROUNDS, CALLS = 5, 1000  # scikit-learn takes a hundred times as long as we
-BATCHES = {1000: 5, 30_000: 1}  # rows, and calls in a round
 
 
 def model_of(predictor: Fitted, rng: np.random.Generator) -> CalibrationModel:
@@ -133,7 +132,8 @@ def model_of(predictor: Fitted, rng: np.random.Generator) -> CalibrationModel:
     wide = random_model("linear", rng.normal(size=(2000, INPUTS)), rng, joints=8, torques=8)
     group = replace(wide.groups[0], joints=tuple(range(JOINTS)), predictor=predictor)
     names, units, offset = (part[:JOINTS] for part in (wide.joint_names, wide.joint_units, wide.offset))
-    return replace(wide, joint_names=names, joint_units=units, offset=offset, groups=(group,))
+    largest = np.full(JOINTS, 1e3)  # bounds nothing, as in the other libraries
+    return replace(wide, joint_names=names, joint_units=units, offset=offset, groups=(group,), largest=largest)
 
 
 def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> Table:
@@ -154,16 +154,6 @@ def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> Table:
     return side_by_side(contenders | others, calls=CALLS, rounds=ROUNDS)
 
 
-def many_samples(predictor: Fitted, X: Floats, calls: int, rng: np.random.Generator) -> Table:
-    """Time a batch through the predictor alone, through a whole Corrector, and in the other libraries."""
-    corrector, q = Corrector(model_of(predictor, rng)), np.zeros((len(X), JOINTS))
-    others = peers(predictor, X)
-    _check(others, predictor.predict(X))
-    contenders: dict[str, Call] = {"predictor alone": partial(predictor.predict, X)}
-    contenders["Corrector.run"] = partial(corrector.run, q, X)
-    return side_by_side(contenders | others, calls=calls, rounds=ROUNDS)
-
-
 def _check(others: dict[str, Call], expected: Floats) -> None:
     for name, call in others.items():
         exact = {"rtol": 1e-9, "atol": 1e-9}
@@ -172,20 +162,14 @@ def _check(others: dict[str, Call], expected: Floats) -> None:
 
 
 def tables() -> Tables:
-    """Compare every predictor, one sample and batches."""
+    """Compare every predictor."""
     rng = np.random.default_rng(0)
     predictors = {
         f"network {INPUTS}-100-100-{JOINTS}, tanh": random_network((INPUTS, 100, 100, JOINTS), "tanh", rng),
         f"polynomial {INPUTS}-{JOINTS}": random_predictor("quadratic", INPUTS, JOINTS, rng),
         f"linear {INPUTS}-{JOINTS}": random_predictor("linear", INPUTS, JOINTS, rng),
     }
-    found = {}
-    for name, predictor in predictors.items():
-        found[f"{name}: one sample"] = one_sample(predictor, 0.1 * rng.normal(size=INPUTS), rng)
-        for rows, calls in BATCHES.items():
-            X = 0.1 * rng.normal(size=(rows, INPUTS))
-            found[f"{name}: {rows} rows"] = many_samples(predictor, X, calls, rng)
-    return found
+    return {name: one_sample(predictor, 0.1 * rng.normal(size=INPUTS), rng) for name, predictor in predictors.items()}
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tests.campaign.part import Part, chosen, found_parts
-from tests.campaign.results import Results, seeds_of
+from tests.campaign.results import Results
 from tests.campaign.run import run_part
 
 OFTEN = 5.0  # between two writings of the results [s]
@@ -25,9 +25,8 @@ def main() -> int:
     results = Results(options.out)
     parts = chosen([name for name in options.parts if name != "list"])
     if "list" in options.parts:
-        entries = results.read()["parts"]
         for name, (_, part) in parts.items():
-            print(f"{name:24} {len(seeds_of(entries.get(name, {'seeds': []})['seeds'])):9,} of {part.target:9,}")
+            print(f"{name:24} {results.entry(part)['tried']:9,} of {part.target:9,}")
         return 0
     end = time.monotonic() + options.seconds
     failed = 0
@@ -60,7 +59,7 @@ def _run(results: Results, module: str, part: Part, deadline: float, options: ar
             write()
 
     try:
-        for seeds in results.following(part, options.seed, options.count):
+        for seeds in results.following(part, options.count):
             run_part(module, part, seeds, tell, deadline=deadline, out=options.out)
             if time.monotonic() > deadline:
                 break
@@ -85,7 +84,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("parts", nargs="*", metavar="PART", help="name or group; list: what there is")
     parser.add_argument("--count", type=int, help="cases of each part; default: what is left of its target")
     parser.add_argument("--seconds", type=float, default=1800.0, help="of all parts together (default 1800)")
-    parser.add_argument("--seed", type=int, default=0, help="first seed; those that held before are left out")
     parser.add_argument("--out", type=Path, default=Path("build/campaign"), help="folder of the results")
     parser.add_argument("--replay", type=Path, metavar="FAILURE", help="a folder below failures/, tried again")
     return parser.parse_args()

@@ -1,12 +1,10 @@
-"""What a campaign has found, kept in one file that several runs add to: seeds, failures."""
+"""What a campaign has found, kept in one file that several runs add to: cases tried, failures."""
 
-import fcntl
 import json
 import platform
 import shutil
 import subprocess
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,15 +13,9 @@ from catenary import __version__
 from catenary.files import json_text, write_atomically
 from tests.campaign.part import Part
 
-Ranges = list[list[int]]  # first and last of seeds in a row, ascending
-
 
 class Results:
-    """The file campaign.json of a folder; what it holds is read anew for each change, others may write it too.
-
-    Each part has the seeds that were tried and the failures by their seeds, so that no case counts twice: trying a
-    seed again replaces what was found.
-    """
+    """The file campaign.json of a folder: of each part how many seeds from 0 on were tried, and those that failed."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -37,67 +29,36 @@ class Results:
         found: dict[str, Any] = json.loads(self.path.read_text(encoding="utf-8"))
         return found
 
+    def entry(self, part: Part) -> dict[str, Any]:
+        """Return what the file says of a part."""
+        nothing: dict[str, Any] = {"tried": 0, "failures": [], "seconds": 0.0}
+        return nothing | self.read()["parts"].get(part.name, {}) | {"target": part.target}
+
     def add(self, part: Part, tried: Mapping[int, str | None], seconds: float) -> None:
         """Add seeds with why they failed, None where they held, and how long that took."""
         if not tried:
             return
-        with self._changing() as content:
-            entry = content["parts"].setdefault(part.name, {"seeds": [], "failures": [], "seconds": 0.0})
-            others = [failure for failure in entry["failures"] if failure["seed"] not in tried]
-            for mended in (failure for failure in entry["failures"] if tried.get(failure["seed"], "no") is None):
+        content, entry = self.read(), self.entry(part)
+        failures = {failure["seed"]: failure for failure in entry["failures"]}
+        for seed, why in tried.items():
+            if why is not None:
+                failures[seed] = _failure(part, seed, why)
+            elif (mended := failures.pop(seed, None)) is not None:
                 shutil.rmtree(self.folder / mended["folder"], ignore_errors=True)
-            entry["failures"] = sorted(
-                others + [_failure(part, seed, why) for seed, why in tried.items() if why is not None],
-                key=lambda failure: int(failure["seed"]),
-            )
-            entry["seeds"] = ranges_of(seeds_of(entry["seeds"]) | tried.keys())
-            content["parts"][part.name] = _counted(entry, part.target, round(entry["seconds"] + seconds, 1))
-            content["parts"] = dict(sorted(content["parts"].items()))
-            content |= _about()
+        entry["tried"] = max(entry["tried"], max(tried) + 1)
+        entry["seconds"] = round(entry["seconds"] + seconds, 1)
+        content["parts"][part.name] = entry | {"failures": [failures[seed] for seed in sorted(failures)]}
+        content["parts"] = dict(sorted(content["parts"].items()))
+        write_atomically(self.path, json_text(content | _about()).encode())
 
-    def following(self, part: Part, first: int, count: int | None) -> Iterator[range]:
-        """Yield ranges of seeds to try: as many as asked for, else as many as the part's target still wants; from
-        `first` on, leaving out those that held before."""
-        entry = self.read()["parts"].get(part.name, {"seeds": [], "failures": []})
-        done = seeds_of(entry["seeds"]) - {failure["seed"] for failure in entry["failures"]}
-        wanted = max(part.target - len(done), 0) if count is None else count
-        while wanted:
-            while first in done:
-                first += 1
-            beyond = min((seed for seed in done if seed > first), default=first + wanted)
-            yield range(first, min(beyond, first + wanted))
-            wanted -= min(beyond, first + wanted) - first
-            first = beyond
-
-    @contextmanager
-    def _changing(self) -> Iterator[dict[str, Any]]:
-        with (self.folder / ".lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            content = self.read()
-            yield content
-            write_atomically(self.path, json_text(content).encode())
-
-
-def _counted(entry: dict[str, Any], target: int, seconds: float) -> dict[str, Any]:
-    tried, failed = len(seeds_of(entry["seeds"])), len(entry["failures"])
-    counts = {"target": target, "tried": tried, "held": tried - failed, "failed": failed}
-    return {**entry, **counts, "seconds": seconds}
-
-
-def seeds_of(ranges: Ranges) -> set[int]:
-    """Return the seeds of ranges."""
-    return {seed for first, last in ranges for seed in range(first, last + 1)}
-
-
-def ranges_of(seeds: set[int]) -> Ranges:
-    """Return seeds as ranges."""
-    ranges: Ranges = []
-    for seed in sorted(seeds):
-        if ranges and ranges[-1][1] == seed - 1:
-            ranges[-1][1] = seed
-        else:
-            ranges.append([seed, seed])
-    return ranges
+    def following(self, part: Part, count: int | None) -> Iterator[range]:
+        """Yield ranges of seeds to try: those that failed, then as many new ones as asked for, else as the target wants."""
+        entry = self.entry(part)
+        for failure in entry["failures"]:
+            yield range(failure["seed"], failure["seed"] + 1)
+        wanted = max(part.target - entry["tried"], 0) if count is None else count
+        if wanted:
+            yield range(entry["tried"], entry["tried"] + wanted)
 
 
 def _failure(part: Part, seed: int, why: str) -> dict[str, Any]:

@@ -57,3 +57,26 @@ def on_ros(monkeypatch: pytest.MonkeyPatch) -> RobotOnLoopback:
 
     monkeypatch.setattr(network, "make_transport", transport)
     return robot
+
+
+class NoPage:
+    """In the place of the page's process, which takes seconds to start."""
+
+    url = "http://127.0.0.1:18092/0123456789abcdefghijkl/"
+
+    def __init__(self, **_: object) -> None: ...
+
+    def __enter__(self) -> "NoPage":
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def open(self, shown: object) -> str:
+        return self.url
+
+
+@pytest.fixture
+def no_page(monkeypatch: pytest.MonkeyPatch) -> str:
+    """Views without the process of their page; the page's address."""
+    monkeypatch.setattr("catenary.view.page_process.PageProcess", NoPage)
+    return NoPage.url

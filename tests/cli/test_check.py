@@ -49,14 +49,6 @@ def test_a_urdf_that_lacks_one_inertia_ends_with_1_and_names_the_link(tmp_path: 
     assert "has no inertia: kinematics work, gravity and torques are refused" in whole.out
 
 
-def test_a_table_is_a_robot(tmp_path: Path) -> None:
-    outcome = catenary("check", write_text(tmp_path / "arm.toml", simulated_arm.DH_TABLE), "--json")
-    assert outcome.code == 0
-    assert outcome.json["facts"]["massless_links"] == ["slide"]
-    limits = {joint["name"]: (joint["lower"], joint["upper"]) for joint in outcome.json["facts"]["joints"]}
-    assert set(limits) == {"shoulder", "slide"}
-
-
 @pytest.mark.parametrize("name", ["model.npz", "model", "model.bin"])
 def test_a_model_is_known_by_what_it_holds(model: Path, tmp_path: Path, name: str) -> None:
     outcome = catenary("check", copy(model, tmp_path / name))
@@ -82,11 +74,6 @@ def test_copy_of_another_models_card_is_told_and_a_lost_one_is_not(model: Path, 
     outcome = catenary("check", mine)
     assert outcome.code == 1
     assert "mine.card.json: is not the card in mine.npz, which counts" in outcome.out
-
-
-def test_an_offset_is_not_worse_than_itself(run: Path, tmp_path: Path) -> None:
-    catenary("fit", run, "--model", "offset", "--out", tmp_path / "model.npz")
-    assert catenary("check", tmp_path / "model.npz").code == 0
 
 
 def keys_of(facts: Any) -> set[str]:

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.calibration.corrector import Corrector
 from catenary.calibration.model_file import load_model
 from catenary.files import card_path, sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_log, write_parquet
+from catenary.recording.logs import write_parquet
 from command_line import catenary, refusal
-from oracles.calibration_models import ticked
 from tests.verdict.test_delay import cable_arm
 
+pytestmark = pytest.mark.usefixtures("undrawn")
 MAY_14, DAY = 1778716800.0, 86400.0  # [s since 1970] midnight of 14 May 2026, UTC
 
 
@@ -138,16 +137,6 @@ def test_a_page_shows_what_is_promised_of_the_rest_of_the_day(days: tuple[Path, 
     assert "Moved: J2 +0.98 mm since 14 May 2026" in text
     assert "data:image/png" in text
     assert "19 times of 20" in text
-
-
-def test_a_refreshed_model_runs_in_a_loop_and_is_exported(days: tuple[Path, Path]) -> None:
-    model, tuesday = days
-    out = model.with_name("new.npz")
-    shown = json.loads(catenary("refresh", str(model), str(tuesday), "--out", str(out), "--json").out)
-    assert shown["moved"] == "J2 +0.98 mm since 14 May 2026"
-    new, log = load_model(out)[0], replace(read_log(tuesday), q_encoder=None)
-    assert (ticked(Corrector(new), log.q_nominal, log.q_nominal)[0] == new.calibrate(log)).all()
-    assert catenary("export", str(out), "--onnx", str(model.with_name("new.onnx"))).code == 0
 
 
 def test_a_recording_that_the_model_knows_is_refused(days: tuple[Path, Path]) -> None:

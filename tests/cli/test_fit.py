@@ -12,12 +12,7 @@ import pytest
 import simulated_arm
 from catenary.cli.main import main
 from catenary.recording.logs import read_log, write_parquet
-from catenary.reports import joint_errors
-from catenary.reports.page import Picture
-from catenary.robots.catalog import load_robot
 from command_line import catenary, refusal
-
-DISPLAY = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # rad, rad, m to deg, deg, mm
 
 
 def fit_json(data: Path, *options: object) -> Any:
@@ -90,38 +85,6 @@ def test_a_coverage_is_asked_for_and_without_folds_there_is_none(tmp_path: Path,
     assert "expected a share between 0 and 1" in refused.err
 
 
-def test_evaluate_tells_the_error_that_the_arm_has(tmp_path: Path, model: Path) -> None:
-    arrays = simulated_arm.arrays(seed=1)
-    np.savez(tmp_path / "other.npz", **arrays)
-    joints = evaluate_json(model, tmp_path / "other.npz")["joints"]
-    error = arrays["q_act"] - arrays["q_des"]
-    rms = DISPLAY * np.sqrt(np.mean(error**2, axis=0))
-    np.testing.assert_allclose([joint["raw_rmse"] for joint in joints], rms, rtol=1e-12)
-    largest = DISPLAY * np.abs(error).max(axis=0)
-    np.testing.assert_allclose([joint["raw_max"] for joint in joints], largest, rtol=1e-12)
-
-
-def test_notes_do_not_stand_in_the_json(tmp_path: Path) -> None:
-    silent = simulated_arm.write(tmp_path / "silent.npz", units=None)
-    assert any("units not stated" in note for note in fit_json(silent, "--model", "offset")["notes"])
-
-
-def test_units_of_the_option_are_taken(tmp_path: Path) -> None:
-    four = np.random.default_rng(0).uniform(-0.3, 0.3, (200, 4))
-    path = simulated_arm.write(tmp_path / "four.npz", rows=200, q_des=four, q_act=four + 0.001, units=None)
-    content = fit_json(path, "--model", "offset", "--units", "m,rad,rad,m")
-    assert [joint["unit"] for joint in content["cross_validation"]] == ["mm", "deg", "deg", "mm"]
-
-
-@pytest.mark.parametrize(("options", "added"), [("--play 0.1,0.2", ["play("] * 6), ("--folds 0", [])])
-def test_options_change_inputs(tmp_path: Path, run: Path, options: str, added: list[str]) -> None:
-    content = fit_json(Path(copy(run, tmp_path)), "--model", "linear", *options.split())
-    assert content["rows"] == 400
-    assert all(map(str.startswith, content["inputs"][3:], added))
-    assert len(content["inputs"]) == 3 + len(added)
-    assert bool(content["cross_validation"]) == ("--folds 0" not in options)
-
-
 def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
     path = simulated_arm.write(tmp_path / "run.npz", tau=np.zeros((400, 3)))
     fit_json(path, "--model", "linear", "--inputs", "J1=q:J1,tau:J1;J2=q;J3=q:J3")
@@ -130,33 +93,7 @@ def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
     assert chosen == [["q:J1", "tau:J1"], ["q:J1", "q:J2", "q:J3"], ["q:J3"]]
 
 
-def test_rows_beyond_the_error_limit_are_left_out(tmp_path: Path) -> None:
-    arrays = simulated_arm.arrays()
-    arrays["q_act"][7, 2] += 0.5  # m
-    np.savez(tmp_path / "run.npz", **arrays)
-    assert fit_json(tmp_path / "run.npz", "--model", "linear", "--max-error", "inf,inf,100")["rows"] == 399
-    assert "Infinity" not in (tmp_path / "out.card.json").read_text()
-
-
-def test_robot_gives_names_and_units(tmp_path: Path) -> None:
-    arm, arrays = load_robot("raven2"), simulated_arm.arrays()
-    middle = 0.5 * (arm.lower + arm.upper)
-    arrays["q_des"] += middle - arrays["q_des"].mean(axis=0)
-    path = tmp_path / "run.npz"
-    np.savez(path, **{**arrays, "q_act": arrays["q_des"] + 0.001})
-    content = fit_json(path, "--model", "offset", "--robot", "raven2")
-    found = [(j["joint"], j["unit"]) for j in content["cross_validation"]]
-    assert found == [("shoulder", "deg"), ("elbow", "deg"), ("insertion", "mm")]
-    assert [j["name"] for j in evaluate_json(tmp_path / "out.npz", path)["joints"]][2] == "insertion"
-
-
-@pytest.fixture
-def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pages without pictures, which take seconds to draw."""
-    monkeypatch.setattr(joint_errors, "joint_picture", lambda *_, **__: Picture("", ""))
-
-
-@pytest.mark.usefixtures("_no_pictures")
+@pytest.mark.usefixtures("undrawn")
 def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert catenary("evaluate", model, run, "--report", page).out.endswith(f"page:  {page}\n")
@@ -179,19 +116,13 @@ def test_an_ascii_terminal_still_shows_the_numbers(run: Path, tmp_path: Path, mo
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"q_act": np.zeros((399, 3))}, "expected shape (400, 3), got (399, 3)"),
-        ({"q_des": np.zeros(400)}, "expected shape (N, n), got (400,)"),
-        ({"ok": np.ones(7, dtype=bool)}, "ok: expected shape (400,), got (7,)"),
         (
             {"q_des": np.full((400, 3), np.nan)},
             "no row has all of q_nominal, q_encoder; 400 of 400 rows without q_nominal",
         ),
         ({"q_act": np.full((400, 3), np.nan)}, "no usable row: q_encoder is measured on none"),
         ({"ok": np.zeros(400, dtype=bool)}, "no usable row: ok is set on none that has q_encoder"),
-        ({"rows": 0}, "is empty"),
         ({"rows": 11}, "with one of 5 blocks left out 8 remain"),
-        ({"units": ["deg", "deg", "mm"]}, "each rad or m"),
-        ({"q_des": np.array([{}])}, "plain arrays"),
     ],
 )
 def test_a_recording_that_is_none_is_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:

@@ -34,12 +34,6 @@ def test_goto_arrives_and_says_how_well(went: Any) -> None:
     assert not went["interrupted"]
 
 
-def test_any_joint_is_moved_by_its_name() -> None:
-    outcome = catenary("goto", "--joints", "elbow", "--q-deg", "85", "--fast")
-    assert outcome.code == 0, outcome
-    assert "elbow" in outcome.out
-
-
 def test_a_file_is_followed(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time [s],shoulder [deg],insertion [mm]\n0,31,400\n1,33,398\n")
@@ -79,24 +73,6 @@ def test_a_simulation_tells_the_true_error_of_joints_and_wrist(went: Any) -> Non
     apart = [forward_kinematics(model, q).position for q in (plant.measured_js().q[:3], true)]
     assert went["true_error"]["frame"] == "wrist"
     assert_allclose(went["true_error"]["distance"], np.linalg.norm(apart[0] - apart[1]), atol=1e-4)
-
-
-def shoulder_deg(shown: bytes) -> float:
-    """Where the joint was when it was drawn last; a picture that has come in part may lack it still."""
-    drawn = re.findall(rb"shoulder +([0-9.]+) deg", shown)
-    return float(drawn[-1]) if drawn else 0.0
-
-
-@pytest.mark.slow
-def test_the_real_command_moves_a_simulated_robot_and_leaves_the_terminal_as_it_was() -> None:
-    with Typist() as typist:
-        typist.wait_for(b"catenary teleop")
-        typist.hold(b"q", lambda: shoulder_deg(typist.seen) > 30.8)
-        typist.type(b"Q")
-        end = typist.end()
-        assert end["state"]["state"] == "PAUSED"
-        assert end["q"][0] > 0.53  # homed at 30 deg, 0.5236 rad
-        assert termios.tcgetattr(typist.slave) == typist.before
 
 
 @pytest.mark.slow

@@ -177,12 +177,3 @@ def test_a_pipe_gets_facts_on_one_line_and_no_progress(capsys: pytest.CaptureFix
     with progress_bar("fitting") as progress:
         progress(0.5)
     assert capsys.readouterr() == ("", "note: one\nnote: two\n")
-
-
-def test_a_progress_bar_in_a_terminal_says_what_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = Terminal()
-    monkeypatch.setattr(sys, "stderr", shown)
-    monkeypatch.setenv("TERM", "xterm")
-    with progress_bar("fitting") as progress:
-        progress(0.5)
-    assert "fitting" in shown.getvalue()

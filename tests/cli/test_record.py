@@ -7,6 +7,7 @@ import pytest
 from catenary.cli.robot_choice import TerminalGuide
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.logs import read_log
+from catenary.workflows.project import kinds
 from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 from catenary.workflows.robot.operator_motion import read_followed_file
 from command_line import catenary, refusal
@@ -39,22 +40,19 @@ def test_project_remembers_where_its_robot_is(on_ros: RobotOnLoopback, tmp_path:
     assert catenary("home", tmp_path / "p", "--yes", "--json").json["run"] is False
 
 
-def test_record_without_motion_keeps_what_others_do(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
-    on_ros.robot.plant.state_command("home")
-    outcome = catenary("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.005", "--simulated", "--json")
-    assert outcome.code == 0, outcome
-    assert {topic["name"] for topic in outcome.json["topics"]} >= {"/ravenstate", "/ext_jpos"}
-    assert open_recording(tmp_path / "p" / "recordings" / "test").about.simulated
-    assert on_ros.robot.commands == 0
-
-
-def test_recording_others_leaves_the_settings_of_a_project_as_they_are(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
+def test_record_without_motion_keeps_what_others_do_and_the_settings_of_a_project(
+    on_ros: RobotOnLoopback, tmp_path: Path
+) -> None:
     on_ros.robot.plant.state_command("home")
     before = ProjectSettings(test_minutes=33.0, seed=7)
     Project(tmp_path / "p", before)
-    outcome = catenary("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.0005", "--json")
+    line = ("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.0005", "--simulated", "--json")
+    outcome = catenary(*line)
     assert outcome.code == 0, outcome
     assert outcome.json["seconds"] == pytest.approx(1.8)
+    assert {topic["name"] for topic in outcome.json["topics"]} >= {"/ravenstate", "/ext_jpos"}
+    assert open_recording(tmp_path / "p" / "recordings" / "test").about.simulated
+    assert on_ros.robot.commands == 0
     assert project_settings(tmp_path / "p") == before
 
 
@@ -111,7 +109,8 @@ def test_minutes_of_full_reversals_are_a_file_that_follow_takes(tmp_path: Path, 
     assert "PROJECT: is missing" in refusal("excite", "--refresh")
 
 
-def test_minutes_of_full_reversals_are_recorded_anew_each_day(tmp_path: Path) -> None:
+def test_minutes_of_full_reversals_are_recorded_anew_each_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kinds, "SWEEPS", 1)  # a tenth of the minutes
     for name in ("refresh", "refresh_2"):
         assert catenary("excite", tmp_path / "arm", "--refresh", "--json").json["recording"] == name
     found = catenary("extract", tmp_path / "arm", "--json").json

@@ -165,6 +165,15 @@ REFUSALS = {
     "sense --port /dev/none --rate 100": "--rate: goes with --simulated",
     "sense --simulated --rate 0": "rate_hz",
     "sense --simulated --out m.toml": "--out: goes with --tumble",
+    **{
+        f"{command} --port /dev/none {units}": f"{units.split()[0]}: does not go with --port"  # the board says its own
+        for command in ("sense", "gravity-node")
+        for units in ("--units g,deg/s", "--driver mpu6050")
+    },
+    "plot raven2": "--out",
+    "plot raven2 --out a.npz": 'ending ".npz": expected .png or .svg or .pdf',
+    "plot raven2 --hide x --out a.png": "hide: x: expected some of",
+    "plot raven2 --gravity 0,0,-9 --base-tilt-deg 0,1 --out a.png": "does not go with",
     # --ros-distro is of commands that speak ROS 2, and acts there alone
     "sense --simulated --ros-distro nonsense": "No such option: --ros-distro",
     "excitation panda --out x.npz --ros 1": "--ros: goes with --trajectory",
@@ -176,12 +185,23 @@ REFUSALS = {
     "calibrate new --swap J1,J2": "--swap: goes with [DATA...]",
     "calibrate new {run} --test {run} --hours 1": "--hours: does not go with [DATA...]",
     "view raven2 --as-is": "goes with --log or a project",
+    "view ravn2": 'did you mean "raven2"?',
+    "view raven2 --model none.npz": "none.npz",
+    "view panda --robot-seed 1": "a seed draws the cables",
+    "view dvrk_psm": "no inertia",
+    "view raven2 --ros 1 --log x.npz": "--log: does not go with --ros",
+    "view raven2 --dialect crtk": "--dialect: goes with --ros",
+    "view raven2 --gravity /gravity": "--gravity: goes with --ros",
+    "view raven2 --log none.parquet": "none.parquet",
+    "view raven2 --log x.npz --robot-seed 1": "--log: does not go with --robot-seed",
     "serve --ros none --robot toaster": "raven2",
     "serve --ros none --base-tilt-deg 1": "roll and pitch",
     "serve --ros none --rate 700": "divided by a whole number",
     "serve --ros none --payload -1": "payload",
     "serve --ros none --grav-dir 0,0,9.8": "three whole numbers",
     "serve --ros none --grav-dir 0,0,99999": "grav_dir",
+    "serve --ros none --qos best-effort": "--qos best-effort: goes with --ros 2",
+    **{f"serve --ros none --depth={depth}": "--depth" for depth in (0, -1)},
     "button --ros none": "nobody listens to it",
     "nonsense": "No such command 'nonsense'",
     "telop": "Did you mean 'teleop'?",
@@ -203,6 +223,7 @@ class Fixtures(dict[str, Path]):
         return path
 
 
+@pytest.mark.usefixtures("no_page")
 @pytest.mark.parametrize(("line", "words"), REFUSALS.items(), ids=lambda text: text[:60])
 def test_what_cannot_be_done_is_refused_and_leaves_nothing(
     line: str, words: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

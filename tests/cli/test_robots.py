@@ -111,15 +111,6 @@ def test_regressor_prints_what_is_identifiable() -> None:
     assert "without effect on any torque: m(shoulder), mz(shoulder), m(elbow)" in text
 
 
-def test_compact_form_of_the_planar_arm_is_the_papers() -> None:
-    text = catenary("regressor", "planar_3r", "--compact").out
-    assert (
-        "\ng = g_c [[c1 c12 c123],[0 c12 c123],[0 0 c123]] [s1 s2 s3]^T\n"
-        "s1 = l1 (m2+m3) + lg1 m1\ns2 = l2 m3 + lg2 m2\ns3 = lg3 m3\n"
-    ) in text
-    assert "lg3  centre of mass of link3, along x [m]         0.1" in text
-
-
 @pytest.fixture(scope="module")
 def model(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("model") / "arm.npz"

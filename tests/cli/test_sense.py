@@ -72,11 +72,5 @@ def test_a_tumble_asks_for_all_attitudes_and_refuses_a_board_at_rest(board, tmp_
     assert not (tmp_path / "m.toml").exists()
 
 
-@pytest.mark.parametrize("command", ["sense", "gravity-node"])
-def test_units_of_a_board_that_says_its_own_are_refused_and_not_converted_twice(command: str):
-    for words in (("--units", "g,deg/s"), ("--driver", "mpu6050")):
-        assert f"{words[0]}: does not go with --port" in refusal(command, "--port", "/dev/none", *words)
-
-
 def test_a_tumble_without_a_keyboard_is_refused(board: SimulatedBoard):
     assert "standard input has ended" in refusal("sense", "--port", board.link, "--tumble")

@@ -26,7 +26,6 @@ def test_serving_prints_a_line_a_second_and_sums_up():
 def test_a_signal_pauses_the_arms_and_the_last_lines_say_so(monkeypatch):
     from catenary.cli.signals import EndedBySignal
 
-    monkeypatch.setattr(serve, "time", ManualTime())
     heard = []
 
     def show(status):

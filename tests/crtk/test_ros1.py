@@ -1,6 +1,8 @@
 """Ros1Transport between processes; what holds for every transport is in contracts, rospy's own classes in test_ros1_rospy."""
 
 import contextlib
+import os
+import signal
 import socket
 import time
 import xmlrpc.client
@@ -9,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from patience import until
+from patience import PATIENCE, until
 from ros import OPEN, Master, Program, running_master
 
 pytestmark = pytest.mark.slow
@@ -36,7 +38,7 @@ while not end.is_set():
         last = tell()
         print(sys.argv[4], last, sent)
     rate.sleep()
-print(sent, publisher.overflowed)
+print(sent, publisher.overflowed, *publisher.missed)
 sys.stdin.readline()
 """
 )
@@ -147,7 +149,8 @@ def test_a_peer_that_stands_still_delays_nobody_and_gets_whole_messages_afterwar
                 assert told == ["overflow", "True"]
                 hear_to(int(sent) + 100, listener, whole)
             talker.say("end")
-            sent, overflowed = map(int, talker.line().split())
+            *counts, name = talker.line().split()[:3]
+            sent, overflowed = map(int, counts)
             hear_to(sent, listener, whole)
             hear_to(sent, stalled, broken)
             assert broken == sorted(set(broken))
@@ -155,6 +158,7 @@ def test_a_peer_that_stands_still_delays_nobody_and_gets_whole_messages_afterwar
             # both peers' misses are counted; the quick one's, too, where the machine let it wait
             missed = sum(sent - came[0] + 1 - len(came) for came in (whole, broken))
             assert missed == overflowed > 0
+            assert name in ("/stalled", "/listener")
             assert whole == sorted(set(whole))
 
 
@@ -274,3 +278,26 @@ except KeyboardInterrupt:
     with xmlrpc.client.ServerProxy(own_master.uri) as server:
         assert server.getSystemState("/tests")[2] == [[], [], []]  # type: ignore[index]
     assert set(tmp_path.rglob("*")) == before
+
+
+def test_ctrl_c_is_heeded_while_a_topic_ends_and_a_master_that_stands_still_keeps_no_program(own_master) -> None:
+    code = f"""{OPEN}
+import _thread, threading
+heard = transport.subscribe("/count", T)
+print("up")
+sys.stdin.readline()
+threading.Timer(0.5, _thread.interrupt_main).start()
+try:
+    heard.close()
+    print("the Ctrl-C was lost")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    with Program(own_master, code, "node") as node:
+        assert node.line() == "up"
+        assert own_master._process is not None
+        os.kill(own_master._process.pid, signal.SIGSTOP)
+        node.say("go")
+        assert node.line() == "interrupted"
+        node.finish(PATIENCE)
+        assert node.process.returncode == 0

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from patience import PATIENCE
 from ros import COMMAND, Master, Program, running_master
 
 CLIENT = """
@@ -91,43 +90,6 @@ print(json.dumps(state().state))
 sys.stdin.readline()
 """
 )
-# the way of CRTK's Python client: waits for what comes after its command, with latched publishers and no stamps
-CRTK = (
-    CLIENT
-    + """
-place = "/arm1/"
-state = Latest(place + "operating_state", "crtk_msgs/OperatingState")
-setpoint = Latest(place + "setpoint_js", "sensor_msgs/JointState")
-command = commander(place + "state_command", "crtk_msgs/StringStamped")
-servo_jp, move_jp = (commander(place + verb, "sensor_msgs/JointState") for verb in ("servo_jp", "move_jp"))
-until(lambda: state() and setpoint())
-found = {"before": state().state, "age": (transport.now() - setpoint().header.stamp) * 1e-9}
-command.publish(Command(string="enable"))
-until(lambda: state().state == "ENABLED")
-command.publish(Command(string="home"))
-found["homed"] = state().is_homed
-start = np.array(setpoint().position); goal = start.copy()
-def at(goal):
-    return np.abs(np.array(setpoint().position) - goal).max() < 1e-9
-for k in range(250):
-    goal[0] = start[0] + np.deg2rad(2.0) * (1.0 - np.cos(2 * np.pi * k / 500))
-    servo_jp.publish(JointState(position=goal)); time.sleep(0.002)
-until(lambda: at(goal))
-found["servo_jp"] = True
-def moved(publisher, message):
-    begin, known = transport.now(), len(state.stamps)
-    publisher.publish(message)
-    until(lambda: state() and len(state.stamps) > known and state.stamps[-1] > begin and not state().is_busy)
-    return 1e-9 * (transport.now() - begin)
-goal = start + [0.1, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0]
-found["took"] = moved(move_jp, JointState(position=goal))
-until(lambda: at(goal))
-found["move_jp"] = True
-command.publish(Command(string="disable"))
-until(lambda: state().state == "DISABLED")
-print(json.dumps(found))
-"""
-)
 
 
 @contextmanager
@@ -193,27 +155,3 @@ def test_clients_like_uws_move_the_robot_are_killed_and_their_latched_resume_doe
             client.process.kill()
             with Program(master, MOVES_ON, "third") as third:
                 assert third.line() == "moving"
-
-
-@pytest.mark.slow
-def test_a_client_like_crtks_enables_servos_and_moves(tmp_path: Path):
-    with running_master(tmp_path) as master, serving(master, "--dialect", "crtk"):
-        with Program(master, CRTK, "client") as client:
-            found = json.loads(client.line())
-        assert found["before"] == "DISABLED"
-        assert 0.0 <= found["age"] < PATIENCE  # time of day
-        assert found["homed"]
-        assert found["servo_jp"]
-        assert found["move_jp"]
-        assert found["took"] > 0.2  # it waited for the move, not for a state from before
-
-
-def test_without_a_master_serving_ends_with_its_uri(tmp_path: Path):
-    from ros import require_ros1
-
-    require_ros1()
-    master = Master(tmp_path)
-    with Program(master, COMMAND, "serve") as server:
-        _, errors = server.finish()
-        assert server.process.returncode == 2
-        assert master.uri in errors

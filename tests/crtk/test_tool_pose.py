@@ -3,24 +3,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.serving.tool_pose import ToolPose
-from catenary.dynamics.kinematics import forward_kinematics, relative_pose
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import JOINTS
 
 Q = np.array([0.6, 1.5, 0.38, 0.2, -0.3, 0.5, 0.9])
-
-
-@pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])
-def test_joints_bring_the_tool_back_with_the_jaws_as_they_were(name):
-    tool = ToolPose(load_robot(name), JOINTS)
-    assert_allclose(tool.joints(tool.pose(Q), Q + 0.01 * np.array([1, 1, 0, 1, 1, -1, 1])), Q, atol=1e-9)
-
-
-def test_both_jaws_turn_the_tool_by_half_their_difference():
-    model = load_robot("raven2_full")
-    pose = ToolPose(model, JOINTS).pose(Q)
-    assert_allclose(pose.rotation, forward_kinematics(model, [*Q[:5], 0.2]).rotation, atol=1e-12)
 
 
 def test_a_model_of_the_robots_own_joints_needs_no_jaws():
@@ -37,15 +25,6 @@ def test_a_model_of_another_robot_is_refused():
 def test_what_runs_along_paths_is_prepared_wherever_the_robot_is():
     for name, joints in (("raven2_full", JOINTS), ("two_link", ("joint1", "joint2"))):
         ToolPose(load_robot(name), joints).prepare()
-
-
-@pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])
-def test_frame_0_is_the_models(name):
-    model = load_robot(name)
-    tool = ToolPose(model, JOINTS)
-    pose, expected = tool.in_frame_0(tool.pose(Q)), relative_pose(model, [*Q[:5], 0.2], "tool", "frame0")
-    assert_allclose(pose.position, expected.position, atol=1e-12)
-    assert_allclose(pose.rotation, expected.rotation, atol=1e-12)
 
 
 def test_the_base_is_the_frame_0_of_a_robot_that_has_none():

@@ -64,16 +64,6 @@ def record(folder: Path, seconds: float, *, max_bytes: int = 2**28, topics: Sequ
     return folder
 
 
-def record_minutes(folder: Path, minutes: int) -> Path:
-    """Record what a calibration needs, a row of telemetry every 5 ms, a minute at a time."""
-    rng, step = np.random.default_rng(1), 0.005
-    with Recorder(folder, raven_topics()[:3], telemetry(np.zeros(2), rng), np.random.default_rng(2)) as recorder:
-        for minute in range(minutes):
-            ticks = 60.0 * minute + step * np.arange(round(60 / step))
-            recorder.observe_many(ticks, telemetry(ticks, rng))
-    return folder
-
-
 def write_journal(
     folder: Path, streams: Sequence[tuple[Topic, NDArray[np.int64], dict[str, NDArray[np.float64]]]]
 ) -> Path:

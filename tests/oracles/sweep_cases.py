@@ -68,10 +68,3 @@ def become_older() -> None:
     from papers import runner
 
     runner.source_digest = lambda: "older"  # type: ignore[assignment]
-
-
-def become_another_processor() -> None:
-    """Make this process one on another processor."""
-    from papers import environment
-
-    environment.processor = lambda: "another processor"  # type: ignore[assignment]

@@ -51,14 +51,6 @@ def numbers(result: Any) -> Iterator[float]:
         yield float(result)
 
 
-def test_it_names_versions_processor_and_what_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert environment.environment() == f"{environment.versions()}, {environment.processor()}"
-    assert f", numpy {np.__version__}, scipy " in environment.versions()
-    assert environment.processor().startswith(f"{platform.machine()} ")
-    monkeypatch.setattr(environment, "LIBRARIES", ("numpy", "no-such-thing"))
-    assert environment.versions.__wrapped__().endswith(f", numpy {np.__version__}, no no-such-thing")
-
-
 def test_the_page_states_the_tolerances_that_are_held() -> None:
     page = (ROOT / "docs" / "papers.md").read_text()
     for held in (TOLERANCE, TOLERANCE_OF_NETWORKS):

@@ -1,8 +1,5 @@
 import json
-import os
 import re
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,8 +15,6 @@ from papers import runner
 from papers.experiment import Case, Result
 from papers.runner import Failure, execute, fingerprint, run_cases
 from papers.store import Finished, Store
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -172,31 +167,6 @@ def test_killed_workers_cost_no_case_but_those_that_kill_again(store: Store, tmp
     kept = store.read(once)
     assert kept is not None
     assert kept.result["calls"] == 2
-
-
-@pytest.mark.slow
-def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
-    store: Store, begun: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from distributed import Client
-
-    last = deadly.case(number=104, folder=str(begun), deaths=99)
-    waiting = [quick.case(number=k, folder=str(begun)) for k in range(2)]
-    with started(0) as local, Client(local) as client:
-        command = [sys.executable, "-m", "dask", "worker", local.scheduler_address, "--no-nanny", "--nthreads", "1"]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        # no nanny starts another in its place
-        worker = subprocess.Popen(command, cwd=ROOT, env=environment, stderr=subprocess.DEVNULL)
-        try:
-            client.wait_for_workers(1, timeout=60)
-            monkeypatch.setattr(runner, "PATIENCE", 5.0)
-            with pytest.raises(InputError, match=r"no worker is left: [12] cases wait"):
-                run_cases([last, *waiting], store, cluster=local.scheduler_address)
-        finally:
-            worker.kill()
-            worker.wait()
-    # and maybe what the worker had been given beside it
-    assert last.key in [path.stem for path in store.failures.iterdir()]
 
 
 @pytest.mark.slow

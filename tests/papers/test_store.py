@@ -10,11 +10,9 @@ import pytest
 from catenary.errors import InputError
 from oracles.sweep_cases import quick, summed
 from papers import catalog, experiment, store
-from papers.calibration.table_1 import direction_errors
-from papers.calibration.table_2 import more_epochs
 from papers.catalog import MODULES, named
 from papers.experiment import Case, Outcomes, Scope
-from papers.kit import by_count, mean_and_spread
+from papers.kit import by_count
 from papers.results_files import RAW, judged
 from papers.store import Finished, Store, read_raw, source_digest, write_raw
 
@@ -130,23 +128,6 @@ def test_a_case_is_plain_data_and_its_function_a_marked_one() -> None:
         Case("oracles.sweep_cases.calls", 1, "{}").load()
 
 
-def test_outcomes_are_found_by_function_and_arguments() -> None:
-    cases = [quick.case(number=number, folder="here") for number in (1, 2)]
-    outcomes = Outcomes({case: {"raw": number} for number, case in enumerate(cases)})
-    assert outcomes.of(quick) == [{"raw": 0}, {"raw": 1}]
-    assert outcomes.of(quick, number=2) == [{"raw": 1}]
-    assert outcomes.of(quick, number=3) == outcomes.of(summed) == []
-
-
-def test_how_often_networks_are_trained_is_what_cases_are_called_with() -> None:
-    told = {"seed": None, "direction": "J1", "sparsities": [0.5], "test_seconds": 60.0}
-    five, none = (direction_errors.case(**told, networks=seeds) for seeds in ([0, 1, 2, 3, 4], []))
-    one = more_epochs.case(seed=1, training_set="1/2", epochs=[2], network=0)
-    assert Outcomes({CASE: {}}).trainings == []
-    assert Outcomes({five: {}, none: {}}).trainings == [5]
-    assert Outcomes({one: {}, five: {}}).trainings == [1, 5]
-
-
 @pytest.mark.parametrize(
     ("holds", "verdict"),
     [
@@ -158,12 +139,6 @@ def test_how_often_networks_are_trained_is_what_cases_are_called_with() -> None:
 )
 def test_a_claim_of_several_parts_holds_as_far_as_these_do(holds: list[bool], verdict: str) -> None:
     assert by_count(holds, "told").verdict == verdict
-
-
-def test_spread_is_that_of_a_sample() -> None:
-    assert mean_and_spread([1.0, 3.0], 1) == "2.0 ± 1.4"
-    assert mean_and_spread([1.0]) == "1.000"
-    assert mean_and_spread([]) == "-"
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -190,23 +165,3 @@ def test_names_and_their_beginnings_choose_experiments() -> None:
     assert "calibration-table-1" in named(["calibration"])
     with pytest.raises(catalog.InputError, match="calibration-table-1"):
         named(["table-1"])
-
-
-def test_no_model_of_six_hours_is_trained_twice_over_figures_and_tables() -> None:
-    robots = Scope((None, 1, 2))
-    asked = {
-        name: catalog.experiment(f"calibration-{name}").cases(robots) for name in ("figure-6", "table-3", "table-5")
-    }
-    on_error = {
-        name: [case for case in cases if case.function.endswith(".six_hours") and case.arguments["columns"] == "16"]
-        for name, cases in asked.items()
-    }
-    assert set(on_error["table-3"]) <= set(on_error["figure-6"])
-    extra = [case for case in on_error["table-5"] if case not in on_error["figure-6"]]
-    assert {case.arguments["target"] for case in extra} == {"position"}
-    trained = [
-        (case.arguments["seed"], case.arguments["condition"], name)
-        for case in on_error["figure-6"]
-        for name in case.arguments["sets"]
-    ]
-    assert len(set(trained)) == len(trained) == 3 * 3 * 11

@@ -13,7 +13,6 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
 from catenary.recording import parquet_files
-from catenary.recording.import_formats.table_files import read_parquet_table
 from catenary.recording.logs import FORMAT, read_log, read_torque_log, write_parquet
 from catenary.recording.parquet_files import open_parquet
 from catenary.robots.catalog import load_robot
@@ -88,20 +87,6 @@ def test_schema_states_the_unit_of_every_column(path: Path) -> None:
     expected = {"q_nominal": "rad rad m", "q_encoder": "rad rad m", "qd": "rad/s rad/s m/s", "tau": "Nm Nm N"}
     joints = {f"{key}:J{j + 1}": unit for key, of in expected.items() for j, unit in enumerate(of.split())}
     assert units == joints | {"time": "s", "ok": "", "temperature": "K", "current": "A"}
-
-
-def test_folder_that_looks_like_a_partition_adds_no_column(tmp_path: Path) -> None:
-    (tmp_path / "day=3").mkdir()
-    write_parquet(full_log(), tmp_path / "day=3" / "run.parquet")
-    assert "day" not in read_log(tmp_path / "day=3" / "run.parquet").signals
-
-
-def test_single_precision_columns_are_read(path: Path) -> None:
-    def narrow(table: pa.Table) -> pa.Table:
-        i = table.column_names.index("tau:J1")
-        return table.set_column(i, "tau:J1", table.column("tau:J1").cast(pa.float32()))
-
-    assert read_log(rewritten(path, narrow)).tau.dtype == np.float64
 
 
 @pytest.mark.parametrize("name", ["time", "ok", "q_nominal:J1", "tau:J3"])
@@ -228,15 +213,6 @@ def _written(path: Path, columns: dict[str, object], about: object = ABOUT, **op
     table = pa.table(columns).replace_schema_metadata({"catenary": json.dumps(about)})
     pq.write_table(table, path, **options)
     return path
-
-
-@pytest.mark.parametrize("compression", ["none", "snappy", "zstd", "lz4", "gzip"])
-@pytest.mark.parametrize("is_old", [True, False])
-def test_columns_of_every_packing_are_read(tmp_path: Path, compression: str, is_old: bool) -> None:
-    values = np.repeat(np.random.default_rng(1).normal(size=300), 20)
-    packing = {"compression": compression, "data_page_version": "1.0" if is_old else "2.0", "use_dictionary": is_old}
-    path = _written(tmp_path / "log.parquet", {"x": values}, **packing, data_page_size=2000, row_group_size=2500)
-    assert_array_equal(read_parquet_table(path).columns["x"], values)
 
 
 def test_rows_that_unpack_to_gigabytes_are_refused_before_they_do(tmp_path: Path) -> None:

@@ -58,15 +58,6 @@ def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(bag: Path, 
     assert "lost: about" in rescue.text()
 
 
-@pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
-def test_whole_chunks_of_a_compressed_bag_that_was_cut_off_are_read(journal, sent, tmp_path, compression: str) -> None:
-    whole = write_bag(journal, tmp_path / "packed.bag", compression).read_bytes()
-    (tmp_path / "cut.bag").write_bytes(whole[: int(0.8 * len(whole))])
-    saved = list(BagStream(tmp_path / "cut.bag").messages())
-    assert 0.3 * len(sent) < len(saved) < len(sent)
-    assert saved == sent[: len(saved)]
-
-
 def test_what_is_lost_is_told_by_each_topics_own_rate() -> None:
     second = 1_000_000_000
     fast, slow = second // 100 * np.arange(1000), second // 10 * np.arange(100)

@@ -11,21 +11,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import Mend
+from recordings import recording as made
 
 
-def recording(rows: int = 40) -> MotionLog:
+def recording() -> MotionLog:
     rng = np.random.default_rng(0)
-    q = rng.uniform(-1.0, 1.0, (rows, 3))
-    return MotionLog(
-        name="run",
-        joint_names=("J1", "J2", "J3"),
-        joint_units=("rad", "rad", "m"),
-        q_nominal=q,
-        q_encoder=q + 0.01,
-        ok=np.ones(rows, dtype=bool),
-        time=np.arange(rows, dtype=float),
-        tau=rng.standard_normal((rows, 3)),
-    )
+    log = made(rng, rows=40, error=lambda q: np.full_like(q, 0.01))
+    return replace(log, time=np.arange(40.0), tau=rng.standard_normal((40, 3)))
 
 
 def test_nothing_to_mend_is_the_same_recording() -> None:

@@ -44,7 +44,7 @@ from catenary.workflows.c_header import c_header
 from command_line import catenary, refusal
 from compiled_c import COMPILERS, LANGUAGES, output_of, prefix_of, puts
 from moving_arm import recorded
-from oracles.calibration_models import MIXED, random_model, random_network, ticked
+from oracles.calibration_models import MIXED, random_model, ticked
 from oracles.catalogue import robots_with_inertia
 from oracles.floating_base import Free, by_mujoco, by_pinocchio
 from oracles.random_trees import random_robot, random_rotation
@@ -416,20 +416,6 @@ def test_c_carries_friction_states_bit_for_bit(tmp_path: Path) -> None:
     )
     header = f"#include <math.h>\n{header}"
     assert_array_equal(output_of(header, body, rows, tmp_path, "C99"), np.array(expected))
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_the_papers_network_is_exported(language: str, tmp_path: Path) -> None:
-    rng = np.random.default_rng(4)
-    signals = rng.normal(size=(STATES, 16))
-    model = random_model("linear", signals, rng, joints=8, torques=8)
-    network = random_network((16, 100, 100, 8), "tanh", rng)
-    model = replace(model, groups=(replace(model.groups[0], predictor=network),))
-    header = c_header(load_robot("raven2"), model)
-    assert "none of the robot's" in header.notes[0]  # joints of another robot are told of
-    given = corrected(header.text, np.column_stack([signals[:, :8], signals]), 8, tmp_path, language)
-    expected, _ = ticked(Corrector(model), signals[:, :8], signals)
-    assert_allclose(given[:, :8], expected, rtol=1e-12, atol=1e-12)
 
 
 def test_check_values_in_the_comments_are_what_python_gives() -> None:

@@ -118,14 +118,6 @@ def test_a_recording_for_identification_tells_what_it_shows(moving_arm_logs: Pat
     assert "nothing wrong found" in outcome.out
 
 
-def test_torques_that_are_not_the_motions_are_faults(tmp_path: Path) -> None:
-    log = recorded(load_robot("raven2"), 0, noise=0.1)
-    write_npz(log, tmp_path / "turned.npz", tau=np.array(log.tau) * [1.0, -1.0, 1.0])
-    found = check_file(str(tmp_path / "turned.npz"), robot="raven2")
-    assert [finding.name for finding in found.findings] == ["sign"]
-    assert any(fault.startswith("sign: elbow") for fault in found.faults)
-
-
 def test_a_joint_that_stands_still_shows_too_little(tmp_path: Path) -> None:
     log = recorded(load_robot("raven2"), 0)
     q, qd = np.array(log.q_nominal), np.array(log.qd)

@@ -67,6 +67,8 @@ def environment() -> dict[str, str]:
 
 def killed(arguments: Sequence[str], seconds: float) -> bool:
     """Run a program and kill it so long after it says that it is ready; return whether it was still at work."""
+    from ended_commands import left_in_session
+
     with subprocess.Popen(
         [sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(),
         start_new_session=True,
@@ -80,25 +82,17 @@ def killed(arguments: Sequence[str], seconds: float) -> bool:
         finally:
             process.kill()
             process.wait()
-    if left := _session(process.pid):
+    if left := left_in_session(process.pid):
         raise Fell(f"processes {left} are left")
     return was_at_work
 
 
-def _session(leader: int) -> list[int]:
-    """Return the processes of a session."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        try:
-            if entry.name.isdigit() and int((entry / "stat").read_text().rpartition(")")[2].split()[3]) == leader:
-                found.append(int(entry.name))
-        except OSError:  # it has ended
-            continue
-    return [one for one in found if one != leader]
+def ran(arguments: Sequence[str]) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=environment(), check=False)
 
 
 def whole_run(arguments: Sequence[str]) -> str:
-    done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=environment(), check=False)
+    done = ran(arguments)
     if done.returncode:
         raise Fell(f"{' '.join(arguments[-4:])}: exit {done.returncode}: {done.stderr[-2000:]}")
     return done.stdout
@@ -193,10 +187,7 @@ def commands(seed: int, folder: Path) -> None:
 
 
 def _extract_what_is_there(folder: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "catenary.cli.main", "extract", str(folder), "--json"],
-        capture_output=True, text=True, env=environment(), check=False,
-    )  # fmt: skip
+    done = ran(["-m", "catenary.cli.main", "extract", str(folder), "--json"])
     if "Traceback" in done.stderr or done.returncode not in (0, 2):
         raise Fell(f"extract: exit {done.returncode}: {done.stderr[-2000:]}")
     whole = (folder / "recordings" / "test").is_dir()

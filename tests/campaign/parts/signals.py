@@ -4,21 +4,17 @@ Held is what the table of docs/reliability.md says: the exit code, the robot hol
 no process left.
 """
 
-import atexit
-import functools
 import json
-import os
 import random
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from tests.campaign.part import PROGRAMS, Fell, Part
+from tests.campaign.parts.stalls import ros1_is_installed, served
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 SIMULATED = ("goto", "random", "follow", "excite", "calibrate", "track", "hold", "teleop")
@@ -141,39 +137,15 @@ def _end_teleop(rng: random.Random, number: signal.Signals) -> None:
         raise Fell(f"teleop, {number.name}: {end}")
 
 
-@functools.cache
-def served() -> Any:
-    """A master, a homed robot that is served, and a client that looks at it, until this process ends."""
-    stack = ExitStack()
-    atexit.register(stack.close)
-    from catenary.crtk.client import CrtkClient
-    from catenary.crtk.ros1.transport import Ros1Transport
-    from patience import lengthen_limits
-    from ros import NODE, PATIENT_COMMAND, Program, running_master
-
-    lengthen_limits()
-    folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-    master = stack.enter_context(running_master(folder))
-    os.environ |= {name: master.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME")}
-    server = stack.enter_context(Program(master, PATIENT_COMMAND, "serve", "--rate", "200", "--homed"))
-    server.line()  # it is up
-    transport = stack.enter_context(Ros1Transport(NODE))
-    return master, stack.enter_context(CrtkClient(transport))
-
-
 def ros1(seed: int, folder: Path) -> None:
     """End a command that moves a served robot over ROS 1; the robot is looked at from another process."""
     from ended_commands import OVER_ROS, end_over_ros
 
     command, number = OVER_ROS[seed % len(OVER_ROS)], NUMBERS[seed // len(OVER_ROS) % len(NUMBERS)]
-    end_over_ros(*served(), folder, command, number)
+    master, _, robot = served("1")
+    end_over_ros(master, robot, folder, command, number)
     if (folder / "project").exists():
         _check_project(f"{command}, {number.name}: ", folder / "project")
-
-
-def ros1_is_installed() -> bool:
-    places = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist-packages")
-    return any((Path(place) / "rosmaster").is_dir() and (Path(place) / "rospy").is_dir() for place in places)
 
 
 PARTS = (

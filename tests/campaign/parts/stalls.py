@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from tests.campaign.part import PROGRAMS, Fell, Part
-from tests.campaign.parts.signals import ros1_is_installed
 
 COMMANDS = ("random", "goto", "calibrate")
 KINDS = ("server", "server, client killed", "client", "client killed", "both", "both, client killed")
@@ -43,8 +42,13 @@ import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()
 """
 
 
+def ros1_is_installed() -> bool:
+    places = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist-packages")
+    return any((Path(place) / "rosmaster").is_dir() and (Path(place) / "rospy").is_dir() for place in places)
+
+
 @functools.cache
-def _served(ros: str) -> tuple[Any, Any, Any]:
+def served(ros: str) -> tuple[Any, Any, Any]:
     """A network, a program that serves a homed robot, and a client that looks at it, until this process ends."""
     stack = ExitStack()
     atexit.register(stack.close)
@@ -74,7 +78,7 @@ def _moving(ros: str, command: str, folder: Path) -> Any:
     from patience import until
     from ros import Program
 
-    network, _, robot = _served(ros)
+    network, _, robot = served(ros)
     for attempt in range(3):
         if robot.operating_state().state != "ENABLED":
             robot.state_command("resume")
@@ -104,7 +108,7 @@ def stall(ros: str, seed: int, folder: Path) -> None:
     rng = random.Random(seed)
     command, kind = COMMANDS[seed % 3], KINDS[seed // 3 % len(KINDS)]
     seconds = rng.uniform(10.5, 12.5) if rng.random() < 0.15 else rng.uniform(0.1, 4.0)
-    _, server, robot = _served(ros)
+    _, server, robot = served(ros)
     client = _moving(ros, command, folder)
     where = f"{command}, {kind} for {seconds:.1f} s: "
     with client:

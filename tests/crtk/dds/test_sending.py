@@ -1,12 +1,9 @@
 """Depth and quality of what a program publishes: best effort reaches who asks for it, and who asks for more is told."""
 
-import pytest
-
 from catenary.crtk.dds.directory import Quality
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.transport import Sending
-from command_line import catenary
 from patience import until
 
 JOINTS = "sensor_msgs/JointState"
@@ -24,15 +21,3 @@ def test_a_best_effort_publisher_is_heard_by_our_own_and_said_to_be_one(dds_doma
             return len(heard) > 0
 
         until(comes, every=0.02)
-
-
-def test_best_effort_is_of_ros_2_alone() -> None:
-    outcome = catenary("serve", "--ros", "none", "--qos", "best-effort")
-    assert outcome.code == 2
-    assert "--qos best-effort: goes with --ros 2" in outcome.err
-
-
-@pytest.mark.parametrize("depth", ["0", "-1"])
-def test_a_depth_is_one_at_least(depth: str) -> None:
-    outcome = catenary("serve", "--ros", "none", "--depth", depth)
-    assert outcome.code == 2

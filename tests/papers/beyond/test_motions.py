@@ -15,20 +15,10 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import FASTEST, SLOWEST
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.gravity.simulated_arm import rigid_arm
-from catenary.workflows.robot.motion import move_to
-from papers.beyond import paths
 from papers.beyond.calibration_and_gravity import CalibratedGravity
 from papers.beyond.paths import crossings, designed
-from papers.beyond.registration import (
-    ELBOW_FIRST,
-    HOME_POSE,
-    OFFSETS,
-    carried_back,
-    home_watched,
-    registration,
-    shift_of,
-)
-from papers.beyond.tilted_calibration import AXES, BASES, DIFFERENCE, GRAVITY, SetBase, with_gravity
+from papers.beyond.registration import OFFSETS, carried_back, shift_of
+from papers.beyond.tilted_calibration import AXES, BASES, DIFFERENCE, GRAVITY, with_gravity
 from papers.calibration.figure_3 import reversals
 from papers.calibration.recordings import fitted, homed
 
@@ -51,22 +41,6 @@ def test_a_designed_motion_crosses_the_range_as_often_as_told_and_as_random_moti
     at_random = [reversals(column) + 1 for column in drawn.T]
     assert_allclose(counts, at_random, rtol=0.5)
     assert ((q >= CALIBRATION_LOWER) & (q <= CALIBRATION_UPPER)).all()
-
-
-def test_a_designed_motion_meets_every_octant_of_the_box_for_its_even_share_of_time() -> None:
-    upper_half = sampled(designed(SECONDS)) > (CALIBRATION_LOWER + CALIBRATION_UPPER) / 2.0
-    share = np.bincount(upper_half @ [1, 2, 4], minlength=8) / len(upper_half)
-    assert_allclose(share, 1.0 / 8.0, rtol=0.5)
-
-
-@pytest.mark.parametrize("name", [paths.WIDE, paths.NARROW, paths.RANDOM, paths.DESIGNED])
-def test_paths_of_one_length_take_as_long_and_cover_what_their_name_says(name: str) -> None:
-    path, zigzag = (paths.trajectory(each, paths.SHORT, np.random.default_rng(0)) for each in (name, paths.ZIGZAG))
-    assert_allclose(path.duration, zigzag.duration)
-    q, of_zigzag = sampled(path), np.ptp(sampled(zigzag), axis=0)
-    expected = of_zigzag if name == paths.NARROW else WIDTH
-    # corners are rounded by a per cent or two; random motion turns anywhere in a band of an eighth to a fifth
-    assert_allclose(np.ptp(q, axis=0), expected, rtol=0.2 if name == paths.RANDOM else 0.03)
 
 
 FIRMWARE = load_cable_arm().firmware
@@ -99,22 +73,6 @@ def plant() -> CablePlant:
     return homed(None, arm=load_cable_arm(RAVEN2_STIFF))  # whose coupling is a third off
 
 
-@pytest.mark.slow
-def test_joint_2_is_registered_off_its_stop_where_it_met_it_before_joint_1(plant: CablePlant) -> None:
-    shifts = []
-    for pose in (HOME_POSE, HOME_POSE, ELBOW_FIRST):
-        move_to(plant, pose, joints=AXES)
-        seek = home_watched(plant)
-        shifts.append(registration(plant)[1])
-    error = plant.firmware.coupling[0] - plant.cable.coupling[0]
-    assert abs(shifts[1] - shifts[0]) < np.deg2rad(0.02)  # cables set by as much between homings
-    assert seek.shoulder_after_elbow > np.deg2rad(30.0)  # of 60 deg at 10 deg/s, elbow 2.75 s on its way
-    moved = shifts[2] - shifts[1]
-    # what the cable's wind-up at the stop does not take of the coupling's error
-    assert 0.0 < seek.elbow_left < moved < 1.05 * error * seek.shoulder_after_elbow
-    assert_allclose(seek.q[-1], seek.registered, atol=np.deg2rad(0.5))
-
-
 RNG = np.random.default_rng(0)
 
 
@@ -143,15 +101,6 @@ def test_gravity_among_the_inputs_is_the_slope_of_potential_energy(base: str) ->
         ]
         assert_allclose(found.signals[name], slope, atol=1e-6)  # central difference
         assert_allclose(found.signals[name] + found.signals[DIFFERENCE[j]], recorded.tau[:, j], atol=1e-12)
-
-
-def test_a_base_that_is_set_has_a_row_for_every_time() -> None:
-    base = SetBase()
-    assert_allclose(base.sample(np.zeros(3)).gravity, [[0.0, 0.0, -9.81]] * 3)
-    base.now = BASES["20° across"]
-    samples = base.sample(np.zeros(4))
-    assert samples.motion.shape == (4, 3, 3)
-    assert_allclose(samples.gravity[:, 2], -9.81 * np.cos(np.deg2rad(20.0)))
 
 
 def test_gravity_is_computed_at_the_calibrated_joints() -> None:

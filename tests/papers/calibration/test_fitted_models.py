@@ -16,7 +16,6 @@ from catenary.dynamics.kinematics import jacobian
 from catenary.robots.catalog import load_robot
 from papers.calibration import ablation, dvrk, published
 from papers.calibration.figure_8 import principal, sizes
-from papers.calibration.homings import tool_shift
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.peer_hours import PEERS, peer_hours
 from papers.calibration.peers.rows import rows_of_log
@@ -144,8 +143,3 @@ def log_of(tool: float, rng: np.random.Generator) -> MotionLog:
         "made up", ("shoulder", "elbow", "insertion"), ("rad", "rad", "m"), q, np.ones(50, bool), 1.1 * q,
         signals=signals, signal_units=dict.fromkeys(signals, "rad"),
     )  # fmt: skip
-
-
-def test_tool_shift_counts_the_spread_in_training() -> None:
-    rng = np.random.default_rng(1)
-    assert_allclose(tool_shift([log_of(0.0, rng)], log_of(0.1, rng)), 10.0, rtol=0.4)  # 50 samples

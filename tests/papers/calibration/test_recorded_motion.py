@@ -1,24 +1,14 @@
 """Paths, recordings and inputs of the calibration paper's experiments."""
 
-from copy import deepcopy
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated
-from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
-from catenary.calibration.model import CalibrationModel
-from catenary.calibration.predictors import Linear, Network
+from catenary import MotionLog
 from papers.calibration import figure_3
-from papers.calibration.figure_5 import LONG, RECORDINGS, deviations, parts, recorded, sparsity_errors
-from papers.calibration.homings import home_here, random_tests, stay
-from papers.calibration.inputs import ALL_138, SIXTEEN
+from papers.calibration.figure_5 import LONG, parts
 from papers.calibration.peer_hours import at_rows
-from papers.calibration.recordings import SETS, homed
-from papers.experiment import Outcomes, Result
+from papers.calibration.recordings import SETS
 
 
 def test_a_single_directions_volume_is_the_cubes_and_its_hole_half_the_diagonal_between_sweeps() -> None:
@@ -55,40 +45,6 @@ def test_sets_are_all_combinations_no_longer_than_the_longest() -> None:
     assert longest > LONG
 
 
-def test_deviation_is_that_of_recordings_and_not_of_robots() -> None:
-    def result(level: float) -> Result:
-        return {"linear": [[level + k] * 3 for k in (-1.0, 0.0, 1.0)]}
-
-    outcomes = Outcomes(
-        {
-            sparsity_errors.case(seed=seed, name="1/2", recordings=RECORDINGS, networks=[0], test_seconds=1.0): result(
-                level
-            )
-            for seed, level in ((None, 0.0), (1, 100.0))
-        }
-    )
-    assert_allclose(deviations(outcomes, "1/2", "linear").mean(axis=0), 1.0)
-
-
-def test_recordings_of_a_session_differ_and_end_with_the_finest_asked_for() -> None:
-    session = recorded(None, {"1/1": 2, "1/2": 5}, "1/1", test_seconds=5.0)
-    first, second = session.train["1/1"]
-    assert len(first) == len(second)  # the same motion
-    assert not np.array_equal(first.q_nominal, second.q_nominal)
-    assert list(session.test) == ["1/1"]
-
-
-def test_a_test_motion_is_the_same_with_and_without_homing() -> None:
-    told, plant = [], homed(None)
-    for between in (stay, home_here):
-        logs = random_tests(deepcopy(plant), None, range(2), 5.0, between)
-        told.append([log.q_nominal for log in logs])
-    assert_allclose(told[0][0], told[1][0])
-    difference = np.abs(told[0][1] - told[1][1])
-    assert difference.max() < np.deg2rad(3.0)  # cable stretch and registration
-    assert difference.max() > 1e-6
-
-
 def test_some_rows_of_a_recording_keep_every_column() -> None:
     q = np.arange(12.0).reshape(4, 3)
     log = MotionLog(
@@ -107,33 +63,3 @@ def test_some_rows_of_a_recording_keep_every_column() -> None:
     np.testing.assert_array_equal(few.tau, 2.0 * q[[1, 3]])
     np.testing.assert_array_equal(few.signals["more"], [1.0, 3.0])
     assert few.ok.tolist() == [False, True]
-
-
-@pytest.fixture(scope="module")
-def log() -> MotionLog:
-    plant = CablePlant(substeps=1)
-    plant.home()
-    rng = np.random.default_rng(0)
-    return record_simulated(plant, random_sinusoids(rng, 10.0), "all of it", rng, columns=("all",))
-
-
-def fitted(log: MotionLog, inputs: tuple[str, ...], kind: str) -> CalibrationModel:
-    options = FitOptions(kind=kind, preset="paper" if kind == "neural" else None, inputs=inputs)
-    chosen = choose_inputs([log], options)
-    return fit(calibration_data([log], chosen.features), chosen, options)
-
-
-@pytest.mark.parametrize(("inputs", "count"), [(SIXTEEN, 16), (ALL_138, 138)])
-def test_a_linear_model_has_one_parameter_per_input_and_one_more(log, inputs, count) -> None:
-    model = fitted(log, inputs, "linear")
-    (group,) = model.groups
-    assert isinstance(group.predictor, Linear)
-    assert group.predictor.weights.shape == (count, 3)  # and a bias: 17 and 139 for each joint
-
-
-@pytest.mark.parametrize(("inputs", "parameters"), [(SIXTEEN, 12_103), (ALL_138, 24_303)])
-def test_the_network_has_the_papers_number_of_parameters(log, inputs, parameters) -> None:
-    (group,) = fitted(log, inputs, "neural").groups
-    network = group.predictor
-    assert isinstance(network, Network)
-    assert sum(array.size for array in (*network.weights, *network.biases)) == parameters

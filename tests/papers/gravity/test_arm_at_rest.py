@@ -9,25 +9,14 @@ from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.workflows.gravity.simulated_arm import raven_gains
 from catenary.workflows.gravity.trials import RAVEN_START
 from papers.experiment import Result
-from papers.gravity import own_compensation
-from papers.gravity.own_compensation import DG, LAWS, LEVEL, PD, SG, TOLD, held
-from papers.gravity.passive import neutral, rocked
+from papers.gravity.passive import neutral
 from papers.gravity.raven_base import Z0, turned_base
-from papers.gravity.static_poses import HOME, rms, static
+from papers.gravity.static_poses import HOME, static
 from papers.gravity.steps import CuedBase, homed, respond
 
 
 def run(approach: str, angle_deg: float, poses_deg: list[float]) -> Result:
     return static(seed=None, angle_deg=angle_deg, approach=approach, poses_deg=poses_deg)
-
-
-@pytest.mark.slow
-def test_placed_arm_needs_no_pd_with_sensed_gravity_and_much_with_nominal_one() -> None:
-    tilted = run("placed", 25, [37.0])
-    share = {name: rms(tilted[name]["feedback"])[0] / rms(tilted[name]["torque"])[0] for name in tilted}
-    assert share["dg"] < 0.15
-    assert share["sg"] > 0.40
-    assert share["pd"] == pytest.approx(1.0)
 
 
 @pytest.mark.slow
@@ -51,24 +40,6 @@ def test_with_sensed_gravity_every_pose_is_a_neutral_equilibrium(angle_deg: int)
     assert at["distance"] < 1e-3
     # torques are held for a millisecond, and their changes late by that
     assert at["energy"] == pytest.approx(1.0, abs=0.01)
-
-
-@pytest.mark.slow
-def test_on_a_rocking_base_rates_keep_what_gravity_alone_lets_creep() -> None:
-    crept = {name: drift[0] for name, drift in rocked(seed=None, hz=1.0, seconds=1.5).items()}
-    assert crept["dg-imu"] < crept["dg"] < crept["sg"]
-
-
-@pytest.mark.slow
-def test_told_where_gravity_is_it_holds_a_tilted_arm_and_untold_it_does_not() -> None:
-    result = held(seed=None, angle_deg=25.0, poses_deg=[37.0])
-    joint_1 = {law: result[law][0] for law in LAWS}
-    assert joint_1[TOLD] < 0.5 * joint_1[LEVEL]
-    assert joint_1[DG] < 0.5 * joint_1[SG]
-    # gravity over stiffness, 0.5 to 2 Nm over 454 Nm/rad
-    assert 0.05 < joint_1[PD] < 0.4
-    assert all(np.isfinite(result[law]).all() for law in LAWS)
-    assert own_compensation.EXPERIMENT.place == "beyond"
 
 
 def test_a_cued_base_turns_as_its_rates_say() -> None:

@@ -84,21 +84,3 @@ def test_no_base_is_lighter_than_the_arm() -> None:
     assert_allclose(coupling.raven_on("x").own, 0.494 + 0.750 + 0.231)  # the makers' masses
     blind_arm = coupling.raven_on("x")  # its reaction alone: physics, which never swings up
     assert coupling.largest_unstable_base(blind_arm, NOTHING, 10.0) == 0.0
-
-
-@pytest.mark.slow
-def test_a_base_above_the_smallest_one_is_stable() -> None:
-    sensing = coupling.Sensing(coupling.held_sample(100.0, 0.01), coupling.blind)
-    for motion in ("x", "turn"):
-        arm = coupling.raven_on(motion)
-        for base_hz in (5.0, 20.0):
-            size = 1.01 * coupling.smallest_base(arm, sensing, base_hz)
-            assert coupling.unstable_roots(arm, sensing, base_hz, size, most_hz=200.0) == 0
-
-
-@pytest.mark.slow
-def test_estimator_follows_slow_gravity_and_filters_fast_one() -> None:
-    gravity, turning = coupling.estimator_response(1.0)
-    assert abs(gravity - 1.0) < 0.01
-    assert abs(turning - 1.0) < 0.03
-    assert abs(coupling.estimator_response(60.0)[0]) < 0.5

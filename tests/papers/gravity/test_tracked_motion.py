@@ -1,16 +1,12 @@
 """Motions that are followed in the gravity paper's experiments, and what its controllers leave of them."""
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
 from catenary import load_robot
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.workflows.gravity.trials import RAVEN_START
-from papers.experiment import Case, Scope
-from papers.gravity import frequency
-from papers.gravity.frequency import ACCELEROMETER, FREQUENCIES, NONE, UNIT, responses
 from papers.gravity.joint_3 import Variation, varied_joint_3
 from papers.gravity.raven_base import raven_of_2014
 from papers.gravity.tracking import INCREMENT, WorkspaceIncrements
@@ -40,13 +36,3 @@ def test_only_joint_3_is_varied() -> None:
     # c01 is joint 2's
     assert_allclose(wound.coupling / nominal.coupling, [1.0, 0.7, 0.7])
     assert_allclose(wound.rotor_friction, nominal.rotor_friction)
-
-
-@pytest.mark.slow
-def test_a_gyroscope_takes_most_of_a_slowly_rocking_base_off_joint_one() -> None:
-    case: Case = frequency.cases(Scope(quick=True))[0]
-    found = responses(**case.arguments)
-    at = FREQUENCIES.index(1.0)
-    still, accelerometer, unit = (found["response"][name][at] for name in (NONE, ACCELEROMETER, UNIT))
-    assert unit < accelerometer < still
-    assert all(size == 0.0 for by in found["unstable"].values() for size in by[NONE])

@@ -14,9 +14,9 @@ from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import LEVEL
 from papers.gravity.raven_base import turned_base
 from papers.plant.circles import SHOWN, Circles, followed
-from papers.plant.reached import HOLD, LOOKED_AT, MOVE, POSES_DEG, HeldTool, poses_of_joint_1
+from papers.plant.reached import HeldTool
 from papers.plant.refit import fitted, write_arm
-from papers.plant.targets import free_numbers, joint_1_friction, shares_of, with_shares
+from papers.plant.targets import free_numbers, shares_of, with_shares
 
 ROBOT = "raven2_friction.toml"
 RUBBING = load_cable_arm(ROBOT)
@@ -35,13 +35,6 @@ def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) ->
     for name in set(RUBBING.cable.fields) - fitted_fields:
         assert_allclose(after.cable[name], RUBBING.cable[name], rtol=0)
     assert [entry.note for entry in after.file.cable.values()] == [entry.note for entry in RUBBING.file.cable.values()]
-
-
-def test_the_three_motor_units_have_one_friction() -> None:
-    names = [each.name for each in FREE]
-    assert names.count("rotor_friction") == 1
-    changed = with_shares(RUBBING, FREE, np.full(len(FREE), 0.5)).cable.rotor_friction
-    assert_allclose(changed, changed[0])
 
 
 def test_a_fit_finds_numbers_whose_misses_are_known() -> None:
@@ -80,12 +73,6 @@ def test_coulomb_friction_is_found_from_positions_and_setpoints() -> None:
     assert_allclose(found.likeness, 0.0, atol=0.05)
 
 
-def test_friction_of_joint_1_grows_with_its_torque() -> None:
-    c = RUBBING.cable
-    share = c.rotor_load_friction[0] + c.link_load_friction[0] + c.node_load_friction[0]
-    assert_allclose(joint_1_friction(RUBBING, 2.0) - joint_1_friction(RUBBING, 0.0), 2.0 * share)
-
-
 ARM = load_cable_arm()
 
 
@@ -105,13 +92,3 @@ def test_without_error_the_torque_is_that_of_believed_gravity(sensed: bool, grav
     tau = controller.torque(_state(TILTED), Reference(HOME, np.zeros(7), np.zeros(7)))
     assert_allclose(tau[:3], gravity_torque(load_robot("raven2"), HOME[:3], gravity))
     assert_allclose(controller.feedback, 0.0)
-
-
-def test_the_arm_rests_while_it_is_looked_at() -> None:
-    path = poses_of_joint_1(HOME)
-    for k, pose in enumerate(POSES_DEG):
-        end = (k + 1) * (MOVE + HOLD)
-        for t in (end - LOOKED_AT, end - PERIOD):
-            q, qd, _ = path(t)
-            assert_allclose(q[0], np.deg2rad(pose))
-            assert_allclose(qd, 0.0, atol=1e-12)

@@ -3,9 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary import JointState, Reference, gravity_torque, load_robot
-from papers.experiment import Outcomes
 from papers.regressor import dual_arm
-from papers.regressor.figures_4_and_5 import FIGURE_5, PRINTED, RESTS, force_left
 
 UPRIGHT = np.array([0.0, 0.0, -9.81])
 SHORT = (dual_arm.Move(0.1, 0.6, 0.1 * dual_arm.LEARNING),)
@@ -67,17 +65,3 @@ def test_as_printed_it_learns_in_its_time_only_and_does_not_know_the_desired_vel
     assert np.allclose(known[6], known[5]) == (controller == "printed-compact")
     start = gravity_torque(model, dual_arm.ONE - 0.01, UPRIGHT)
     assert np.abs(known[0] - start).max() > 0.1  # of the wrong parameters
-
-
-def test_torque_left_at_rest_is_the_springs_and_a_law_that_learnt_moving_is_judged_by_it() -> None:
-    left = {"printed-pd": 1.0, "printed-compact": 0.4, "printed-full": 0.6, "printed-moving": 0.5}
-    results = {}
-    for controller, torque in left.items():
-        case = dual_arm.dual_arm.case(seed=None, controller=controller, start="zero", payload_kg=0.0, pace=1.0)
-        results[case] = {"errors_deg": np.rad2deg(np.outer(torque / dual_arm.KP, np.ones(311))).tolist()}
-    outcomes = Outcomes(results)
-    assert_allclose(force_left(outcomes, PRINTED, RESTS[0]), 1.0)
-    judged = {claim.says: claim.judge for claim in FIGURE_5.claims}
-    assert "(6 of 12)" in judged["Once estimated, the parameters give the gravitational force"](outcomes).measured
-    still = judged["Estimation should be performed under the quasi-static state"](outcomes)
-    assert (still.verdict, "0.40 Nm learnt at rest, 0.50 Nm" in still.measured) == ("reproduced", True)

@@ -6,22 +6,13 @@ from numpy.testing import assert_allclose
 
 from catenary import gravity_regressor, gravity_torque, load_robot
 from catenary.identification.samples import Samples
-from catenary.robots.catalog import robot_names
 from catenary.spatial import LEVEL
-from papers.experiment import Scope
 from papers.regressor import figure_2
 from papers.regressor import unknown_payload as payload
 from papers.regressor.decomposition import NO_EFFECT, decomposition, with_bodies
-from papers.regressor.figure_2 import evaluation, full_kernel
+from papers.regressor.figure_2 import full_kernel
 from papers.regressor.recorded_arms import law, least_squares, replayed
 from papers.regressor.unknown_payload import LOOKED_AT, arm, trial
-
-
-def test_every_robot_of_the_catalogue_is_taken_apart() -> None:
-    cases = figure_2.cases(Scope())
-    assert {case.arguments["robot"] for case in cases if case.function == decomposition.name} == set(robot_names())
-    timed = {case.arguments["robot"] for case in cases if case.function == evaluation.name}
-    assert timed == {name for name in robot_names() if not load_robot(name).tree.prismatic.any()}
 
 
 def test_what_the_picture_shows_gives_the_torques_of_gravity() -> None:
@@ -43,12 +34,6 @@ def test_full_regressor_as_a_line_of_operations_is_the_papers(name: str, rng: np
     q, gravity = rng.normal(size=model.n), rng.normal(size=3)
     expected = gravity_regressor(model, q, gravity)
     assert_allclose(full_kernel(model)(q, gravity), expected, atol=1e-12 * np.abs(expected).max())
-
-
-def test_a_case_tells_both_times_and_that_the_forms_are_right() -> None:
-    found = evaluation(robot="planar_3r", repeats=2)
-    assert found["ratio"] == pytest.approx(found["full_us"] / found["compact_us"])
-    assert found["difference"] < 1e-12
 
 
 PLANAR = load_robot("planar_3r")
@@ -87,9 +72,3 @@ def test_a_heavy_load_is_noticed_at_once_and_its_probabilities_are_its_own() -> 
     for one in heavy:
         assert payload.noticed(one["seen"][-1])
         assert one["seen"][-1]["among_likely"]
-
-
-def test_what_a_share_may_lack_is_two_standard_errors() -> None:
-    assert payload.as_stated(0.8, 0.73, 100)  # 2 sqrt(0.8 0.2 / 100) = 0.08
-    assert not payload.as_stated(0.8, 0.71, 100)
-    assert payload.as_stated(0.8, 1.0, 100)

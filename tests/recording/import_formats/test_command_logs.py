@@ -42,9 +42,13 @@ def test_arrays_of_the_file_become_the_log(tmp_path: Path) -> None:
     assert (log.name, log.sha256, log.simulated) == ("log", sha256_of(path), False)
 
 
-def test_time_is_optional_and_whole_numbers_are_read_as_floats(tmp_path: Path) -> None:
-    log = read_commands(written(tmp_path, t=None, q_des=np.ones((ROWS, 6), dtype=int)))
+def test_time_is_optional_and_whole_numbers_are_read_as_floats_or_as_ok(tmp_path: Path) -> None:
+    q = content()["q_act"]
+    q[3] = np.nan
+    ok = np.array([1, 0, 1, 0, 1])
+    log = read_commands(written(tmp_path, t=None, q_des=np.ones((ROWS, 6), dtype=int), q_act=q, ok=ok))
     assert log.time is None
+    assert_array_equal(log.ok, ok == 1)
     assert log.q_nominal.dtype == np.float64
 
 
@@ -85,13 +89,6 @@ def test_rows_that_are_no_numbers_are_left_out_or_not_trusted_and_said(tmp_path:
 def test_missing_array_is_named_with_what_the_file_has(tmp_path: Path, key: str) -> None:
     with pytest.raises(FileFormatError, match=f'log.npz: array "{key}" is missing.*it holds .*t'):
         read_commands(written(tmp_path, **{key: None}))
-
-
-def test_missing_measurement_is_fine_where_ok_is_not_set_also_as_a_zero(tmp_path: Path) -> None:
-    q = content()["q_act"]
-    q[3] = np.nan
-    log = read_commands(written(tmp_path, q_act=q, ok=np.array([1, 0, 1, 0, 1])))
-    assert_array_equal(log.ok, [True, False, True, False, True])
 
 
 @pytest.mark.parametrize(("n", "units"), [(3, "rad rad m"), (6, "rad rad m rad rad rad")])

@@ -11,7 +11,6 @@ from catenary.calibration.dataset import calibration_data
 from catenary.calibration.features import FeatureSet
 from catenary.recording.logs import read_log, write_parquet
 from catenary.workflows.import_recording import import_recording
-from command_line import catenary
 from lab_bags import two_topics
 
 DAY, BEGIN = "2023-11-14", 1_700_000_000  # [s] 22:13:20 UTC
@@ -63,14 +62,3 @@ def test_rows_of_a_given_rate_have_no_date(tmp_path: Path) -> None:
         "rate_hz": 100.0,
     }
     assert date_of(import_recording(tmp_path / "lab.csv", mapping)) is None
-
-
-def test_the_card_and_drift_tell_the_day_of_an_imported_recording(tmp_path: Path) -> None:
-    source, log, model = csv(tmp_path, BEGIN, "s"), tmp_path / "log.parquet", tmp_path / "model.npz"
-    maps = [word for each in MAPPING for word in ("--map", each)]
-    assert catenary("import", source, *maps, "--units", "rad,rad,m", "--out", log).code == 0
-    fitted = catenary("fit", log, "--out", model, "--model", "linear", "--json")
-    assert fitted.code == 0, fitted.err
-    assert f'"recorded": "{DAY}"' in (tmp_path / "model.card.json").read_text()
-    drift = catenary("drift", model, log, "--json")
-    assert DAY in drift.out, (drift.out, drift.err)

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.episodes import read_hdf5
-from catenary.recording.import_formats.sources import Sources
 from catenary.workflows.import_recording import import_recording, propose_mapping
+from gallery.containers import matlab
 
 h5py = pytest.importorskip("h5py", reason="needs h5py, which the extra hdf5 brings")
 
@@ -46,26 +46,6 @@ def robomimic(path: Path, **changes: Any) -> Path:
             demo["obs/robot0_eef_pos"] = joints(rows, 3)
             demo["obs/agentview_image"] = np.zeros((rows, 4, 4, 3), dtype=np.uint8)
         file["mask/train"] = np.array([b"demo_0"])
-    return path
-
-
-def matlab(path: Path) -> Path:
-    """As `save -v7.3` writes it: columns first, texts as numbers, a head before it all."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-
-        def put(name: str, values: Any, kind: bytes = b"double") -> None:
-            file[name] = np.asarray(values).T
-            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
-
-        put("log/t", np.arange(200)[:, None] / 20)
-        put("log/q", joints(200, 3))
-        put("log/cam", joints(200, 3) + 0.01)
-        put("fs", [[20.0]])
-        put("robot", np.array([[ord(c) for c in "dvrk_psm"]], dtype=np.uint16), b"char")
-        file["#refs#/a"] = 1.0
-        file.create_dataset("cells", (2,), dtype=h5py.ref_dtype).attrs["MATLAB_class"] = np.bytes_(b"cell")
-    with path.open("r+b") as raw:
-        raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
     return path
 
 
@@ -142,26 +122,6 @@ def test_an_episode_that_is_not_there_is_told_with_those_that_are(tmp_path: Path
         import_recording(robomimic(tmp_path / "lift.hdf5") / "demo_1", ["q_nominal=obs/robot0_joint_pos"])
     with pytest.raises(FileFormatError, match="no such file"):
         import_recording(tmp_path / "none.hdf5" / "demo_1", ["q_nominal=q"])
-
-
-def test_rows_without_time_are_counted_from_the_first_of_each_episode(tmp_path: Path) -> None:
-    path = robomimic(tmp_path / "lift.hdf5", env_args="{}", date="", time="")
-    mapping = {"q_nominal": {"columns": "obs/robot0_joint_pos", "units": "rad"}}
-    assert import_recording(path, mapping).time is None
-    log = import_recording(path, mapping | {"rate_hz": 20.0})
-    assert log.time is not None
-    assert_allclose(log.time, np.concatenate([np.arange(rows) / 20 for rows in LENGTHS]), atol=1e-9)
-
-
-def test_matlab_s_version_7_3_reads_as_the_versions_before(tmp_path: Path) -> None:
-    log = import_recording(matlab(tmp_path / "lab.mat"), accept_proposal=True, units="rad")
-    assert_array_equal(log.q_nominal, joints(200, 3))
-    assert_array_equal(log.q_encoder, joints(200, 3) + 0.01)
-    assert log.time is not None
-    assert_allclose(log.time, np.arange(200) / 20, atol=1e-9)
-    (stream,) = Sources([tmp_path / "lab.mat"]).streams
-    assert (stream.texts["robot"], stream.constants["fs"]) == (("dvrk_psm",), 20.0)
-    assert any("cells (neither numbers nor texts)" in note for note in stream.notes)
 
 
 def test_arms_that_are_numbered_are_no_episodes(tmp_path: Path) -> None:
@@ -248,7 +208,7 @@ def test_a_file_that_was_cut_off_is_refused_by_name(tmp_path: Path, keep: float)
 
 
 def test_without_h5py_the_extra_and_other_ways_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = matlab(tmp_path / "lab.mat")
+    matlab(path := tmp_path / "lab.mat")
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     with pytest.raises(FileFormatError, match=r"pip install 'h5py.*'-v7'"):
         propose_mapping(path)

@@ -8,7 +8,6 @@ from mcap.writer import Writer
 from numpy.testing import assert_allclose
 
 from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.plant import MotionLog
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, two_topics, write_bag
 
@@ -175,20 +174,6 @@ def test_options_that_are_no_mapping_are_refused(option: str, tmp_path: Path) ->
     bag = two_topics(tmp_path / "lab", "ros1", seconds=3.0)
     with pytest.raises(ConfigError):
         import_recording(bag, ["q_nominal=/raven/joint_cmd.position", option])
-
-
-def test_bags_of_one_recording_and_a_csv_beside_them_are_one_log(tmp_path: Path) -> None:
-    whole = two_topics(tmp_path / "lab", "ros1", seconds=4.0)
-    t = np.arange(0.0, 4.0, 0.002)
-    table = tmp_path / "ati.csv"
-    stamps = 1_700_000_000_000_000_000 + np.rint(t * 1e9).astype(np.int64)
-    rows = "\n".join(f"{stamp},{force}" for stamp, force in zip(stamps, np.sin(t), strict=True))
-    table.write_text(f"stamp,fx\n{rows}\n")
-    log = import_recording([whole, table], [*BY_HAND, "signal:force=fx@N"], units="rad,rad,m")
-    assert isinstance(log, MotionLog)
-    assert log.time is not None
-    assert_allclose(log.signals["force"], np.sin(log.time), atol=1e-6)
-    assert log.signal_units["force"] == "N"
 
 
 def test_a_bag_that_was_cut_off_while_it_was_recorded_is_read(tmp_path: Path) -> None:

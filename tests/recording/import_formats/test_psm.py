@@ -5,13 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dvrk_psm import PSM as ROBOT
-from catenary.dvrk_psm import PSM_JOINTS, psm_topic, psm_topics
+from catenary.dvrk_psm import PSM_JOINTS, psm_topics
 from catenary.errors import InputError
 from catenary.recording.import_formats.known_layouts import read_psm
 from catenary.recording.journal import About
 from catenary.recording.layout import topic_named
 from catenary.recording.recorder import Recorder
-from catenary.verdict.check import findings_of
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from lab_bags import JOINT_STATE, joint_state, write_bag
 
@@ -47,14 +46,6 @@ def test_the_tracker_is_brought_onto_the_robots_stamps(tmp_path, namespace):
     assert_allclose(log.tau, 1.0)
 
 
-def test_a_tracker_that_holds_its_last_pose_is_found_by_the_verdict(tmp_path):
-    held = TIME[:, None] * SPEED + OFFSET
-    held[1000:3000] = held[1000]
-    record(tmp_path / "journal", "/PSM1", ext_jpos=held)
-    log = read_psm([tmp_path / "journal"], "/PSM1").log
-    assert "stuck" in [each.name for each in findings_of(log)]
-
-
 def test_a_recording_without_a_tracker_says_so(tmp_path):
     bag = write_bag(
         tmp_path / "psm",
@@ -69,11 +60,6 @@ def test_a_recording_without_a_tracker_says_so(tmp_path):
 @pytest.mark.parametrize("name", ["/MTML/measured_js", "/PSM1/measured_cp", "/PSM1/jaw/measured_js", "PSM1"])
 def test_topics_of_others_are_not_taken_for_a_psms(name):
     assert topic_named(name) is None
-
-
-def test_a_namespace_that_no_psm_has_is_refused():
-    with pytest.raises(InputError, match=r'namespace "/MTML": expected one whose last word begins with PSM'):
-        psm_topic("/MTML", "measured_js")
 
 
 SHORT = ("yaw", "pitch", "insertion", "roll", "wrist_pitch", "wrist_yaw")  # of the dVRK's present versions

@@ -6,10 +6,9 @@ import pytest
 
 import simulated_arm
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.errors import CatenaryError, InputError
+from catenary.errors import InputError
 from catenary.reports.project import comparison_table
 from catenary.workflows.project import calibrate
-from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
@@ -45,19 +44,6 @@ def test_another_test_motion_repeats_what_depends_on_it(finished_folder: Path) -
     assert repeated == ("record", "extract test", "deploy")
 
 
-def test_it_goes_on_after_a_step_that_failed(finished_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (finished_folder / "deployment.json").unlink()
-    with monkeypatch.context() as broken:
-
-        def fail(*_: object, **__: object) -> None:
-            raise CatenaryError("the loop fell over")
-
-        broken.setattr(simulated_robot, "deploy_on_robot", fail)
-        with pytest.raises(CatenaryError, match="fell over"):
-            calibrate_short(finished_folder)
-    assert calibrate_short(finished_folder, with_page=False).repeated == ("deploy",)
-
-
 def test_results_are_written_and_said_to_be_simulated(finished: CalibrationResult) -> None:
     content = json.loads((finished.page.parent / "evaluation.json").read_text())
     assert set(content["models"]) == set(QUICK_MODELS)
@@ -75,6 +61,7 @@ def test_every_kind_of_model_is_fitted_to_a_robots_recordings(project_folder: Pa
     assert list(result.evaluations) == ["linear", "polynomial", "neural_paper", "neural_best", RECOMMENDED]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path], tmp_path: Path) -> None:
     train = tmp_path / "train.npz"
     train.write_bytes(days[0].read_bytes())

@@ -11,7 +11,7 @@ from catenary.recording.logs import read_log
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
 from command_line import catenary
-from oracles.raven_recording import record, write_bag
+from oracles.raven_recording import record
 
 
 @pytest.fixture
@@ -60,18 +60,6 @@ def test_an_interrupted_recording_is_rescued_and_says_so(project: Project) -> No
     assert not extract_recording(project, "torn")
 
 
-def test_a_hole_in_the_middle_is_told_by_topic(project: Project) -> None:
-    file = interrupted(project, "hit")
-    content = bytearray(file.read_bytes())
-    content[len(content) // 2 : len(content) // 2 + 40_000] = bytes(40_000)
-    file.write_bytes(content)
-    extract_recording(project, "hit")
-    lost = {one["topic"]: one for one in report_of(project, "hit")["rescued"]["topics"]}
-    assert 2 * lost["/ravenstate"]["lost"] < lost["/ext_jpos"]["lost"]
-    assert lost["/ext_jpos"]["seconds"] == pytest.approx(lost["/ext_jpos"]["lost"] / 100.0, abs=0.02)
-    assert any("about" in problem for problem in report_of(project, "hit")["problems"])
-
-
 def test_a_whole_recording_is_not_rescued(project: Project) -> None:
     extract_recording(project, "whole")
     assert report_of(project, "whole")["rescued"] is None
@@ -98,15 +86,6 @@ def test_a_finished_recording_that_cannot_be_read_is_an_error_after_the_others(p
     assert outcome.code == 2
     assert "whole" in outcome.err
     assert motion_log_path(project, "torn").is_file()
-
-
-def test_a_bag_that_was_cut_off_is_rescued_like_a_journal(project: Project, tmp_path: Path) -> None:
-    bag = write_bag(record(tmp_path / "journal", 2.0), tmp_path / "a.bag")
-    folder = project.folder / "recordings" / "bag"
-    folder.mkdir()
-    (folder / "a.bag").write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
-    extract_recording(project, "bag")
-    assert report_of(project, "bag")["rescued"]["ends_early"]
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])

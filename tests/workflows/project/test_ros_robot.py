@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.errors import LimitError, NotReadyError, RecordingError
+from catenary.errors import NotReadyError, RecordingError
 from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.smoothed_path import follow_waypoints
@@ -99,15 +99,6 @@ def test_ctrl_c_while_a_person_is_asked_leaves_the_robot_paused(tmp_path: Path) 
     assert setup.robot.plant.operating_state().state == "PAUSED"
 
 
-def test_giving_up_moves_nothing(tmp_path: Path) -> None:
-    setup = on_loopback()
-    opened = project(tmp_path)
-    with pytest.raises(NotReadyError, match="cancelled"):
-        RosRobot(setup.transport, Person(workspace=lambda: False), simulated=True).home(opened)
-    assert setup.robot.commands == 0
-    assert not (tmp_path / "project/robot/home.json").exists()
-
-
 def test_yes_presses_a_button_but_clears_no_fault_and_needs_encoders(tmp_path: Path) -> None:
     setup = on_loopback(EncodedPlant(ready=False))
     homed(project(tmp_path / "a"), setup)
@@ -162,15 +153,6 @@ def test_without_its_topics_nothing_is_moved(tmp_path: Path, monkeypatch: pytest
     assert [*recording.iterdir()] == [recording / "hours"]
     assert not (opened.folder / "replaced").exists()
     assert np.array_equal(setup.robot.plant.setpoint_js().q[:3], START[:3])
-
-
-def test_motion_beyond_the_limits_is_refused_before_anything_moves(tmp_path: Path) -> None:
-    setup, opened = on_loopback(), project(tmp_path)
-    robot = homed(opened, setup)
-    far = follow_waypoints(np.array([START[:3], [0.6, 1.4, 0.9]]), speed=[0.3, 0.3, 0.05])
-    with pytest.raises(LimitError, match="insertion"):
-        robot.record(opened, TRAIN, far, "far", after="home")
-    assert setup.robot.commands == 0
 
 
 def test_recording_that_is_stopped_leaves_the_robot_paused_and_is_begun_anew(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from shutil import copytree, rmtree
+from shutil import copytree
 from typing import Any
 
 import numpy as np
@@ -149,18 +149,3 @@ def test_a_recording_is_extracted_as_it_is_and_said_to_have_changed(project: Pro
     assert extract_recording(project, TEST)
     report = json.loads((project.folder / f"{TEST}.synchronised.json").read_bytes())
     assert f"{recording}: is no longer what was recorded; what is there was extracted" in report["problems"]
-
-
-def test_a_recording_that_goes_while_it_is_made_is_not_noted(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
-    save = simulated_robot.save_plant
-
-    def deleted_meanwhile(plant: CablePlant, path: Path) -> None:
-        rmtree(project.folder / "recordings" / "gone")
-        save(plant, path)
-
-    monkeypatch.setattr(simulated_robot, "save_plant", deleted_meanwhile)
-    motion = random_sinusoids(np.random.default_rng(4), 10.0)
-    with pytest.raises(FileFormatError, match=r"recordings/gone: not there, although record gone has just"):
-        ROBOT.record(project, "gone", motion, "a while", after=TRAIN)
-    with pytest.raises(ConfigError, match="record gone was not done yet"):
-        extract_recording(Project(project.folder, SHORT), "gone")

@@ -1,25 +1,21 @@
-import threading
 from itertools import islice
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.topic_names import JOINT_STATE
 from catenary.errors import InputError, TransportError
 from catenary.gravity.torque import gravity_torque
-from catenary.nodes.serve import Serving, make_server, prepare
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.workflows.robot.snapshots import watch_log, watch_robot
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot
-from oracles.psm_arms import homed_psm
-from patience import longer_limits
 
 START = np.array([0.8, 1.5, 0.4])
 
@@ -94,39 +90,6 @@ def test_a_robot_late_with_its_first_state_is_waited_for_a_while() -> None:
     watched.plant.since, watched.plant.ticks = 100_000, 0
     with pytest.raises(TransportError, match="nothing has come"):
         next(watch_robot(watched, clock=Ticking()))
-
-
-def test_a_model_deployed_beside_an_arm_with_a_namespace_is_shown_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    for longer in longer_limits():  # a busy machine is late, and the robot not silent
-        monkeypatch.setattr(*longer)
-    network = LoopbackNetwork()
-    psm, other = homed_psm(), Loopback("deploy", network)
-    server = make_server(Serving(robot="dvrk_psm", dialect="crtk"), Loopback("robot", network), plants={"PSM1": psm})
-    prepare(server)
-    spinning = threading.Event()
-
-    def spin() -> None:
-        while not spinning.wait(0.001):
-            server.tick()
-
-    thread = threading.Thread(target=spin)
-    thread.start()
-    try:
-        watched, reader = robot_over(Loopback("monitor", network), "dvrk_psm", only_read=True)
-        with reader:
-            positions = other.publisher("/PSM1/calibrated/measured_js", JOINT_STATE)
-            validity = other.publisher("/PSM1/calibrated/is_valid", "std_msgs/Bool")
-            samples = watch_robot(watched, every=0.0)
-            next(samples)
-            q = reader.measured_js().q + 0.01
-            positions.publish(joint_state_message(reader.joint_names, 1, q))
-            validity.publish(message_class("std_msgs/Bool")(False))
-            shown = next(samples)
-    finally:
-        spinning.set()
-        thread.join()
-    assert_allclose(shown.calibrated, q)
-    assert shown.inside.tolist() == [False] * 6
 
 
 def test_joints_that_a_model_deployed_beside_calibrates_are_shown() -> None:

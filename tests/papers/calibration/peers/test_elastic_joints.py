@@ -98,14 +98,6 @@ def test_friction_holds_what_pushes_less() -> None:
     np.testing.assert_array_equal(x, 0.0)
 
 
-@pytest.mark.slow
-def test_compiled_it_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    told, numbers = drive(np.random.default_rng(1), 5), joints(friction=0.05)
-    plain = filtered(told, numbers)
-    monkeypatch.undo()
-    np.testing.assert_allclose(filtered(told, numbers), plain, atol=1e-12)
-
-
 def test_stiffness_and_offset_are_found_where_nothing_else_is_wrong() -> None:
     t = np.arange(0.0, 40.0, 1 / 30)
     q = np.array([0.7, 1.4, 0.38]) + np.column_stack((np.sin(t), np.cos(0.7 * t), np.sin(1.3 * t))) * [0.2, 0.2, 0.04]
