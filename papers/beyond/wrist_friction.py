@@ -17,9 +17,10 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.calibration.dataset import calibration_data, error_limits
-from catenary.calibration.evaluate import evaluate, rms
+from catenary.calibration.evaluate import cross_validate, evaluate, rms
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.recording.logs import read_log
 from papers.calibration.dvrk import JOINTS, RECORDINGS, SAMPLED_LIMIT, UNITS, log_of
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
@@ -37,6 +38,7 @@ BEGUN = 10.0  # [s]
 MINUTES = (2.0, 4.0, 8.0, 16.0, 40.0)
 RANDOM = "random_train"
 WITHIN = 0.95  # share of rows
+UNDER_LOAD = "Jaw under load, runs left out, once midlines are known (from the first row on) [deg]"
 OTHERS = [[other for other in RECORDINGS if other != name] for name in RECORDINGS]  # than each
 ALONE = "error_exp5"  # where J6 alone moves
 TOOLS, LOADED = "davinci_tools", {"positions": ("q",), "current": ("q", "current"), "torque": ("q", "tau")}
@@ -89,19 +91,28 @@ def slack(rows: int, data: Path) -> Result:
     return {name: [None if value != value else value for value in values.tolist()] for name, values in found.items()}
 
 
-@run(revision=2)
+@run(revision=3)
 def loaded(folder: str, signal: str, data: Path) -> Result:
-    """Return the RMSE of a jaw [deg] on runs of mixed load that models of a folder's other runs predict, in fours."""
-    options = FitOptions(kind="hysteretic", inputs=LOADED[signal])
-    found = fit_logs(_runs(folder, data), options, FitRun(folds=4))
-    return {"rmse": found.spread[0].rmse_mean}
+    """Return the RMSE of a jaw [deg] on runs of mixed load that models of a folder's other runs predict, in fours.
+
+    On rows on which midlines are known, and on `all`, of which a run's first have the fixed offset.
+    """
+    logs, options = _runs(folder, data), FitOptions(kind="hysteretic", inputs=LOADED[signal])
+    inputs = choose_inputs(logs, options)
+    rows = calibration_data(logs, inputs.features)
+    known, whole = (
+        cross_validate(part, lambda train, _: fit(train, inputs, options), folds=4)
+        for part in (rows.rows(rows.complete), rows)
+    )
+    return {"rmse": known.spread[0].rmse_mean, "all": whole.spread[0].rmse_mean}
 
 
-@run(revision=2)
+@run(revision=3)
 def carried(folder: str, signal: str, data: Path) -> Result:
     """Return by other folder the RMSE of a jaw [deg] by a folder's model, and the share of rows in its valid range.
 
-    The zero is that of ten seconds of one run, tested on all others; the median over these runs.
+    Rows on which midlines are known; the zero is that of their first ten seconds of one run, tested on all others; the
+    median over these runs.
     """
     options = FitOptions(kind="hysteretic", inputs=LOADED[signal])
     model = fit_logs(_runs(folder, data), options, FitRun(folds=0)).model
@@ -111,6 +122,7 @@ def carried(folder: str, signal: str, data: Path) -> Result:
         left, zeros, inside = [], [], []
         for log in logs:
             rows = calibration_data([log], model.features)
+            rows = rows.rows(rows.complete)
             correction, known, _ = model.correct(rows.X, rows.q_nominal, rows.leaping)
             left.append(np.rad2deg(rows.error - correction)[:, 0])
             zeros.append(left[-1][rows.time < rows.time[0] + BEGUN].mean())
@@ -157,15 +169,16 @@ def report(o: Outcomes) -> Report:
         unseen.append([f"{what}: {told['method']}", *(f"{value:.3f}" for value in result["unseen"])])
         for name, rmse in result["others"].items():
             elsewhere.append([f"{what}; {name}: {told['method']}", *(f"{value:.3f}" for value in rmse)])
-    by_signal: dict[str, dict[str, float]] = {}
+    by_signal: dict[str, dict[str, tuple[float, float]]] = {}
     for told, result in o.items(loaded):
-        by_signal.setdefault(told["signal"], {})[told["folder"]] = result["rmse"]
+        by_signal.setdefault(told["signal"], {})[told["folder"]] = result["rmse"], result["all"]
     jaws = [
-        [folder, *(f"{of.get(folder, np.nan):.2f}" for of in by_signal.values())]
+        [folder, *("{:.2f} ({:.2f})".format(*of.get(folder, (np.nan, np.nan))) for of in by_signal.values())]
         for folder in FOLDERS
         if any(folder in of for of in by_signal.values())
     ]
-    jaws += [["median", *(f"{np.median(list(of.values())):.2f}" for of in by_signal.values())]] if jaws else []
+    medians = [np.median(list(of.values()), axis=0) for of in by_signal.values()]
+    jaws += [["median", *("{:.2f} ({:.2f})".format(*of) for of in medians)]] if jaws else []
     pairs: dict[str, list[list[float]]] = {}
     for told, result in o.items(carried):
         pairs.setdefault(told["signal"], []).extend(result.values())
@@ -184,9 +197,9 @@ def report(o: Outcomes) -> Report:
         filled([
             table("RMSE on what models of parts did not see", header, unseen),
             table("RMSE on other recordings", header, elsewhere),
-            table("Jaw under load, runs left out [deg]", ["folder", *by_signal], jaws),
+            table(UNDER_LOAD, ["folder", *by_signal], jaws),
             table(
-                "Jaw of another folder, zero of 10 s: median (pairs) [deg]",
+                "Jaw of another folder once midlines are known, zero of 10 s: median (pairs) [deg]",
                 ["signal", "within the valid range", "beyond"],
                 others,
             ),
