@@ -1,6 +1,5 @@
 """Calibration of a da Vinci arm whose joints a camera measured; see its README beside the recordings."""
 
-import os
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,9 +16,9 @@ from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.fit_rows import Inputs, choose_inputs, fit
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
+from tests.truth.recordings import data_folder
 
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = Path(os.environ.get("CATENARY_DATA", ROOT.parent / "shared" / "data")) / "dvrk_calibration_berkeley"
+FOLDER = data_folder() / "dvrk_calibration_berkeley"
 SHOWN = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0, *[180.0 / np.pi] * 3])  # deg, deg, mm, deg, deg, deg
 MAX_ERROR = np.array([2.0, 2.0, 5.0, 60.0, 60.0, 70.0]) / SHOWN  # README, caveat 3
 

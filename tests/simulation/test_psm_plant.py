@@ -2,8 +2,6 @@
 
 import copy
 import itertools
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +11,9 @@ from catenary.errors import InputError, NotReadyError
 from catenary.robots.catalog import load_robot
 from catenary.simulation.psm_plant import PSM_JOINTS, PsmPlant
 from oracles.psm_arms import homed_psm, psm_motion
+from tests.truth.recordings import data_folder
 
-ROOT = Path(__file__).resolve().parents[3]
-FOLDER = Path(os.environ.get("CATENARY_DATA", ROOT.parent / "shared" / "data")) / "dvrk_calibration_berkeley"
+FOLDER = data_folder() / "dvrk_calibration_berkeley"
 
 
 def test_ticking_equals_running_bit_for_bit():

@@ -120,7 +120,13 @@ def test_states_and_state_commands_are_real_ones(robot: Ticking, peer: Peer) -> 
         asked += [("unhome", "DISABLED", False), ("enable", "ENABLED", False), ("home", "ENABLED", True)]
     said = {"topic": f"{place}/state_command", "type": "crtk_msgs/StringStamped"}
     peer("say", times=0, values={}, **said)
-    until(lambda: robot.transport.connections(said["topic"]).publishers, every=0.05)  # both know of each other
+    until(lambda: robot.transport.connections(said["topic"]).publishers, every=0.05)
+
+    def is_heard() -> bool:
+        peer("say", values={"string": "disable"}, **said)
+        return bool(peer("last", topic=f"{place}/operating_state")["state"] == "DISABLED")
+
+    until(is_heard, every=0.5)  # what a writer says before it knows of our reader is lost
     for command, *wanted in asked:
         peer("say", values={"string": command}, **said)
 
