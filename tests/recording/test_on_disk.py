@@ -1,3 +1,5 @@
+import errno
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,6 +11,7 @@ from numpy.testing import assert_array_equal
 
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
+from catenary.errors import InputError
 from catenary.plant import JOINT_ARRAYS
 from catenary.recording.on_disk import on_disk
 from catenary.side_by_side import on_workers
@@ -35,6 +38,15 @@ def test_a_fit_of_recordings_on_disk_is_that_of_the_same_in_memory(workers: int)
     with on_workers(workers):
         found = fit_logs([on_disk(log) for log in logs], options, run)
     assert found.card == alone.card
+
+
+def test_a_full_disk_is_told_with_the_way_round_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(np, "save", full)
+    with pytest.raises(InputError, match="cannot hold it: No space left on device; name another folder by TMPDIR"):
+        on_disk(recording(np.random.default_rng(0), rows=30))
 
 
 def test_nothing_is_left_on_disk_when_the_program_ends() -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.errors import InputError
 from catenary.plant import JOINT_ARRAYS, MotionLog
 
 _numbers = count()
@@ -27,12 +28,21 @@ def _folder() -> "tempfile.TemporaryDirectory[str]":
 
 
 def on_disk(log: MotionLog) -> MotionLog:
-    """Return a recording with its arrays on disk, bit for bit the same."""
+    """Return a recording with its arrays on disk, bit for bit the same.
+
+    Raises:
+        InputError: The disk is full.
+    """
 
     def kept(array: NDArray[Any]) -> NDArray[Any]:
         path = Path(_folder().name) / f"{next(_numbers)}.npy"
-        np.save(path, array)
-        mapped: NDArray[Any] = np.load(path, mmap_mode="r")
+        try:
+            np.save(path, array)
+            mapped: NDArray[Any] = np.load(path, mmap_mode="r")
+        except OSError as error:
+            raise InputError(
+                f'recording "{log.name}": {path.parent} cannot hold it: {error.strerror}; name another folder by TMPDIR'
+            ) from error
         return mapped
 
     arrays: dict[str, Any] = {
