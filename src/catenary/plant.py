@@ -357,7 +357,7 @@ class MotionLog:
             return (0,)
         return (0, *(int(i) + 1 for i in np.flatnonzero(np.diff(self.time) < 0.0)))
 
-    @cached_property
+    @property
     def row_hashes(self) -> NDArray[np.uint64]:
         """A hash of each row (N,), of what was reported, measured and exerted, in single precision: 0 if unmeasured."""
         arrays = [each for each in (self.q_nominal, self.q_encoder, self.tau) if each is not None]
@@ -366,7 +366,7 @@ class MotionLog:
         measured = self.ok | (self.q_encoder is None)
         return np.where(measured, (values * factors).sum(axis=1, dtype=np.uint64), np.uint64(0))
 
-    @property
+    @cached_property
     def marks(self) -> tuple[str, ...]:
         """Hashes of some rows of each recording in it: by these it is known again in any file, cut or whole."""
         ends, hashes = sorted({*self.starts, *self.gaps(), len(self)}), self.row_hashes

@@ -193,9 +193,7 @@ def _usable_rows(
     inside = ~far.any(axis=1)
     source = TrainingSource(
         name=log.name,
-        sha256=log.sha256,
-        marks=log.marks,
-        poses=log.poses,
+        **log.identity,
         rows=len(q),
         without_truth=int((~ok).sum()),
         incomplete=int((ok & inside & ~complete).sum()),

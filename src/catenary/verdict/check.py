@@ -32,7 +32,6 @@ from catenary.verdict.units_and_scale import range_findings, slope_findings, tin
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
-REPEATED = "twice"
 MOST_HASHES = 1_000_000  # that are compared
 REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 
@@ -51,13 +50,19 @@ def findings_of(
         max_error: (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out.
         trained: Least and largest positions that a model of it was trained on, each (n,) [rad|m].
     """
+    return (*_alone(log, robot, max_error, trained), *(each for _, each in repeated_findings([log])))
+
+
+def _alone(
+    log: MotionLog, robot: RobotModel | None, max_error: Floats | None, trained: tuple[Floats, Floats] | None
+) -> list[Finding]:
+    """Find what is wrong with a recording but for minutes that are there twice, which others may hold, too, the gravest first."""
     if max_error is not None and log.q_encoder is not None:
         with np.errstate(invalid="ignore"):
             within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
         log = replace(log, ok=log.ok & within)
     ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
-    findings += [each for _, each in repeated_findings([log])]
     pairs = pairs_of(log)
     if pairs is not None:
         findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
@@ -65,7 +70,7 @@ def findings_of(
         findings += arrival_findings(log, delay) + zero_findings(log)
         if not any(each.refuses for each in findings):  # what is wrong everywhere is far from the rest somewhere
             findings += [*outlier_findings(log), *coarse_findings(pairs), *filled_findings(log), *missing_findings(log)]
-    return tuple(sorted(findings, key=lambda each: not each.refuses))
+    return sorted(findings, key=lambda each: not each.refuses)
 
 
 def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
@@ -125,16 +130,16 @@ def verdict(
     """
     require_names(accept)
 
-    def of_log(log: MotionLog, _: Progress) -> tuple[Finding, ...]:
-        return findings_of(log, robot=robot, max_error=max_error, trained=trained)
+    def of_log(log: MotionLog, _: Progress) -> list[Finding]:
+        return _alone(log, robot, max_error, trained)
 
     found = [
         (log.name, each)
         for log, findings in zip(logs, of_each(of_log, logs), strict=True)
         for each in findings
-        if not (testing and each.name in NEEDED_TO_LEARN) and each.name != REPEATED
+        if not (testing and each.name in NEEDED_TO_LEARN)
     ]
-    found += [] if testing else repeated_findings(logs)  # within each, and of each in others
+    found += [] if testing else repeated_findings(logs)
     of_name = {name: each.delay for name, each in found if each.delay is not None}
     return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
 
@@ -191,5 +196,5 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
         if says:
             culprit = "one recording copied, joined to itself, or read at another rate"
             told = f"{says[0]}: it is no test of a fit to it"
-            found.append((log.name, Finding(REPEATED, (), told, culprit, refuses=False)))
+            found.append((log.name, Finding("twice", (), told, culprit, refuses=False)))
     return found
