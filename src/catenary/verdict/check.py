@@ -56,7 +56,7 @@ def findings_of(
 def _alone(
     log: MotionLog, robot: RobotModel | None, max_error: Floats | None, trained: tuple[Floats, Floats] | None
 ) -> list[Finding]:
-    """Find what is wrong with a recording but for minutes that are there twice, which others may hold, too, the gravest first."""
+    """Find what is wrong with a recording, the gravest first, but for minutes that are there twice, or in others."""
     if max_error is not None and log.q_encoder is not None:
         with np.errstate(invalid="ignore"):
             within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
