@@ -46,7 +46,7 @@ STAGES = (BEFORE, ONE, FIVE, ALL)
 WITHIN = 1.15  # of the error of a model fitted to all of the new day
 
 
-@run(revision=3)
+@run(revision=4)
 def simulated_day(seed: int | None, drift: str, training: float, day: float) -> Result:
     """Return RMSE on J1 [deg], J2 [deg], J3 [mm] by model and stage.
 
@@ -76,7 +76,7 @@ def drifted(plant: CablePlant, seed: int | None, drift: str) -> CablePlant:
     return plant
 
 
-@run(revision=3)
+@run(revision=4)
 def recorded_day(train: str, test: str, data: Path) -> Result:
     """Return RMSE per joint [deg|mm] by stage, of a model of one recording on what comes after another's minutes."""
     first, second = (log_of(name, data) for name in (train, test))

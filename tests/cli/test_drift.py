@@ -119,7 +119,7 @@ def test_the_command_says_what_moved_since_when_and_the_card_of_what_it_was_made
     assert entry["model_sha256"] == sha256_of(model)
     assert entry["recordings"] == [{"name": "tuesday", "sha256": sha256_of(tuesday)}]
     assert entry["recorded"] == "2026-05-15"
-    assert [joint["change"] for joint in entry["joints"]] == ["nothing", "zero"]
+    assert [joint["change"] for joint in entry["joints"]] == ["nothing", "zero and scale"]
 
 
 def test_a_page_shows_what_is_promised_of_the_rest_of_the_day(days: tuple[Path, Path]) -> None:

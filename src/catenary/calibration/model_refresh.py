@@ -1,20 +1,23 @@
 """A fitted model brought up to date by minutes of a new day: what drifted moves, what is still true stays.
 
 Friction of coupled joints comes first: where a day shows another level of it (friction_level.py), the model is taken
-there. Then, for each joint there are candidates, in the order of how much they change: nothing; a new zero; zero and
-scale, slopes of the correction and of the position; slopes of all inputs, by ridge regression, ever less held. Each is
-judged on contiguous blocks of the new rows that it was not fitted to, and the first whose mean RMSE lies within one
-standard error of the best one's is taken (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). The
-standard error is that of the paired differences: blocks are hard or easy for all.
+there. Then, for each joint there are candidates, in the order of how much they change: nothing; zero and scale, slopes
+of the correction and of the position; slopes of all inputs, by ridge regression, ever less held. Each is judged on
+contiguous blocks of the new rows that it was not fitted to, and the first whose mean RMSE lies within one standard
+error of the best one's is taken (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). The standard error
+is that of the paired differences: blocks are hard or easy for all.
 
-Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. So what
-may be changed follows from what the minutes show of a joint: how much of the motion that the model was trained on, and
-how often it swept half of that from one side to the other. Without sweeps a zero cannot be told from the side of the
-slack on which the joint lies; without the range no slope is seen.
+Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. A joint
+is seen anew once it has swept half of the trained range and come back: before, a zero cannot be told from the side of
+the slack on which it lies. So zero and scale are the mean of what is known once minutes are over [Bayesian linear
+regression; Bishop, Pattern Recognition and Machine Learning, 2006, section 3.3]: a look for each two sweeps, with an
+error as large as the model claims or these rows leave, and a drift that may be as large as what the rows show, of the
+zero as of each slope over the trained range. Slopes of all inputs need most of the range, in many sweeps.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -35,17 +38,17 @@ from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standar
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
-NOTHING, ZERO, SCALE, SLOPES, LEVEL = "nothing", "zero", "zero and scale", "slopes of all inputs", "friction level"
+NOTHING, SCALE, SLOPES, LEVEL = "nothing", "zero and scale", "slopes of all inputs", "friction level"
 BLOCKS = 8  # of time, on which candidates are judged
 FEWEST_ROWS = 40  # five a block
 RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
 SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
 SLOPES_RIDGES = (1.0, 0.1, 0.01, 1e-3)  # the most held first
-HOW = (NOTHING, ZERO, SCALE, *(SLOPES,) * len(SLOPES_RIDGES))
+HOW = (NOTHING, SCALE, *(SLOPES,) * len(SLOPES_RIDGES))
 SWEPT = 0.5  # of the trained range, from one side to the other, that makes a sweep
-SWEEPS = 10  # of a joint; chosen on windows of two minutes of a real arm, where changes after fewer did harm
-SHOWN = {NOTHING: 0.0, ZERO: 0.0, SCALE: 0.6, SLOPES: 0.8}  # least share of the trained range, for each kind of change
-CLEAR = 0.4  # of the error on blocks: what leaves less is no side of the slack, however few the sweeps
+SWEEPS, SHOWN = 10, 0.8  # of a joint, and least share of the trained range, for slopes of all inputs
+CLOSE = 0.01  # of the best candidate's error: what is better by less is not worth a larger change
+CLEAR = 0.4  # of the error on blocks: what leaves less is no side of the slack, once a joint went there and back
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class JointChange:
 
     name: str
     unit: str  # "deg" or "mm"
-    change: str  # NOTHING, ZERO, SCALE or SLOPES, or LEVEL and one of these
+    change: str  # NOTHING, SCALE or SLOPES, or LEVEL and one of these
     moved: float  # mean change of the correction over the new rows
     rmse_before: float  # of the old model on the new rows
     rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
@@ -214,18 +217,19 @@ def _refresh_group(
     scale, bias, linear = np.ones(len(joints)), np.zeros(len(joints)), np.zeros((len(group.columns), len(joints)))
     for k, joint in enumerate(joints):
         place = _place_of_position(model, group, joint)
-        designs = _designs(model, X[rows], correction[rows, k], q[rows, k], place)
-        of_candidates = _left_on_blocks(designs, residual[:, k], parts)
         seen = _motion_shown(group, model, data, joint)
-        kept = [c for c, each in enumerate(HOW) if _is_shown(each, seen, residual[:, k], of_candidates[c])]
+        held = _held(model, group, joint, correction[rows, k], seen[1])
+        designs = _designs(model, X[rows], correction[rows, k], q[rows, k], place, held)
+        of_candidates = _left_on_blocks(designs, residual[:, k], parts)
+        kept = [c for c, each in enumerate(HOW) if each != SLOPES or _is_shown(seen, residual[:, k], of_candidates[c])]
         chosen = kept[first_within_one_error(of_candidates[kept], parts)]
         wanted = first_within_one_error(of_candidates, parts)
-        if wanted != chosen:
+        if wanted != chosen or (HOW[chosen] == SCALE and seen[1] < SWEEPS):
             notes = (*notes, _too_local(model.joint_names[joint], seen, HOW[wanted]))
         how.append(HOW[chosen])
         left[rows, k] = of_candidates[chosen]
         if chosen:
-            slopes, bias[k] = _regression(*designs[chosen - 1], residual[:, k])
+            slopes, bias[k] = designs[chosen - 1].regression(np.ones(len(rows), dtype=bool), residual[:, k])
             if HOW[chosen] == SLOPES:
                 linear[:, k] = slopes
             elif HOW[chosen] == SCALE and len(slopes):
@@ -258,17 +262,16 @@ def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationD
     return float(np.ptp(q)) / max(box, RESOLUTION), sweeps
 
 
-def _is_shown(how: str, seen: tuple[float, int], before: Floats, left: Floats) -> bool:
-    """Return whether minutes show enough of a joint for a kind of change, from its errors before and on blocks."""
-    is_clear = seen[1] >= SWEEPS or np.square(left).mean() < CLEAR**2 * np.square(before).mean()
-    return how == NOTHING or (seen[0] >= SHOWN[how] and bool(is_clear))
+def _is_shown(seen: tuple[float, int], before: Floats, left: Floats) -> bool:
+    """Return whether minutes show enough of a joint for slopes of all inputs, from errors before and on blocks."""
+    is_clear = seen[1] >= 2 and np.square(left).mean() < CLEAR**2 * np.square(before).mean()  # there and back
+    return seen[0] >= SHOWN and bool(is_clear or seen[1] >= SWEEPS)
 
 
 def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
-    expected = f"{SWEEPS} sweeps" + (f" and {SHOWN[wanted]:.0%}" if SHOWN[wanted] else "")
     return (
-        f"{name}: these minutes are too local for a change of {wanted}: they show {seen[0]:.0%} of the trained range "
-        f"in {seen[1]} sweeps, expected {expected}; drive `catenary excite --refresh`"
+        f"{name}: these minutes are too local for all of a change of {wanted}: they show {seen[0]:.0%} of the trained "
+        f"range in {seen[1]} sweeps, expected {SWEEPS} sweeps and {SHOWN:.0%}; drive `catenary excite --refresh`"
     )
 
 
@@ -276,7 +279,7 @@ def _only_offset(group: JointGroup, of_offset: Floats, block: NDArray[np.int64],
     """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
     how, moved, left = [], np.zeros(of_offset.shape[1]), of_offset.copy()
     for k, error in enumerate(of_offset.T):
-        candidates = _left_on_blocks([_no_columns(block)], error, block)
+        candidates = _left_on_blocks([_Ridge(_no_columns(block))], error, block)
         chosen = first_within_one_error(candidates, block)
         how.append(HOW[chosen])
         left[:, k] = candidates[chosen]
@@ -285,7 +288,7 @@ def _only_offset(group: JointGroup, of_offset: Floats, block: NDArray[np.int64],
 
 
 def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
-    """Return the first candidate whose mean RMSE over blocks is within one standard error of the best one's.
+    """Return the first candidate whose mean RMSE over blocks is within one standard error, or 1 %, of the best one's.
 
     Args:
         left: (C, N) errors of candidates, each row by a fit that did not see its block; those that change least first.
@@ -296,12 +299,12 @@ def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
     if len(rmse) < 2:
         return 0
     allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(rmse))
-    return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION))
+    return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION + CLOSE * rmse.mean(axis=0).min()))
 
 
 def _predictor_is_nearer(of_model: Floats, of_offset: Floats, block: NDArray[np.int64], outside: Flags) -> bool:
     a, b = (
-        [np.square(_left_on_blocks([_no_columns(block)], each, block)[1][outside]).mean() for each in errors.T]
+        [np.square(_left_on_blocks([_Ridge(_no_columns(block))], each, block)[1][outside]).mean() for each in errors.T]
         for errors in (of_model, of_offset)
     )
     return all(np.less_equal(a, b))
@@ -320,19 +323,86 @@ def _widened(old: ValidRange, watched: Floats) -> ValidRange:
     )
 
 
+@dataclass(frozen=True)
+class _Ridge:
+    """A regression on standardised columns (N, c), held by `ridge`, with a zero that is not held."""
+
+    columns: Floats
+    ridge: float = 0.0
+
+    def regression(self, rows: Flags, residual: Floats) -> tuple[Floats, float]:
+        """Return slopes (c,) and a zero, by which residuals of the rows (N,) are predicted."""
+        columns = self.columns[rows]
+        mean, scale = standardisation(columns)
+        Z = (columns - mean) / scale
+        held = self.ridge * len(Z) * np.eye(Z.shape[1])
+        y = residual[rows]
+        slopes = np.linalg.solve(Z.T @ Z + held, Z.T @ (y - y.mean())) / scale
+        return slopes, float(y.mean() - mean @ slopes)
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Zero and slopes of columns (N, c) as far as minutes show them: a Bayesian regression, see the top of the file."""
+
+    columns: Floats
+    middle: Floats  # (c,) of the trained range, where the zero is told
+    spread: Floats  # (c,) of the trained range
+    looks: float
+    claimed: float  # [rad|m] standard deviation of the error that the model claims; 0 when it claims none
+
+    def regression(self, rows: Flags, residual: Floats) -> tuple[Floats, float]:
+        """Return slopes (c,) and a zero, by which residuals of the rows (N,) are predicted."""
+        y, columns = residual[rows], self.columns[rows]
+        slopes, zero = _Ridge(columns, SCALE_RIDGE).regression(np.ones(len(y), dtype=bool), y)
+        noise = max(float(np.square(y - zero - columns @ slopes).mean()), self.claimed**2)
+        drift = max(noise, float(np.square(y).mean()), RESOLUTION**2)
+        A = np.column_stack([np.ones(len(y)), columns - self.middle])
+        held = noise / drift * len(residual) / self.looks * np.append(1.0, self.spread**2)
+        found = np.linalg.solve(A.T @ A + np.diag(held + RESOLUTION**2), A.T @ y)
+        return found[1:], float(found[0] - self.middle @ found[1:])
+
+
+def _held(
+    model: CalibrationModel, group: JointGroup, joint: int, correction: Floats, sweeps: int
+) -> tuple[Floats, Floats, float, float]:
+    """Return middle and spread of a joint's correction and position in training, looks, and the error claimed."""
+    name = f"q:{model.joint_names[joint]}"
+    watched = [model.features.names[c] for c in group.watched]
+    middle, spread = 0.0, 0.0
+    if name in watched:
+        place, seen = watched.index(name), group.valid_range
+        middle = float(seen.mean[place])
+        spread = float(seen.upper[place] - seen.lower[place]) * seen.seen / np.sqrt(12.0)
+    moved = np.sqrt(np.square(correction - model.offset[joint]).mean())
+    largest = 0.5 * (model.largest[joint] - abs(model.offset[joint]))
+    claimed = 0.0
+    if model.intervals is not None:
+        claimed = model.intervals.inside[joint] / NormalDist().inv_cdf(0.5 + 0.5 * model.intervals.level)
+    spreads = np.array([max(moved, largest if np.isfinite(largest) else 0.0), spread])
+    return np.array([model.offset[joint], middle]), spreads, 0.5 * (sweeps + 1), float(claimed)
+
+
 def _designs(
-    model: CalibrationModel, X: Floats, correction: Floats, q: Floats, place: int | None
-) -> list[tuple[Floats, float]]:
-    """Return the columns that each candidate but the first is regressed on, and how much it is held."""
+    model: CalibrationModel,
+    X: Floats,
+    correction: Floats,
+    q: Floats,
+    place: int | None,
+    held: tuple[Floats, Floats, float, float],
+) -> list[_Ridge | _Held]:
+    """Return what each candidate but the first is regressed on."""
+    middle, spread, looks, claimed = held
     slopes = np.column_stack([correction, q])
     if place is None:
         # a slope of the correction is one of the position too, where positions are what the model gives
-        slopes = slopes[:, : 0 if model.target == "position" else 1]
-    return [_no_columns(q), (slopes, SCALE_RIDGE), *((X, ridge) for ridge in SLOPES_RIDGES)]
+        taken = 0 if model.target == "position" else 1
+        slopes, middle, spread = slopes[:, :taken], middle[:taken], spread[:taken]
+    return [_Held(slopes, middle, spread, looks, claimed), *(_Ridge(X, ridge) for ridge in SLOPES_RIDGES)]
 
 
-def _no_columns(rows: NDArray[Any]) -> tuple[Floats, float]:
-    return np.zeros((len(rows), 0)), 0.0
+def _no_columns(rows: NDArray[Any]) -> Floats:
+    return np.zeros((len(rows), 0))
 
 
 def _place_of_position(model: CalibrationModel, group: JointGroup, joint: int) -> int | None:
@@ -342,21 +412,12 @@ def _place_of_position(model: CalibrationModel, group: JointGroup, joint: int) -
     return names.index(name) if name in names else None
 
 
-def _left_on_blocks(designs: Sequence[tuple[Floats, float]], residual: Floats, block: NDArray[np.int64]) -> Floats:
+def _left_on_blocks(designs: Sequence[_Ridge | _Held], residual: Floats, block: NDArray[np.int64]) -> Floats:
     """Return residuals (N,) as they are, and what regressions on designs leave on blocks that they did not see."""
     left = np.repeat(residual[None], 1 + len(designs), axis=0)
     for k in np.unique(block):
         new = block == k
-        for c, (columns, ridge) in enumerate(() if new.all() else designs, start=1):
-            slopes, zero = _regression(columns[~new], ridge, residual[~new])
-            left[c, new] -= columns[new] @ slopes + zero
+        for c, design in enumerate(() if new.all() else designs, start=1):
+            slopes, zero = design.regression(~new, residual)
+            left[c, new] -= design.columns[new] @ slopes + zero
     return left
-
-
-def _regression(columns: Floats, ridge: float, residual: Floats) -> tuple[Floats, float]:
-    """Return slopes of columns (N, c), held by `ridge`, and a zero, by which residuals (N,) are predicted."""
-    mean, scale = standardisation(columns)
-    Z = (columns - mean) / scale
-    held = ridge * len(Z) * np.eye(Z.shape[1])
-    slopes = np.linalg.solve(Z.T @ Z + held, Z.T @ (residual - residual.mean())) / scale
-    return slopes, float(residual.mean() - mean @ slopes)
