@@ -355,12 +355,14 @@ class _Held:
         """Return slopes (c,) and a zero, by which residuals of the rows (N,) are predicted."""
         y, columns = residual[rows], self.columns[rows]
         slopes, zero = _Ridge(columns, SCALE_RIDGE).regression(np.ones(len(y), dtype=bool), y)
-        noise = max(float(np.square(y - zero - columns @ slopes).mean()), self.claimed**2)
-        drift = max(noise, float(np.square(y).mean()), RESOLUTION**2)
-        A = np.column_stack([np.ones(len(y)), columns - self.middle])
-        held = noise / drift * len(residual) / self.looks * np.append(1.0, self.spread**2)
-        found = np.linalg.solve(A.T @ A + np.diag(held + RESOLUTION**2), A.T @ y)
-        return found[1:], float(found[0] - self.middle @ found[1:])
+        noise = max(float(np.square(y - zero - columns @ slopes).mean()), self.claimed**2, RESOLUTION**2)
+        drift = max(noise, float(np.square(y).mean()))
+        unit = np.where(self.spread > 0.0, self.spread, 1.0)
+        A = np.column_stack([np.ones(len(y)), (columns - self.middle) / unit])
+        held = noise / drift * len(residual) / self.looks * np.eye(A.shape[1])
+        found = np.linalg.solve(A.T @ A + held, A.T @ y)
+        slopes = found[1:] / unit
+        return slopes, float(found[0] - self.middle @ slopes)
 
 
 def _held(
