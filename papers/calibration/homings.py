@@ -336,8 +336,8 @@ def _joint_2(o: Outcomes) -> Judgement:
     "greatest of five: network 0.627, 0.413; linear 0.712, 0.493 deg",
     f"greatest error after a homing at most {BETTER} times that with none seen, medians over robots, and less, "
     f"{CLEARLY}, for both models; same direction: the latter for both",
-    "which robots are hit, and after which homing, is drawn anew every time: most homings hit none, and seeing one says "
-    "little about another",
+    "which robots are hit, and after which homing, is drawn anew every time: most homings hit none, and seeing one "
+    "says little about another",
 )
 def _one_seen(o: Outcomes) -> Judgement:
     greatest = {m: [_greatest(o, chain, m) for chain in (NONE, ONE)] for m in MODELS}
