@@ -178,8 +178,8 @@ EXPERIMENT = Experiment(
     "-",
     f"the network's error with both is less, {CLEARLY}, than with either alone, on every joint; same direction: than "
     "with positions alone on two joints, and than with torques alone on two",
-    "added to positions, torques help on joint 1 alone; torques without positions leave a model with several times the "
-    "error",
+    "a cable stretches by the torque that it carries, and what idlers and winding do depends on positions: without "
+    "either, a joint errs more than twice as much",
 )
 def _both_needed(o: Outcomes) -> Judgement:
     both, positions, torques = (of(o, name, recordings.NETWORK) for name in (BOTH, POSITIONS, TORQUES))
@@ -196,9 +196,8 @@ def _both_needed(o: Outcomes) -> Judgement:
     "-",
     f"with any further group, on any joint, the network's error is at least {NO_HELP} times that with both, mean over "
     "robots; same direction: for more than half",
-    "the pose holds sines and products of joint positions, which spare a model its curvature: the linear one gains as "
-    "well. Motor positions are joint positions mixed by the coupling: they give a linear model nothing, while the "
-    "network ends elsewhere, better on joint 3 and worse on joint 2",
+    "no group makes any joint better by a tenth; velocities, which are others on a zig-zag than in random motion, make "
+    "joint 2 worse",
 )
 def _nothing_else(o: Outcomes) -> Judgement:
     both = of(o, BOTH, recordings.NETWORK)
@@ -218,8 +217,8 @@ def _nothing_else(o: Outcomes) -> Judgement:
     "-",
     f"on joint 3 the network's error with torques alone is less, {CLEARLY}, than with positions alone; beside it, on "
     "joints 1 and 2 that with positions is less; same direction cannot be without the former",
-    "joint 3 of the simulated robot errs by what the poses of joints 1 and 2 do to its cables: with their positions "
-    "shuffled its error is several times as large, and with any torque shuffled hardly larger",
+    "joint 3's own torque explains its error as well as the positions of all three joints do (signals shuffled); which "
+    "of both weighs more differs from robot to robot",
 )
 def _torques_on_joint_3(o: Outcomes) -> Judgement:
     torques, positions = (of(o, name, recordings.NETWORK) for name in (TORQUES, POSITIONS))
