@@ -1,5 +1,6 @@
 import gc
 import os
+import pickle
 import re
 import resource
 from collections import Counter
@@ -50,7 +51,11 @@ def pytest_configure() -> None:
     numba.config.CACHE_DIR = str(ROOT / ".cache" / "numba" / sources.hexdigest()[:16])
     # an example is not wrong because it takes long: many compile something, and the machine may be busy
     hypothesis.settings.register_profile(
-        "patient", hypothesis.settings(), deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+        "patient",
+        hypothesis.settings(),
+        deadline=None,
+        suppress_health_check=[hypothesis.HealthCheck.too_slow],
+        max_examples=int(os.environ.get("EXAMPLES", "25")),  # of each law; CI tries 100
     )
     hypothesis.settings.load_profile("patient")
     # robots' own kernels: none of the user's are read or left behind
@@ -93,6 +98,17 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 def _of_one_worker(nodeid: str) -> str:
     file = nodeid.split("::", 1)[0]
     return "real time" if Path(file).stem in IN_REAL_TIME else file
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Look for no garbage among what is collected, then or later: all of it is kept."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(trylast=True)
@@ -167,22 +183,26 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _delays_estimated_once() -> Iterator[None]:
-    """Estimate the delay of the same recording once in a process: of most commands it is what takes longest."""
-    from catenary.verdict import out_of_step
+def _simulated_robots_homed_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Home each simulated robot once; the same one is a copy of it: homing takes half a minute of simulated motion."""
+    from catenary.simulation.firmware_plant import FirmwarePlant
 
-    estimate, known = out_of_step.delay_of, dict[bytes, Any]()
+    home = FirmwarePlant.home
 
-    def delay_of(log: Any, place: Any = None, about: float = 0.0) -> Any:
-        arrays = (log.q_nominal, log.q_encoder, log.ok, log.time, place)
-        told = repr((log.joint_names, log.joint_units, about, [each is None for each in arrays])).encode()
-        key = sha256(told + b"".join(np.asarray(each).tobytes() for each in arrays if each is not None)).digest()
-        if key not in known:
-            known[key] = estimate(log, place, about)
-        return known[key]
+    def home_once(plant: FirmwarePlant) -> None:
+        def homed(_: Path) -> FirmwarePlant:
+            home(plant)
+            return plant
+
+        try:
+            key = sha256(pickle.dumps(plant)).hexdigest()
+        except (pickle.PicklingError, AttributeError, TypeError):  # on a base of a test's own
+            home(plant)
+        else:
+            vars(plant).update(vars(made_once(tmp_path_factory, f"homed_{key[:16]}", homed)))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(out_of_step, "delay_of", delay_of)
+        patch.setattr(FirmwarePlant, "home", home_once)
         yield
 
 

@@ -48,9 +48,14 @@ def split(folder: Path, kind: Kind) -> Path:
     return bag
 
 
-@pytest.fixture(params=["sqlite", "mcap"])
-def bag(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    return split(tmp_path, request.param)
+@pytest.fixture(scope="module", params=["sqlite", "mcap"])
+def unspoilt(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return split(tmp_path_factory.mktemp(request.param), request.param)
+
+
+@pytest.fixture
+def bag(unspoilt: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(unspoilt, tmp_path / "lab"))
 
 
 def files(bag: Path) -> list[Path]:

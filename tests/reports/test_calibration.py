@@ -53,6 +53,7 @@ def drawn(png: str) -> bool:
     return bool(matplotlib.image.imread(io.BytesIO(base64.b64decode(png, validate=True))).std() > 0.01)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_says_what_intervals_hold_and_a_model_without_says_so(
     result: Result, page: str, tmp_path: Path
 ) -> None:

@@ -50,6 +50,7 @@ def test_a_robot_has_no_such_picture(tmp_path: Path) -> None:
     assert "--picture: is of a recording" in refusal("check", "raven2", "--picture", tmp_path / "r.png")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_of_a_fit_holds_it(tmp_path: Path) -> None:
     write_parquet(late(cable_arm(), LATE), tmp_path / "late.parquet")
     page = tmp_path / "late.html"

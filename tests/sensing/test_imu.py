@@ -356,8 +356,10 @@ def turned(angle, rate, ramp, t):
     return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (w[1:] + w[:-1]))]), w
 
 
-@pytest.mark.parametrize("angular", [True, False])
-@pytest.mark.parametrize("mounted_on", ["table", "vehicle", "ship"])
+MOUNTS = [("table", True), ("table", False), ("vehicle", True), ("ship", True)]
+
+
+@pytest.mark.parametrize(("mounted_on", "angular"), MOUNTS)
 @pytest.mark.parametrize(
     ("angle", "rate", "axis", "ramp"),
     [
@@ -393,10 +395,7 @@ def test_a_base_that_turns_is_live_where_gravity_is_known_and_nowhere_else(
         assert not slow or {r.faults for r, at in zip(readings, t, strict=True) if at > 0.5} == {Fault.NONE}
 
 
-@pytest.mark.parametrize(
-    ("scale", "angle", "rate"),
-    [(0.5, 60, 5), (0.5, 45, 30), (0.5, 90, 200), (0.8, 90, 30), (1.25, 90, 60), (2.0, 45, 5)],
-)
+@pytest.mark.parametrize(("scale", "angle", "rate"), [(0.5, 60, 5), (0.5, 90, 200), (1.25, 90, 60), (2.0, 45, 5)])
 def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_explains_it(scale, angle, rate, rng):
     # after rest for three seconds more, which tell the bias; gravity foretold is then off by (1 - scale) of the turn
     seen = SensorRules().max_push / (9.81 * abs(1.0 - scale) * math.radians(rate))
@@ -414,10 +413,8 @@ def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_expla
     assert float(base.source.remedy.split()[2]) == pytest.approx(1.0 / scale, rel=0.1)  # "gravity turns 1.98 times ..."
 
 
-@pytest.mark.parametrize(
-    ("mounted_on", "angular"), [("table", True), ("table", False), ("vehicle", True), ("ship", True)]
-)
-@pytest.mark.parametrize(("rate", "ramp"), [(60, 0.3), (120, 0.3), (200, 0.2), (200, 0.5)])
+@pytest.mark.parametrize(("mounted_on", "angular"), MOUNTS)
+@pytest.mark.parametrize(("rate", "ramp"), [(60, 0.3), (200, 0.2)])
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.5), (0.0, 0.0, 1.0)])
 def test_a_sensor_away_from_the_origin_is_live_where_its_lever_is_known(axis, rate, ramp, mounted_on, angular, rng):
     # 0.22 m feel up to 6 m/s2 where the turn begins or ends, and 2.7 in it: real accelerations, and no fault
@@ -515,11 +512,10 @@ GYROSCOPES = {
 
 
 ON_AXIS, OFF_AXIS = ((1.0, 0.4, 0.0), (0.0, 0.0, 0.0)), ((1.0, 0.4, 0.8), (0.1, 0.0, 0.2))  # axis and place
-TURNED = [(name, mounted) for mounted in (ON_AXIS, OFF_AXIS) for name in GYROSCOPES]
+TURNED = [(name, *how) for how in ((ON_AXIS, 0.0), (OFF_AXIS, 0.0), (OFF_AXIS, 1.5)) for name in GYROSCOPES]
 
 
-@pytest.mark.parametrize("rest", [0.0, 1.5])
-@pytest.mark.parametrize(("name", "mounted"), TURNED)
+@pytest.mark.parametrize(("name", "mounted", "rest"), TURNED)
 def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, mounted, rest, rng):
     axis, place = mounted
     t, w, arm = np.arange(round(100 * (rest + 3.0))) / 100.0, 2.0 * math.pi, load_robot("ur10e")
