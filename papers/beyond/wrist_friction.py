@@ -254,5 +254,5 @@ EXPERIMENT = Experiment(
 )  # fmt: skip
 EVERYTHING = Experiment(
     "beyond-wrist-everything", "beyond II-K", "Friction in a real wrist: every recording, tool and kind", __doc__,
-    all_cases, report, minutes=11.0, drawn=0, simulated=False, needs_data=True,
+    all_cases, report, minutes=14.0, drawn=0, simulated=False, needs_data=True,
 )  # fmt: skip
