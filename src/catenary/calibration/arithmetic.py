@@ -195,31 +195,18 @@ def errors_of_positions(q: Floats, joints: Integers, prediction: Floats) -> None
 
 @compiled
 def choose(
-    prediction: Floats,
-    known: Flags,
-    q: Floats,
-    joints: Integers,
-    offset: Floats,
-    reach: Floats,
-    lower: Floats,
-    upper: Floats,
-    correction: Floats,
-    inside: Flags,
+    prediction: Floats,  # (N, m) errors of `joints`; one that is not finite is not to be trusted
+    known: Flags,  # (N,) whether the features are inside the valid range
+    q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
+    joints: Integers,  # (m,) which of the n joints
+    offset: Floats,  # (n,) fixed offsets
+    reach: Floats,  # (n,) largest errors that are believed
+    lower: Floats,  # (n,) calibrated positions that are believed
+    upper: Floats,  # (n,)
+    correction: Floats,  # (N, n) receives them
+    inside: Flags,  # (N, n) receives whether each is a prediction
 ) -> None:
-    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted.
-
-    Args:
-        prediction: (N, m) errors of `joints`; one that is not finite is not to be trusted.
-        known: (N,) whether the features are inside the valid range.
-        q: (N, n) reported positions; where one is not finite, nothing is known of that joint.
-        joints: (m,) which of the n joints.
-        offset: (n,) fixed offsets.
-        reach: (n,) largest errors that are believed.
-        lower: (n,) calibrated positions that are believed.
-        upper: (n,)
-        correction: (N, n) receives them.
-        inside: (N, n) receives whether each is a prediction.
-    """
+    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted."""
     for row in range(len(q)):
         for k in range(len(joints)):
             joint = joints[k]

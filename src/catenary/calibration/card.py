@@ -30,13 +30,9 @@ def model_card(
     spread: tuple[Spread, ...],
     held_out: Evaluation | None,
     notes: tuple[str, ...] = (),
-    choices: tuple[JointChoice, ...] = (),
+    choices: tuple[JointChoice, ...] = (),  # of a model of kind "auto", by which errors each joint's kind was chosen
 ) -> Card:
-    """Describe a fitted model and how it came to be.
-
-    Args:
-        choices: Of a model of kind "auto", by which errors each joint's kind was chosen.
-    """
+    """Describe a fitted model and how it came to be."""
     features, intervals = model.features, model.intervals
     names, ranges = features.names, valid_inputs(model)
     of_joint = [choice.chosen for choice in choices] or [model.kind] * len(model.joint_names)

@@ -82,10 +82,10 @@ def estimate_intervals(
 def expected(
     spread: Sequence[Spread],
     errors: CrossValidation,
-    fold: Integers,
-    fitted: Floats,
-    intervals: Intervals | None,
-    off_path: Floats | float = 0.0,
+    fold: Integers,  # (N,) block of the cross-validation that each row was left out with
+    fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
+    intervals: Intervals | None,  # whose coverage is to be stated; none without
+    off_path: Floats | float = 0.0,  # (n,) as for `estimate_intervals`, in the unit of the spread
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
@@ -95,12 +95,6 @@ def expected(
     whose error may be as low as the .632 estimate, between theirs and its own on the rows that it was fitted to
     (Efron, JASA 78, 1983). In the margin of the valid range it is at most that of the fixed offset, which intervals
     suppose too.
-
-    Args:
-        fold: (N,) block of the cross-validation that each row was left out with.
-        fitted: (N, n) errors of the model on the rows that it was fitted to [rad|m].
-        intervals: Whose coverage is to be stated; none without.
-        off_path: (n,) as for `estimate_intervals`, in the unit of the spread.
     """
     from scipy.stats import t
 

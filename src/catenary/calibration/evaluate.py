@@ -161,16 +161,11 @@ def cross_validate(
     data: CalibrationData,
     fit: Callable[[CalibrationData, Progress], CalibrationModel],
     *,
-    folds: int,
-    recordings: bool = False,
+    folds: int,  # at least 2
+    recordings: bool = False,  # leave out whole recordings where there are several
     progress: Progress = silent,
 ) -> CrossValidation:
-    """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled.
-
-    Args:
-        folds: At least 2.
-        recordings: Leave out whole recordings where there are several.
-    """
+    """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled."""
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
     block = data.blocks(folds, recordings=recordings)

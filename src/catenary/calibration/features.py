@@ -231,29 +231,20 @@ class FeatureSet:
 
 @compiled
 def gather(
-    signals: Floats,
-    played: Integers,
-    owners: Integers,
-    widths: Floats,
-    course: Integers,
-    skipped: Integers,
+    signals: Floats,  # (N, S) what the robot reports, row after row
+    played: Integers,  # (J,) which signals the play states follow
+    owners: Integers,  # (K,) which of these each follows
+    widths: Floats,  # (K,) half-widths of the play states
+    course: Integers,  # (N, J) see `find_leaps`
+    skipped: Integers,  # (1,) columns between signals and play states that are others'
     play: Floats,
     kept: Floats,
     followed: Floats,
-    X: Floats,
+    X: Floats,  # (N, F) receives the features
 ) -> None:
     """Write the features of rows of one motion, in the order of FeatureSet, and remember what later rows take.
 
     A signal that is NaN leaves its play states as they are.
-
-    Args:
-        signals: (N, S) what the robot reports, row after row.
-        played: (J,) which signals the play states follow.
-        owners: (K,) which of these each follows.
-        widths: (K,) half-widths of the play states.
-        course: (N, J) see `find_leaps`.
-        skipped: (1,) columns between signals and play states that are others'.
-        X: (N, F) receives the features.
     """
     for row in range(len(signals)):
         at = signals.shape[1]

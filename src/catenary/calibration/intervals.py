@@ -77,29 +77,17 @@ def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Flo
 
 @compiled
 def widen(
-    far: Floats,
-    leaping: Flags,
-    inside: Flags,
-    q: Floats,
-    joints: Integers,
-    near: Floats,
-    edge: Floats,
-    reach: Floats,
-    interval: Floats,
+    far: Floats,  # (N, 1) from `distance`
+    leaping: Flags,  # (N,) rows whose motion is none of training's: the half-width is that of the edge
+    inside: Flags,  # (N, n) whether each correction comes from a predictor, inside its valid range
+    q: Floats,  # (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN
+    joints: Integers,  # (m,) which of the n joints
+    near: Floats,  # (n,) half-widths where training rows lay
+    edge: Floats,  # (n,) half-widths at the edge
+    reach: Floats,  # (2,) how far training rows reach, and where in the margin the half-width is that of the edge
+    interval: Floats,  # (N, n) receives them
 ) -> None:
-    """Write the half-widths of some joints.
-
-    Args:
-        far: (N, 1) from `distance`.
-        leaping: (N,) rows whose motion is none of training's: the half-width is that of the edge.
-        inside: (N, n) whether each correction comes from a predictor, inside its valid range.
-        q: (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN.
-        joints: (m,) which of the n joints.
-        near: (n,) half-widths where training rows lay.
-        edge: (n,) half-widths at the edge.
-        reach: (2,) how far training rows reach, and where in the margin the half-width is that of the edge.
-        interval: (N, n) receives them.
-    """
+    """Write the half-widths of some joints."""
     for row in range(len(q)):
         for k in range(len(joints)):
             joint = joints[k]

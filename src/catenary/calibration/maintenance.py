@@ -31,16 +31,11 @@ def judge_recordings(
     logs: Sequence[MotionLog],
     *,
     accept: Collection[str] = (),
-    max_error: Floats | None = None,
-    learning: bool = False,
+    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out
+    learning: bool = False,  # the model is to learn from them: they must not be short, nor the arm at rest
     done: str = "evaluated",
 ) -> list[str]:
-    """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing.
-
-    Args:
-        max_error: (n,) [rad|m]; rows with larger errors are left out.
-        learning: The model is to learn from them: they must not be short, nor the arm at rest.
-    """
+    """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing."""
     try:
         return verdict(
             logs,
@@ -126,15 +121,10 @@ def refresh_with(
     logs: Sequence[MotionLog],
     *,
     accept: Collection[str] = (),
-    max_error: tuple[float, ...] | None = None,
-    sha256: str | None = None,
+    max_error: tuple[float, ...] | None = None,  # per joint, deg and mm; rows with larger errors are left out
+    sha256: str | None = None,  # of the model's file; None for one in memory
 ) -> NewDay:
-    """Refresh a model with recordings of a new day; see `refresh_model`.
-
-    Args:
-        max_error: Per joint, deg and mm; rows with larger errors are left out.
-        sha256: Of the model's file; None for one in memory.
-    """
+    """Refresh a model with recordings of a new day; see `refresh_model`."""
     for log in logs:
         if log.is_among(card["data"]):
             raise InputError(

@@ -160,23 +160,14 @@ class CalibrationModel:
 
     def steps(
         self,
-        X: Floats,
-        q: Floats,
-        correction: Floats,
-        inside: Flags,
-        interval: Floats | None = None,
-        leaping: Flags | None = None,
+        X: Floats,  # (N, F) features
+        q: Floats,  # (N, n) reported positions [rad|m]; the correction of one that is not finite is the fixed offset
+        correction: Floats,  # (N, n) receives what to add [rad|m]
+        inside: Flags,  # (N, n) receives whether each comes from a predictor, inside its valid range, and is believed
+        interval: Floats | None = None,  # (N, n) receives half-widths [rad|m]; without it they are not computed
+        leaping: Flags | None = None,  # (N,) see `correct`
     ) -> list[Step]:
-        """Return the compiled steps from features to corrections.
-
-        Args:
-            X: (N, F) features.
-            q: (N, n) reported positions [rad|m]; the correction of one that is not finite is the fixed offset.
-            correction: (N, n) receives what to add [rad|m].
-            inside: (N, n) receives whether each comes from a predictor, inside its valid range, and is believed.
-            interval: (N, n) receives half-widths [rad|m]; without it they are not computed.
-            leaping: (N,) see `correct`.
-        """
+        """Return the compiled steps from features to corrections."""
         leaping = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         steps: list[Step] = []
         if interval is not None and self.intervals is None:
@@ -202,24 +193,15 @@ class CalibrationModel:
     def tick_steps(
         self,
         memory: Memory,
-        q: Floats,
-        signals: Floats,
-        calibrated: Floats,
-        inside: Flags,
-        interval: Floats | None = None,
+        q: Floats,  # (N, n) reported positions [rad|m]
+        signals: Floats,  # (N, S) values of `features.signals`
+        calibrated: Floats,  # (N, n) receives the calibrated positions [rad|m]
+        inside: Flags,  # (N, n) receives the flags of `steps`
+        interval: Floats | None = None,  # (N, n) receives the half-widths of `steps`
         *,
-        rate_hz: float | None = None,
+        rate_hz: float | None = None,  # of the rows; None where it is that of the training rows, or a higher one
     ) -> list[Step]:
-        """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion.
-
-        Args:
-            q: (N, n) reported positions [rad|m].
-            signals: (N, S) values of `features.signals`.
-            calibrated: (N, n) receives the calibrated positions [rad|m].
-            inside: (N, n) receives the flags of `steps`.
-            interval: (N, n) receives the half-widths of `steps`.
-            rate_hz: Of the rows; None where it is that of the training rows, or a higher one.
-        """
+        """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion."""
         period = self.features.period
         slower = 1.0 if rate_hz is None or period is None else max(1.0, 1.0 / (rate_hz * period))
         X, correction = np.empty((len(q), len(self.features.names))), np.empty(q.shape)

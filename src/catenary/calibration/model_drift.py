@@ -66,22 +66,16 @@ class DriftFound:
 
 def find_drift(
     model: CalibrationModel,
-    logs: Sequence[MotionLog],
-    known: Floats | None,
+    logs: Sequence[MotionLog],  # recordings with q_encoder, the oldest first
+    known: Floats | None,  # (n,) errors that the card tells [deg|mm]; None where it tells none
     *,
-    factor: float = BEYOND,
-    max_error: Floats | None = None,
+    factor: float = BEYOND,  # more than 0
+    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out
 ) -> DriftFound:
     """Return a model's errors on recordings, in their order, and from which on it is beyond what it promised.
 
     With intervals, a joint is beyond where they hold less than half of what may lie outside allows (85 % for 90 %);
     without, where its RMSE is beyond `factor` times the error that the card tells.
-
-    Args:
-        logs: Recordings with q_encoder, the oldest first.
-        known: (n,) errors that the card tells [deg|mm]; None where it tells none.
-        factor: More than 0.
-        max_error: (n,) [rad|m]; rows with larger errors are left out.
     """
     if model.intervals is None and known is None:
         raise InputError(

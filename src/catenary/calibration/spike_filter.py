@@ -48,32 +48,21 @@ def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
 
 @compiled
 def find_leaps(
-    signals: Floats,
-    joints: Integers,
-    limits: Floats,
-    room: Floats,
-    seen: Floats,
-    strange: Floats,
-    rejected: Floats,
-    course: Integers,
-    leaping: Flags,
+    signals: Floats,  # (N, S) what the robot reports, row after row
+    joints: Integers,  # (J,) which signals these positions are
+    limits: Floats,  # (J,) largest step to the next row
+    room: Floats,  # (N,) see `room_of`
+    seen: Floats,  # (J, 3) last believed position, how many rows leapt since, and the room of these rows
+    strange: Floats,  # (1,) steps of another motion, as far as they are remembered
+    rejected: Floats,  # (J,) counts rows that were spikes
+    course: Integers,  # (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER
+    leaping: Flags,  # (N,) receives whether a row is of another motion, or leaps
 ) -> None:
     """Find positions that leap, and whether they return.
 
     A leap is farther from the last believed position than the joint can have gone since. It was a spike when a row
     within CONFIRM of it does not leap; otherwise the joint is there. In another motion every position is believed.
     What is not finite changes nothing.
-
-    Args:
-        signals: (N, S) what the robot reports, row after row.
-        joints: (J,) which signals these positions are.
-        limits: (J,) largest step to the next row.
-        room: (N,) see `room_of`.
-        seen: (J, 3) last believed position, how many rows leapt since, and the room of these rows.
-        strange: (1,) steps of another motion, as far as they are remembered.
-        rejected: (J,) counts rows that were spikes.
-        course: (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER.
-        leaping: (N,) receives whether a row is of another motion, or leaps.
     """
     for row in range(len(signals)):
         fast, leaping[row] = 0.0, False

@@ -89,20 +89,12 @@ def clean_series(
     stamp: NDArray[np.int64],
     values: NDArray[Any],
     *,
-    max_gap: float,
-    arrival: NDArray[np.int64] | None = None,
-    span: tuple[int, int] | None = None,
-    clock_steps: Sequence[ClockStep] = (),
+    max_gap: float,  # intervals beyond it, and beyond three median intervals, are gaps [s]
+    arrival: NDArray[np.int64] | None = None,  # (M,) [ns]; takes the stamps' place where none is set (all are 0)
+    span: tuple[int, int] | None = None,  # of the state [ns]; what is missing at its ends counts as a gap
+    clock_steps: Sequence[ClockStep] = (),  # that other topics' clocks did
 ) -> Series:
-    """Put samples (M, k) in the order of their stamps [ns], drop stamps that repeat (the first stays), and report.
-
-    Steps of the clock that stamped them, and those that other topics' clocks did, are taken out by `without_steps`.
-
-    Args:
-        max_gap: Intervals beyond it, and beyond three median intervals, are gaps [s].
-        arrival: (M,) [ns]; takes the stamps' place where none is set (all are 0).
-        span: First and last stamp of the state [ns]; what is missing at its ends counts as a gap.
-    """
+    """Put samples (M, k) in the order of their stamps [ns], drop stamps that repeat (the first stays), and report."""
     if len(stamp) == 0:
         raise InputError(f"topic {topic}: has no messages")
     unstamped = arrival is not None and not stamp.any() and bool(arrival.any())

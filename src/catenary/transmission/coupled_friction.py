@@ -27,27 +27,16 @@ SWEEPS = 100  # at most, over the elements; where all stick or all slip, the fir
 
 @inlined
 def drag(
-    moved: Numbers,
-    parts: int,
-    directions: Numbers,
-    mutual: Numbers,
-    hold: Numbers,
-    thresholds: Numbers,
-    forces: Numbers,
-    slip: Numbers,
+    moved: Numbers,  # (n,) by how much the motors move
+    parts: int,  # steps that the line is split into
+    directions: Numbers,  # A (m, n)
+    mutual: Numbers,  # G (m, m)
+    hold: Numbers,  # (m, n) forces per motion of the motors while nothing slips, G^-1 A
+    thresholds: Numbers,  # (m,) largest forces
+    forces: Numbers,  # (m,) s, overwritten
+    slip: Numbers,  # (m,) working memory
 ) -> None:
-    """Let motors move along a straight line, and friction forces (m,) follow.
-
-    Args:
-        moved: (n,) by how much the motors move.
-        parts: Steps that the line is split into.
-        directions: A (m, n).
-        mutual: G (m, m).
-        hold: (m, n) forces per motion of the motors while nothing slips, G^-1 A.
-        thresholds: (m,) largest forces.
-        forces: (m,) s, overwritten.
-        slip: (m,) working memory.
-    """
+    """Let motors move along a straight line, and friction forces (m,) follow."""
     m = len(forces)
     for _ in range(parts):
         for k in range(m):
@@ -85,29 +74,17 @@ def lag_of(joint: int, lever: Floats, forces: Floats) -> float:
 
 @inlined
 def drag_state(
-    position: Floats,
-    longest: Floats,
-    directions: Floats,
-    mutual: Floats,
-    hold: Floats,
-    thresholds: Floats,
-    state: Floats,
-    moved: Floats,
-    slip: Floats,
+    position: Floats,  # (n,) motors' positions
+    longest: Floats,  # (n,); this and the following are those of CoupledFriction
+    directions: Floats,  # (m, n)
+    mutual: Floats,  # (m, m)
+    hold: Floats,  # (m, n)
+    thresholds: Floats,  # (S, m)
+    state: Floats,  # (n + S m,) the positions before, and every system's forces
+    moved: Floats,  # (n,) working memory; also the following
+    slip: Floats,  # (m,)
 ) -> None:
-    """Carry a state on to new positions (n,); one that is NaN begins there without forces.
-
-    Args:
-        position: (n,) motors' positions.
-        longest: (n,); this and the following are those of CoupledFriction.
-        directions: (m, n)
-        mutual: (m, m)
-        hold: (m, n)
-        thresholds: (S, m)
-        state: (n + S m,) the positions before, and every system's forces.
-        moved: (n,) working memory; also the following.
-        slip: (m,)
-    """
+    """Carry a state on to new positions (n,); one that is NaN begins there without forces."""
     n, m = len(moved), len(slip)
     if np.isnan(state[0]):
         for i in range(len(state)):

@@ -39,17 +39,12 @@ REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 def findings_of(
     log: MotionLog,
     *,
-    robot: RobotModel | None = None,
-    max_error: Floats | None = None,
+    robot: RobotModel | None = None,  # whose limits positions are held against, by the names of joints
+    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out
+    # least and largest positions that a model of it was trained on, each (n,) [rad|m]
     trained: tuple[Floats, Floats] | None = None,
 ) -> tuple[Finding, ...]:
-    """Return what is wrong with a recording, and what is worth knowing, the gravest first.
-
-    Args:
-        robot: Whose limits positions are held against, by the names of joints.
-        max_error: (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out.
-        trained: Least and largest positions that a model of it was trained on, each (n,) [rad|m].
-    """
+    """Return what is wrong with a recording, and what is worth knowing, the gravest first."""
     return (*_alone(log, robot, max_error, trained), *(each for _, each in repeated_findings([log])))
 
 

@@ -46,21 +46,15 @@ class ImuRecording:
 def read_imu(
     path: Path,
     *,
-    topic: str | None = None,
+    topic: str | None = None,  # of a bag with several Imu topics
+    # of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without
     columns: Sequence[str] = (),
-    time: str | None = None,
+    time: str | None = None,  # of a table, t_us@us: column and unit; told by names and steps when None
+    # (3, 3) each, that accelerometer and gyroscope are multiplied by, to order their axes
     matrices: tuple[Floats, Floats] | None = None,
-    has_units: bool = False,
+    has_units: bool = False,  # the matrices make SI of units too; those in names do not count then
 ) -> ImuRecording:
-    """Read the readings of an inertial unit.
-
-    Args:
-        topic: Of a bag with several Imu topics.
-        columns: Of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without.
-        time: Of a table: the column of time, and its unit behind an @ (t_us@us); told by names and steps when None.
-        matrices: What accelerometer and gyroscope are multiplied by (3, 3), to order their axes.
-        has_units: The matrices make SI of units too; those in names do not count then.
-    """
+    """Read the readings of an inertial unit."""
     sources = Sources([path])
     stream = _stream(path, sources.streams, topic)
     names = [place.column for name in columns for place in places_of(name, [stream])]
