@@ -11,12 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.kernels.bind import bind
 from catenary.kernels.compiled import compiled, inlined
 
-Flags = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 BLOCK_ROWS = 512  # rows of a batch that are taken at once: what lies between two steps stays in the cache
 
 
@@ -82,18 +80,18 @@ def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
     """
     fours = len(weights) - len(weights) % 4
     for first in range(0, len(X), 8):
-        rows = range(first, min(first + 8, len(X)))
-        for row in rows:
+        last = min(first + 8, len(X))
+        for row in range(first, last):
             for k in range(len(bias)):
                 Y[row, k] = bias[k]
         for i in range(0, fours, 4):
-            for row in rows:
+            for row in range(first, last):
                 a, b, c, d = X[row, i], X[row, i + 1], X[row, i + 2], X[row, i + 3]
                 for k in range(len(bias)):
                     sum_of_two = Y[row, k] + a * weights[i, k] + b * weights[i + 1, k]
                     Y[row, k] = sum_of_two + c * weights[i + 2, k] + d * weights[i + 3, k]
         for i in range(fours, len(weights)):
-            for row in rows:
+            for row in range(first, last):
                 for k in range(len(bias)):
                     Y[row, k] += X[row, i] * weights[i, k]
 
