@@ -10,7 +10,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
 from catenary.errors import InputError
-from catenary.plant import MotionLog
+from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import read_log
 from catenary.recording.mend import AS_TRAINED
 from catenary.side_by_side import Progress, silent
@@ -330,23 +330,10 @@ def _logs(
     q = as_array("q_nominal", motion, (None, None))  # type: ignore[arg-type]  # no recordings: an array
     if units is None:
         raise InputError(f'units: expected "rad" or "m" for each of the {q.shape[1]} joints of q_nominal')
-    arrays = {
+    arrays: dict[str, Any] = {
         name: as_array(name, values, q.shape[:1] if name == "time" else q.shape, finite=name != "q_encoder")
         for name, values in quantities.items()
         if values is not None
     }
-    truth = arrays.get("q_encoder")
-    measured = np.ones(q.shape, dtype=bool) if truth is None else np.isfinite(truth)
-    return [
-        MotionLog(
-            name=ARRAYS,
-            joint_names=tuple(joint_names or (f"J{j + 1}" for j in range(q.shape[1]))),
-            joint_units=tuple(units),
-            q_nominal=q,
-            ok=np.asarray(measured.all(axis=1)),
-            q_encoder=truth,
-            time=arrays.get("time"),
-            qd=arrays.get("qd"),
-            tau=arrays.get("tau"),
-        )
-    ]
+    ok = np.isfinite(arrays.get("q_encoder", q)).all(axis=1)
+    return [MotionLog(ARRAYS, tuple(joint_names or nameless(q.shape[1])), tuple(units), q, ok, **arrays)]

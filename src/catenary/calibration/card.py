@@ -19,6 +19,7 @@ from catenary.units import DISPLAY
 
 OF_THE_ARM = ("instrument", "tool", "date")  # that a run states, and no option of the fit
 LIBRARIES = ("numpy", "scikit-learn", "numba")
+BLOCKS = "contiguous blocks of time, each predicted by a model that did not see it"
 
 
 def model_card(
@@ -105,12 +106,7 @@ def model_card(
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {
             "unit": {name: DISPLAY[unit][0] for name, unit in zip(model.joint_names, model.joint_units, strict=True)},
-            "cross_validation": {
-                "how": "contiguous blocks of time, each predicted by a model that did not see it",
-                "joints": [asdict(joint) for joint in spread],
-            }
-            if spread
-            else None,
+            "cross_validation": {"how": BLOCKS, "joints": [asdict(joint) for joint in spread]} if spread else None,
             "held_out": [_errors(joint) for joint in held_out.joints] if held_out is not None else None,
         },
         "notes": list(notes),

@@ -25,10 +25,8 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Integers
+from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
 
@@ -52,14 +50,8 @@ def estimate_intervals(
 
     Inside the valid range they are of the rows inside the ranges of the fold's models; outside, of the fixed offset on
     all rows. Where hardly a block has rows inside, that of the offset counts inside too. What a model may be wrong by
-    off the path that it learnt from widens them, as an error of normal distribution that depends on no other.
-
-    Args:
-        level: Share of errors that they are to hold.
-        off_path: (n,) RMS of what the model may be wrong by off its path [rad|m].
-
-    Returns:
-        The half-widths; None where there are too few rows for the level.
+    off the path that it learnt from, RMS `off_path` (n,) [rad|m], widens them, as an error of normal distribution that
+    depends on no other. None where there are too few rows for the level.
     """
     from scipy.stats import norm
 
@@ -125,10 +117,8 @@ def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
 
     Neighbouring rows say nearly the same: N rows count as N / T independent ones, T the sum of the autocorrelations of
     the squared errors until the first that is not positive (Geyer, Statistical Science 7, 1992). The logarithm of the
-    mean square lies about its estimate by Student's distribution of as many, with PROMISED probability.
-
-    Args:
-        left: (N, n) errors in the order of time [rad|m].
+    mean square lies about its estimate by Student's distribution of as many, with PROMISED probability. Errors left
+    (N, n) [rad|m] are in the order of time.
     """
     from scipy.stats import t
 
@@ -149,12 +139,7 @@ def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
 
 
 def block_quantile(scores: Floats, block: Integers, level: float) -> float:
-    """Return the half-width that holds a share of the scores of a new block; infinity where there are too few blocks.
-
-    Args:
-        scores: (N,) absolute errors.
-        block: (N,) which block each is of.
-    """
+    """Return the half-width that holds a share of scores (N,) of a new block; infinity of too few blocks (N,)."""
     names, of_row, rows = np.unique(block, return_inverse=True, return_counts=True)
     if len(names) < FEWEST_BLOCKS:
         return math.inf
@@ -172,10 +157,8 @@ def fewest_rows(level: float) -> int:
 def time_blocks(recording: Integers, *, level: float) -> Integers:
     """Return the number of the block of time that each row lies in, (N,); no block is of two recordings.
 
-    There are so many blocks that BEYOND of them are a share of 1 - level, at most one for FEWEST_ROWS rows.
-
-    Args:
-        recording: (N,) number of the recording of each row, in the order of time.
+    There are so many blocks that BEYOND of them are a share of 1 - level, at most one for FEWEST_ROWS rows. Rows of
+    recordings, by their numbers (N,), are in the order of time.
     """
     rows = len(recording)
     wanted = max(FEWEST_BLOCKS, math.ceil(BEYOND / (1.0 - level) - 1e-9))
@@ -197,16 +180,13 @@ def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
     return tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
 
 
-def coverage_verdict(held: NDArray[np.bool_], recording: Integers, level: float) -> Verdict:
+def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:
     """Return in words whether intervals hold what they are to hold, on rows that their model has not seen.
 
     Rows depend on each other, so blocks of time are counted: the share of rows held, averaged over K blocks, is
     compared with that of K blocks that are held or not as a whole, a binomial. Of all shares of a block with the same
-    mean these vary most, so the check is lenient rather than strict (Hoeffding, JASA 58, 1963).
-
-    Args:
-        held: (N,) whether each row's error lies within its interval.
-        recording: (N,) as for `time_blocks`.
+    mean these vary most, so the check is lenient rather than strict (Hoeffding, JASA 58, 1963). `held` (N,) says
+    whether each row's error lies within its interval.
     """
     from scipy.stats import binom
 

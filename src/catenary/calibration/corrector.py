@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags, bound
+from catenary.arrays import Flags, Floats
+from catenary.calibration.arithmetic import bound
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import UNUSED, Joints, JointState, places_of
@@ -95,14 +95,7 @@ class Corrector:
     def correct(
         self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None = None
     ) -> None:
-        """Take one tick.
-
-        Args:
-            q_nominal: (n,) positions that the robot reports [rad|m].
-            signals: (S,) current values of `model.features.signals`, in that order.
-            out: (n,) receives the calibrated positions [rad|m]; may be `q_nominal`.
-            inside: (n,) receives whether each joint is inside the model's valid range.
-            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN where the model has none.
+        """Take one tick; arrays are those of `bind`, and `out` may be `q_nominal`.
 
         Raises:
             InputError: An array has another shape.
@@ -154,12 +147,9 @@ class Corrector:
         self.reset()
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None) -> None:
-        """Correct one tick of the robot that `prepare` named.
+        """Correct one tick of the robot that `prepare` named; outputs are those of `bind`, of its joints (n,).
 
-        Args:
-            out: (n,) receives the calibrated positions [rad|m]; joints without a model pass through.
-            inside: (n,) receives the flags; true for joints without a model.
-            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN for joints without any.
+        Joints without a model pass through, are inside, and have intervals of NaN.
 
         Raises:
             InputError: An array has another size than the robot's joints.

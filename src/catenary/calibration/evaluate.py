@@ -5,10 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags
+from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
@@ -85,10 +83,8 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     """Evaluate a model on rows of data.
 
     The same rows count for the raw, the offset and the model's error: those with a measurement and with the
-    predecessors that the model needs.
-
-    Args:
-        window: Length of a time window in s (rows, where there is no time); a tenth of the data when None.
+    predecessors that the model needs. A time window is `window` s (rows, where there is no time) long; a tenth of the
+    data when None.
     """
     data.require_joints_of(model)
     if len(data) == 0:
@@ -154,7 +150,7 @@ class CrossValidation:
     after_offset: Floats  # (N, n) [rad|m]
     after_model: Floats  # (N, n) [rad|m]
     inside: Flags  # (N, n) in the valid range of the model that did not see the row
-    recording: NDArray[np.int64]  # (N,) of the rows
+    recording: Integers  # (N,) of the rows
 
 
 def cross_validate(

@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple, TypeVar
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags, Integers, Step, run
+from catenary.arrays import Flags, Floats, Integers
+from catenary.calibration.arithmetic import Step, run
 from catenary.calibration.friction_states import FrictionStates, rub
 from catenary.calibration.midline import STATES, Midline, follow_midlines
 from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
@@ -139,10 +139,7 @@ class FeatureSet:
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
-        """Return features of every row, (N, F); midlines are NaN until both directions were seen.
-
-        Rows without a measurement (`ok` not set) are commands all the same, which states follow.
-        """
+        """Return features of every row, (N, F), commands without measurement too; midlines are NaN at first."""
         return self.rows(log).X
 
     def rows(self, log: MotionLog, every: int = 1) -> FeatureRows:

@@ -58,8 +58,8 @@ def fit_logs(
 ) -> FitResult:
     """Fit a calibration model to recordings and say how well it does on data that it did not see.
 
-    The model is fitted to all rows, or to those before the held-out part. Its error is estimated on contiguous
-    blocks of time, each predicted by a model fitted to the others, and on the held-out part.
+    Its error is that on contiguous blocks of time, each predicted by a model fitted to the others, and on the held-out
+    part.
     """
     run = run if run is not None else FitRun()
     if not logs:

@@ -6,8 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Integers
+from catenary.arrays import Floats, Integers
 from catenary.calibration.spike_filter import ANOTHER, AWAY, BACK
 from catenary.config import IN_FILES
 from catenary.errors import InputError
@@ -20,10 +19,7 @@ Matrix = Annotated[tuple[Row, ...], Field(max_length=100)]
 
 @dataclass(frozen=True)
 class FrictionStates:
-    """Systems of springs and friction elements that positions of n joints move; see transmission/coupled_friction.py.
-
-    The numbers are those of `CoupledFriction`, computed once: a loop must find the bits that were evaluated.
-    """
+    """Numbers of `CoupledFriction`, computed once, that n positions move: a loop must find the evaluated bits."""
 
     __pydantic_config__ = IN_FILES
 

@@ -22,8 +22,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags, Integers
+from catenary.arrays import Flags, Floats, Integers, as_array
 from catenary.cards import StoredFloats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
@@ -58,14 +57,10 @@ def check_level(level: float) -> None:
 
 @compiled
 def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Floats) -> None:
-    """Raise how far rows are from the middle of a box, as a share of the way to its edge, to at most `farthest`.
+    """Raise how far rows are from the middle of a box, as a share of the way to its edge, to at most `farthest` (1,).
 
-    Args:
-        X: (N, F) watched features, or their projections; one that is NaN is not known to be far.
-        lower: (F,) edges of the box.
-        upper: (F,)
-        farthest: (1,) the largest number that is given.
-        far: (N, 1) holds what other boxes gave, receives the largest over the features.
+    X (N, F) are watched features or their projections, of which one that is NaN is not known to be far; the box is from
+    lower (F,) to upper (F,). `far` (N, 1) holds what other boxes gave, and receives the largest over the features.
     """
     for row in range(len(X)):
         for k in range(len(lower)):

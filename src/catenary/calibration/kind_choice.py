@@ -15,9 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.calibration.conformal import time_blocks
 from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.features import FeatureSet
@@ -66,12 +65,8 @@ def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...
     return tuple(choices)
 
 
-def block_squares(errors: Floats, recording: NDArray[np.int64]) -> Floats:
-    """Return mean squares of errors (N, n) over K blocks of time, (K, n).
-
-    Args:
-        recording: (N,) number of the recording of each row.
-    """
+def block_squares(errors: Floats, recording: Integers) -> Floats:
+    """Return mean squares of errors (N, n) over K blocks of time of the recordings (N,), (K, n)."""
     block = time_blocks(recording, level=BLOCKS_OF_LEVEL)
     return np.array([np.square(errors[block == k]).mean(axis=0) for k in np.unique(block)])
 
@@ -101,24 +96,12 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
         for group in model.groups:
             outputs = [k for k, joint in enumerate(group.joints) if joint in own]
             if outputs:
-                groups.append(
-                    JointGroup(
-                        tuple(group.joints[k] for k in outputs),
-                        place[group.columns],
-                        group.predictor.of(outputs),
-                        group.valid_range,
-                        place[group.watched],
-                    )
-                )
+                joints = tuple(group.joints[k] for k in outputs)
+                columns, watched = place[group.columns], place[group.watched]
+                groups.append(JointGroup(joints, columns, group.predictor.of(outputs), group.valid_range, watched))
     largest = np.array([taken[choice.chosen].largest[j] for j, choice in enumerate(choices)])
-    return replace(
-        first,
-        kind="auto",
-        preset=None,
-        features=features,
-        largest=np.maximum(largest, np.abs(first.offset)),
-        groups=tuple(groups),
-    )
+    largest = np.maximum(largest, np.abs(first.offset))
+    return replace(first, kind="auto", preset=None, features=features, largest=largest, groups=tuple(groups))
 
 
 def _union(sets: Sequence[FeatureSet]) -> FeatureSet:

@@ -34,13 +34,7 @@ class LeftOut:
 def errors_with_left_out(
     model: CalibrationModel, logs: Sequence[MotionLog], data: CalibrationData, after: Floats | None = None
 ) -> tuple[LeftOut, ...]:
-    """Return a model's error with and without the measured rows that were left out of its data; none without any.
-
-    Args:
-        logs: Recordings that the data are of.
-        data: All rows that were not left out, (N,).
-        after: (N, n) errors that models which did not see a row left there [rad|m]; this model's when None.
-    """
+    """Return a model's error with and without measured rows left out; `after` (N, n) is of models that saw none."""
     asked = [left_out_rows(log) for log in logs]
     if not any(source.dropped for source in data.sources) and not any(each.any() for each in asked):
         return ()
@@ -53,18 +47,12 @@ def errors_with_left_out(
     after = data.error - model.correction(data.X, data.q_nominal) if after is None else after
     squares = [np.square(each).sum(axis=0) for each in (after, gone.error - model.correction(gone.X, gone.q_nominal))]
     beyond = [sum(source.beyond.get(name, 0) for source in data.sources) for name in data.joint_names]
-    total = len(after) + len(gone)
+    total, (own, its) = len(after) + len(gone), squares
+    scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
+    rmse = [scale * np.sqrt(own / len(after)), scale * np.sqrt((own + its) / total)]
+    numbers = np.array([its / np.maximum(own + its, 1e-300), *rmse]).T.tolist()
     return tuple(
-        LeftOut(
-            name,
-            DISPLAY[unit][0],
-            len(gone),
-            beyond[j],
-            len(gone) / total,
-            float(squares[1][j] / max(squares[0][j] + squares[1][j], 1e-300)),
-            DISPLAY[unit][1] * float(np.sqrt(squares[0][j] / len(after))),
-            DISPLAY[unit][1] * float(np.sqrt((squares[0][j] + squares[1][j]) / total)),
-        )
+        LeftOut(name, DISPLAY[unit][0], len(gone), beyond[j], len(gone) / total, *numbers[j])
         for j, (name, unit) in enumerate(zip(data.joint_names, data.joint_units, strict=True))
     )
 

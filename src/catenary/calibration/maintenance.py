@@ -36,15 +36,10 @@ def judge_recordings(
     done: str = "evaluated",
 ) -> list[str]:
     """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing."""
+    robot, trained = robot_of(logs, card.get("robot")), trained_positions(model)
     try:
         return verdict(
-            logs,
-            accept=accept,
-            robot=robot_of(logs, card.get("robot")),
-            max_error=max_error,
-            testing=not learning,
-            trained=trained_positions(model),
-            done=done,
+            logs, accept=accept, robot=robot, max_error=max_error, testing=not learning, trained=trained, done=done
         ).notes
     except DataError as error:
         said = [f'"{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)]
@@ -54,8 +49,7 @@ def judge_recordings(
 def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_MEND) -> MotionLog:
     """Return a recording mended as asked, and as a model's training data were; see `Mend`.
 
-    Units of all arrays are mended so only where positions lie beyond the trained ones and would lie within: a
-    recording that somebody has brought to rad and m since stays as it is.
+    Units of all arrays only where positions lie beyond the trained ones and would lie within.
     """
     trained = dict(model.mends)
     if "units" in trained and len(log.joint_names) == len(model.joint_names):
@@ -77,10 +71,7 @@ def trained_limits(
 
 
 def trained_positions(model: CalibrationModel) -> tuple[Floats, Floats]:
-    """Return the least and largest reported positions that a model was trained on, margins included, (n,) [rad|m].
-
-    Infinite for a joint whose position no group of the model watches.
-    """
+    """Return least and largest trained positions, margins included, (n,) [rad|m]; infinite where none is watched."""
     ranges, anywhere = valid_inputs(model), {"lower": -np.inf, "upper": np.inf}
     held = [ranges.get(f"q:{joint}", anywhere) for joint in model.joint_names]
     return np.array([each["lower"] for each in held]), np.array([each["upper"] for each in held])

@@ -11,8 +11,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Integers, exp_minus_1
+from catenary.arrays import Floats, Integers
+from catenary.calibration.arithmetic import exp_minus_1
 from catenary.calibration.spike_filter import AWAY
 from catenary.kernels.compiled import compiled
 

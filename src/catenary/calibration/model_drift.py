@@ -94,22 +94,13 @@ def find_drift(
             rows = data.rows(number == homing)
             errors = evaluate(model, rows).joints
             rmse, coverage = tuple(j.rmse for j in errors), tuple(j.coverage for j in errors)
+            held = None if model.intervals is None else coverage
             if model.intervals is not None:
                 least = model.intervals.level - LENIENCE * (1.0 - model.intervals.level)
                 beyond = tuple(share < least for share in coverage)
             else:
                 beyond = tuple(np.greater(rmse, factor * np.asarray(known)).tolist())
-            stretches.append(
-                Stretch(
-                    log.name,
-                    int(homing),
-                    rows.dates[0],
-                    len(rows),
-                    rmse,
-                    None if model.intervals is None else coverage,
-                    beyond,
-                )
-            )
+            stretches.append(Stretch(log.name, int(homing), rows.dates[0], len(rows), rmse, held, beyond))
     judged = (
         f"RMSE beyond {factor:g} times the card's error"
         if model.intervals is None
@@ -119,12 +110,7 @@ def find_drift(
 
 
 def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor: float = BEYOND) -> DriftFound:
-    """Return errors, delays and zeros that cards tell of, by date; beyond is `factor` times the first one's error.
-
-    Args:
-        cards: Name, card, and (n,) errors that it tells [deg|mm]; None where it tells none.
-        factor: More than 0.
-    """
+    """Return errors (n,) [deg|mm], delays and zeros of cards, by date; beyond is `factor` times the first one's."""
     cards = sorted(cards, key=lambda each: last_date(each[1]) or "9")
     joints = [[(joint["name"], joint["unit"]) for joint in card["joints"]] for _, card, _ in cards]
     for (name, *_), has in zip(cards, joints, strict=True):

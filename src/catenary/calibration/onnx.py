@@ -132,12 +132,9 @@ class _Graph:
     def loop(
         self, times: str, carried: Sequence[str], body: Callable[[str, list[str]], tuple[str | None, list[str]]]
     ) -> list[str]:
-        """Return what `body` makes of carried float64 tensors, `times` times or until its claim "go on" is false.
+        """Return what `body` makes of carried float64 tensors, `times` (int64) times or until its claim is false.
 
-        Args:
-            times: int64 scalar.
-            carried: Tensors.
-            body: Takes the number of the step and the tensors; returns the claim, None for always, and them anew.
+        The body takes the number of the step and the tensors; it returns the claim, None for always, and them anew.
         """
         helper, kinds = self.onnx.helper, self.onnx.TensorProto
         outside, self.nodes = self.nodes, []
@@ -195,13 +192,8 @@ class _Graph:
     def model(self, metadata: dict[str, str]) -> Any:
         helper = self.onnx.helper
         graph = helper.make_graph(self.nodes, "calibration", self.inputs, self.outputs, self.constants)
-        model = helper.make_model(
-            graph,
-            opset_imports=[helper.make_opsetid("", OPSET)],
-            ir_version=IR_VERSION,
-            producer_name="catenary",
-            producer_version=__version__,
-        )
+        about = {"producer_name": "catenary", "producer_version": __version__, "ir_version": IR_VERSION}
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], **about)
         helper.set_model_props(model, metadata)
         return model
 

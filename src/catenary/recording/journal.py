@@ -300,10 +300,7 @@ class JournalWriter:
                 return
 
     def _write_waiting(self, *, end: Literal["last", "if full"] = "if full") -> None:
-        """Bring what waits onto the disk, and go on in another file if this one is full. Needs the disk.
-
-        Whoever appends waits only while the chunk is set aside. An error is kept for the next append.
-        """
+        """Bring what waits onto the disk, and go on in another file if this is full. Needs the disk."""
         with self._append_lock:
             chunks, self._waiting, self._pending = self._waiting, [], 0
             notes, self._notes = self._notes, b""

@@ -7,9 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import TO_SI
@@ -278,7 +277,7 @@ def _leave_out(log: MotionLog, text: str) -> MotionLog:
     return replace(log, ok=ok, q_encoder=measured)
 
 
-def left_out_rows(log: MotionLog) -> NDArray[np.bool_]:
+def left_out_rows(log: MotionLog) -> Flags:
     """Return rows that were measured, and left out as asked, (N,)."""
     rows = np.zeros(len(log), dtype=bool)
     for part in (part for text in log.settled.get("leave_out", ()) for part in text.split(",")):
@@ -288,13 +287,5 @@ def left_out_rows(log: MotionLog) -> NDArray[np.bool_]:
 
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps
-_STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {
-    "leave_out": _leave_out,
-    "units": _units,
-    "time_unit": _time_unit,
-    "swap": _swap,
-    "sign": _sign,
-    "scale": _scale,
-    "delay": _delay,
-    "shift": _shift,
-}
+_IN_ORDER = (_leave_out, _units, _time_unit, _swap, _sign, _scale, _delay, _shift)
+_STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, Integers, as_array
 from catenary.errors import InputError
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
 from catenary.recording.layout import encode
@@ -28,8 +27,7 @@ BLOCK = 16384  # ticks that are made into messages at once
 class Throttle:
     """Chooses the ticks at which a topic's messages are due: about one a period, with jitter as over ROS.
 
-    Intervals are period (1 + JITTER N(0, 1)), at least a quarter of a period. Instants are drawn in blocks, so that
-    the same `rng` gives the same ones whether time comes tick by tick or all at once.
+    Intervals are period (1 + JITTER N(0, 1)), a quarter of it at least, drawn in blocks: in ticks or at once the same.
     """
 
     def __init__(self, rate: float, rng: np.random.Generator) -> None:
@@ -38,11 +36,8 @@ class Throttle:
         self._due: Floats = np.zeros(0)  # instants to come, ascending
         self._last: float | None = None
 
-    def pick(self, time: Floats) -> NDArray[np.int64]:
-        """Return the ticks at which a message goes out: the first at or after each instant, once.
-
-        Times (N,) [s] ascend, and come after all that were given before.
-        """
+    def pick(self, time: Floats) -> Integers:
+        """Return the ticks at which a message goes out: the first at or after each instant; times (N,) [s] ascend."""
         if self._last is None:
             self._last = float(time[0])  # the first tick is recorded
             self._due = np.array([self._last])
@@ -63,10 +58,7 @@ class Throttle:
 
 
 class Recorder:
-    """Records telemetry; an observer of the control loop, or fed with whole arrays.
-
-    Stamps are `start_ns` plus the telemetry's time. Nothing is written to the disk in the tick.
-    """
+    """Records telemetry, stamped `start_ns` plus its time, tick by tick or whole; the disk is not written in a tick."""
 
     def __init__(
         self,
@@ -79,10 +71,7 @@ class Recorder:
         start_ns: int = 0,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        """Begin a journal of those topics whose columns are `available`; `start_ns` is the stamp of time 0 [ns].
-
-        `rng` draws the instants of messages.
-        """
+        """Begin a journal of topics whose columns are `available`; `rng` draws the instants of their messages."""
         have = frozenset(available)
         self.topics = tuple(topic for topic in topics if _required(topic) <= have)
         lacks = {t.name: sorted(_required(t) - have) for t in topics if t not in self.topics}
@@ -128,9 +117,7 @@ class Recorder:
         for first in range(0, len(time), BLOCK):
             self._write(time, telemetry, picked, first)
 
-    def _write(
-        self, time: Floats, telemetry: Mapping[str, Floats], picked: list[NDArray[np.int64]], first: int
-    ) -> None:
+    def _write(self, time: Floats, telemetry: Mapping[str, Floats], picked: list[Integers], first: int) -> None:
         """Write the messages of the ticks from `first` on, in the order of ticks, within one of topics."""
         ticks, owners, parts = [], [], []
         for i, (topic, all_ticks) in enumerate(zip(self.topics, picked, strict=True)):
@@ -151,7 +138,7 @@ class Recorder:
         for message in np.lexsort((owner, tick)).tolist():
             self.journal.append(self.topics[owner[message]].name, int(stamps[message]), parts[message])
 
-    def _stamps(self, time: Floats) -> NDArray[np.int64]:
+    def _stamps(self, time: Floats) -> Integers:
         return self._start + np.rint(time * SECOND).astype(np.int64)
 
     def close(self) -> None:

@@ -16,16 +16,10 @@ def coulomb(velocity: float, most: float) -> float:
 
 @inlined
 def dragged(force: float, moved: float, stiffness: float, most: float) -> float:
-    """Return the force on a spring that ends in dry friction, after its other end has moved.
+    """Return the force [Nm or N] on a spring that ends in dry friction, after its other end has moved [rad or m].
 
     A Jenkins element: it sticks and winds up, and slips at `most`. That is one element of `coupled_friction` on one
     joint, whose play operator it drives.
-
-    Args:
-        force: Before [Nm or N].
-        moved: By how much the free end moves [rad or m].
-        stiffness: Of the spring [Nm/rad or N/m].
-        most: Largest force that the friction stands.
     """
     return min(max(force + stiffness * moved, -most), most)
 

@@ -53,10 +53,7 @@ def drag(
 
 @inlined
 def parts_of(moved: Numbers, longest: Numbers) -> int:
-    """Return into how many equal steps a motion (n,) is split, so that none is longer than `longest` (n,).
-
-    None where nothing moves: waiting leaves every bit as it is.
-    """
+    """Return how many equal steps of a motion (n,) are none longer than `longest` (n,); none where nothing moves."""
     share = 0.0
     for j in range(len(moved)):
         share = max(share, abs(moved[j]) / longest[j])
@@ -142,11 +139,8 @@ def coupled_friction(
 ) -> CoupledFriction:
     """Return springs and friction elements, their constants computed.
 
-    Args:
-        compliance: C = K^-1 (n, n), symmetric and positive definite.
-        directions: A (m, n), a row for each element; several may share one.
-        thresholds: (S, m) largest forces of S systems, zero or more.
-        longest: (n,) longest step of each motor that is taken at once.
+    The compliance C = K^-1 (n, n) is symmetric and positive definite, directions A (m, n) have a row for each element,
+    thresholds (S, m) are those of S systems, `longest` (n,) is the longest step of each motor that is taken at once.
     """
     longest = as_array("longest", longest, (None,))
     n = len(longest)

@@ -19,14 +19,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.verdict.pairs import MOVED, play, reversals_of, scales
 
-Rows = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 PLAYS = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)  # radii, as shares of a joint's range
 LOOKS = 6.0
 CERTAIN, LIKELY = 3.0, 2.0  # deviations of the interval, and of a note
@@ -68,19 +65,18 @@ class Delay:
         return size if self.sure == "certain" else f"perhaps {size}; friction could look the same here"
 
 
-def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: float = 0.0) -> Delay:
-    """Estimate a recording's delay.
-
-    Args:
-        log: With measured positions.
-        place: (n,) which command each measurement follows; its own when None.
-        about: Where to look [s], or in rows without stamps.
-    """
+def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, about: float = 0.0) -> Delay:
+    """Estimate a recording's delay near `about` [s, or rows]; `place` (n,) is the command that each joint follows."""
     assert log.q_encoder is not None
     in_time = log.time is not None
     reach, rows = reach_of(log)
     step = reach / rows if rows else 0.0
-    t = np.arange(len(log), dtype=float) if log.time is None else _onwards(log.time, step)
+    t = np.arange(len(log), dtype=float)
+    if (
+        log.time is not None
+    ):  # stamps that never go back: what follows such a step, another recording, begins after a pause
+        steps = np.diff(log.time, prepend=log.time[:1])
+        t = np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
     inside = log.ok & _unbroken(t, step, about, reach)
     if in_time and inside.sum() < FEWEST_ROWS and log.ok.sum() >= FEWEST_ROWS:  # poses with pauses all along
         return delay_of(replace(log, time=None), place, about / step if step else 0.0)
@@ -129,12 +125,6 @@ def reach_of(log: MotionLog) -> tuple[float, float]:
     return reach, reach / step if step > 0.0 else 0.0
 
 
-def _onwards(time: Floats, step: float) -> Floats:
-    """Return stamps that never go back: what follows such a step, another recording, begins after a pause."""
-    steps = np.diff(time, prepend=time[:1])
-    return np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
-
-
 def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
     """Return rows from which every delay looked for stays between two pauses, (N,)."""
     cuts = np.flatnonzero(np.diff(t) > PAUSE * step)
@@ -149,7 +139,15 @@ class _JointLook:
     """One joint's explanation, and its rows without outliers."""
 
     def __init__(
-        self, q: Floats, seen: Floats, t: Floats, own: int, moved: list[int], inside: Flags, block: Rows, coarse: Floats
+        self,
+        q: Floats,
+        seen: Floats,
+        t: Floats,
+        own: int,
+        moved: list[int],
+        inside: Flags,
+        block: Integers,
+        coarse: Floats,
     ) -> None:
         self.t, self.y, self.block = t, seen, block
         error = seen - q[:, own]
@@ -167,7 +165,7 @@ class _JointLook:
                 break
         self.rows = rows
 
-    def unexplained(self, rows: Rows, d: float) -> Floats:
+    def unexplained(self, rows: Integers, d: float) -> Floats:
         """Return what is unexplained of some rows when commands are read a time d earlier; each block has its zero."""
         from scipy.optimize import nnls
 
@@ -214,11 +212,7 @@ class Explanation:
     """Columns that explain one joint's measurement, at rows as they are asked for: few of a long recording are."""
 
     def __init__(self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAYS) -> None:
-        """Take commands (N, n), of which those `moved` are taken in units of their ranges.
-
-        Columns of any weight are a fifteenth of the `rows` at most that they are fitted to; the joint's play states
-        have `radii`, as shares of its range.
-        """
+        """Take commands (N, n), those `moved` in units of their ranges, and plays of `radii` in that of its own."""
         self._q, self._moved, self._own, self._most = q, list(moved), own, rows // 15 - 10
         self._mean, self._range = q.mean(axis=0), np.ptp(q, axis=0)
         z = self._scaled(own, slice(None))
@@ -226,11 +220,11 @@ class Explanation:
         for k, radius in enumerate(radii):
             self._plays[:, k] = play(z, radius)
 
-    def _scaled(self, k: int, rows: Rows | slice) -> Floats:
+    def _scaled(self, k: int, rows: Integers | slice) -> Floats:
         scaled: Floats = (self._q[rows, k] - self._mean[k]) / self._range[k]
         return scaled
 
-    def at(self, rows: Rows) -> Floats:
+    def at(self, rows: Integers) -> Floats:
         """Return columns of any weight, then play states, at some rows (len(rows), p)."""
         moved, own = self._moved, self._own
         z = {k: self._scaled(k, rows) for k in moved}
@@ -253,12 +247,7 @@ def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:
 
 
 def _apart(grid: Floats, costs: Floats, least: float) -> tuple[Floats, Floats]:
-    """Return each joint's delay where it may choose between two, and what it gains by that over one of all, (joints,).
-
-    Args:
-        costs: (joints, delays).
-        least: How far the two are apart, at least.
-    """
+    """Return joints' delays of two `least` apart, and what each gains over one of all, from (joints, delays)."""
     pairs = np.minimum(costs[:, :, None], costs[:, None, :]).sum(axis=0)
     near = (np.abs(grid[:, None] - grid) < least) & ~np.eye(len(grid), dtype=bool)
     pairs = np.where(near, np.inf, pairs)  # one delay of all remains a choice

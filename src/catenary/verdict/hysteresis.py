@@ -24,9 +24,8 @@ class Hysteresis(NamedTuple):
 def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
     """Return what each joint shows of slack and hysteresis.
 
-    A measurement is explained by a smooth function of all commands and play states of its own command, with weights
-    that are not negative [Prandtl-Ishlinskii]: a play of radius r and weight w makes a loop 2 r w wide, and lets the
-    joint follow from 2 r behind a reversal.
+    A smooth function of all commands and plays of its own explain it [Prandtl-Ishlinskii]: one of radius r and weight w
+    makes a loop 2 r w wide, and lets the joint follow from 2 r behind a reversal.
     """
     q = scales(log) * log.q_nominal
     moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED]

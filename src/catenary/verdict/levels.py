@@ -1,9 +1,8 @@
 """Does the zero of a measurement stay where it is? Errors that leap and stay, that drift, or are of whole turns."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.verdict.delay import TRIM, Explanation
 from catenary.verdict.finding import Finding
 from catenary.verdict.hysteresis import RADII
@@ -39,7 +38,7 @@ def turn_findings(pairs: Pairs) -> list[Finding]:
     return [turned for j in of_angles for turned in _turns(pairs.names[j], pairs.m[:, j] - pairs.q[:, j])]
 
 
-def leap_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     """Find errors that leap at one row and stay; small ones, and errors that drift, are notes."""
     found = []
     for i, k in enumerate(place):

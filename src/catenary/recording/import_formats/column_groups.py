@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.errors import InputError
 from catenary.plant import Jointed
 from catenary.recording.import_formats.columns import WORDS, Stream, arrays_of, ends, natural
@@ -288,10 +288,7 @@ def _role(words: Sequence[str]) -> Role:
 
 
 def joints_meant(names: Sequence[str], model: Jointed) -> tuple[str, ...]:
-    """Return the robot's joint that each name means, its own or the longest whose words stand in it; "" for none.
-
-    What all of the robot's joints have in their names ("joint", "q") need not stand there.
-    """
+    """Return the joint whose words, but those that all have ("joint"), stand in each name: the longest, or ""."""
     words = {joint: _words_and_numbers(joint) for joint in model.joint_names}
     shared = set.intersection(*map(set, words.values())) if len(words) > 1 else set[str]()
     keys = {joint: " ".join(w for w in each if w not in shared) for joint, each in words.items()}
@@ -312,8 +309,7 @@ def _words_and_numbers(name: str) -> list[str]:
 def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None) -> MovingColumns | None:
     """Return which columns are positions, velocities and torques; None where no column is another's derivative.
 
-    Columns stand in blocks, so that each velocity is as far behind its position: the distance that most pairs have.
-    Where rows have no `seconds` a derivative may be of any size, the same for all.
+    Blocks have each velocity as far behind its position; without `seconds` derivatives may be of any size, all of one.
     """
     names, rows = list(columns), slice(0, MOST_ROWS)
     if len(names) < 2:
@@ -345,7 +341,7 @@ def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None
     return MovingColumns(*(tuple(names[i] for i in some) for some in (q, qd, again, tau, rest)))
 
 
-def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> NDArray[np.bool_]:
+def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> Flags:
     """Return whether column j is the derivative of column i, (m, m)."""
     middle = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, np.newaxis]
     sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(middle - middle.mean(axis=0), axis=0)])

@@ -79,20 +79,13 @@ def _slides(joint: str) -> bool:
 
 
 def _is_normalised(one: Candidate) -> bool:
-    """Return whether columns seem to be shares of a range: LeRobot's own arms', or most of them from -1 to 1 exactly.
-
-    Its `.pos` are -100 to 100 % of what each joint was moved through when it was calibrated, unless somebody chose
-    degrees; nothing in a dataset says which.
-    """
+    """Return whether columns seem to be shares of a range: LeRobot's `.pos`, unless in deg, or from -1 to 1 exactly."""
     ends = [low == -high and high in (1.0, 100.0) for low, high in one.ranges]
     return all(joint.endswith(".pos") for joint in one.joints) or (len(ends) > 1 and 2 * sum(ends) > len(ends))
 
 
 def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> str | None:
-    """Return the unit in which a joint's range lies within its limits, SI's where both do; None where none does.
-
-    Numbers that SI's limits are merely a little short for are not of the smaller unit, where anything would lie within.
-    """
+    """Return the unit in which a joint's range lies within its limits, SI's first; None where SI is hardly beyond."""
     lower, upper = model.lower[joint], model.upper[joint]
     if not (math.isfinite(lower) and math.isfinite(upper)):
         return None
@@ -138,10 +131,7 @@ def _is_in_si(one: Candidate) -> bool:
 def joint_units_of(
     mapping: RecordingMapping, one: Candidate, model: RobotModel | None, names: Sequence[str]
 ) -> tuple[Units, Units | None, bool, list[str]]:
-    """Return the joints' SI units, the units of q_nominal's columns, whether any were assumed, and what to say of it.
-
-    `one` holds the columns of q_nominal, with some of their numbers.
-    """
+    """Return joints' SI units, those of q_nominal's columns, whether any were assumed, and what to say of it."""
     n = len(names)
     given: tuple[str, ...] | None = mapping.joint_units or None
     if model is not None and given is None:
@@ -171,10 +161,7 @@ def joint_units_of(
 def factors(
     name: str, quantity: Quantity, joint_units: Sequence[str] | None, n: int
 ) -> tuple[tuple[str, ...] | None, Floats]:
-    """Return the units of joints that a quantity's units stand for, or None, and what turns its numbers into SI, (n,).
-
-    `joint_units` are "rad" or "m" for each joint, where they are known.
-    """
+    """Return which of the joints' units a quantity's stand for, or None, and what makes its numbers SI, (n,)."""
     units = _each(f"{name}: units", quantity.units, n)
     scale = np.array(_each(f"{name}: scale", quantity.scale, n) or (1.0,) * n)
     scale = scale * np.array(_each(f"{name}: sign", quantity.sign, n) or (1.0,) * n)

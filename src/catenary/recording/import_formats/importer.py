@@ -4,9 +4,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.plant import Joints, MotionLog, joints_text, nameless
@@ -115,7 +114,7 @@ class Synchronisation:
     log: MotionLog
     topics: tuple[TopicReport, ...]
     without_encoder: int  # rows whose `ok` is not set
-    rows: NDArray[np.int64]  # (N,) of q_nominal's stream that each row of the log is
+    rows: Integers  # (N,) of q_nominal's stream that each row of the log is
 
 
 class NoRowError(InputError):
@@ -130,13 +129,11 @@ def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, 
 def synchronise(
     sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None, is_piece: bool = False
 ) -> Synchronisation:
-    """Read a recording by a mapping, on one clock.
+    """Read a recording by a mapping, on one clock; `model` is the mapping's robot when None.
 
     Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
     `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out.
-
-    `model` is the mapping's robot when None. On a piece of a longer recording q_encoder may be on no row, and whether
-    what is optional is there at all is told by the sample.
+    On a piece of a longer recording q_encoder may be on no row, and the sample tells whether what is optional is there.
     """
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:
@@ -152,7 +149,10 @@ def synchronise(
     units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
     streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
-    streams = _truth_values(streams, found["ok"].places if "ok" in found else ())
+    for place in found["ok"].places if "ok" in found else ():  # 1 where it is not 0, NaN where it has no number
+        values = streams[place.stream].columns[place.column].astype(np.float64)
+        truths = np.where(np.isfinite(values), values != 0.0, np.nan)
+        streams[place.stream] = streams[place.stream].with_column(place.column, truths)
     for stream in streams.values():
         notes += [f"{stream.name}: {note}" for note in stream.notes]
     scaled, jumped = {}, set[str]()
@@ -264,19 +264,7 @@ def _scale(
     return factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
 
 
-def _truth_values(streams: dict[str, Stream], places: Sequence[Place]) -> dict[str, Stream]:
-    """Return streams with 1 in these columns where they are not 0, else 0, and NaN where they have no number."""
-    changed = dict(streams)
-    for place in places:
-        values = changed[place.stream].columns[place.column].astype(np.float64)
-        truths = np.where(np.isfinite(values), values != 0.0, np.nan)
-        changed[place.stream] = changed[place.stream].with_column(place.column, truths)
-    return changed
-
-
-def _trusted(
-    where: str, clock: OneClock, measured: Floats | None, rows: int, *, has_ok: bool, is_piece: bool
-) -> NDArray[np.bool_]:
+def _trusted(where: str, clock: OneClock, measured: Floats | None, rows: int, *, has_ok: bool, is_piece: bool) -> Flags:
     """Return the rows whose q_encoder can be trusted."""
     is_there = np.ones(rows, dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
     # 1 where both samples around a row are: what lies between a good one and another is made of both
@@ -401,7 +389,7 @@ def _ordered_by_name(
     return notes
 
 
-def _by_joint(missing: NDArray[np.bool_], names: Sequence[str]) -> str:
+def _by_joint(missing: Flags, names: Sequence[str]) -> str:
     """Return how many rows lack which joint, " (J2 4)"; empty where they lack all of them."""
     counts = missing.sum(axis=0).tolist()
     if len(counts) != len(names) or len(set(counts)) == 1:
@@ -409,7 +397,7 @@ def _by_joint(missing: NDArray[np.bool_], names: Sequence[str]) -> str:
     return f" ({', '.join(f'{name} {count}' for name, count in zip(names, counts, strict=True) if count)})"
 
 
-def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str]) -> NDArray[np.bool_]:
+def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str]) -> Flags:
     """Return the rows that have all that a log must have on each; say what others lack."""
     whole = np.ones(len(rows["q_nominal"]), dtype=bool)
     for key, values in rows.items():

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.columns import WORDS, Stream, listed, places_of
@@ -106,7 +105,7 @@ def read_imu(
     return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
 
 
-def _measured(stream: Stream, name: str, rows: int) -> NDArray[np.bool_]:
+def _measured(stream: Stream, name: str, rows: int) -> Flags:
     """Return which rows measured a quantity: an Imu says by a covariance of -1 if not."""
     column = stream.columns.get(f"{name}_covariance[0]")
     return np.ones(rows, dtype=bool) if column is None else np.asarray(column, dtype=float) != -1.0

@@ -58,10 +58,7 @@ RAVEN_STATE = "RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)"
 
 
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
-    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js; `namespace` is such as /PSM1.
-
-    A row is a message of measured_js: `q_nominal`, `qd` and `tau` are its positions, velocities and efforts.
-    """
+    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js, below such as /PSM1."""
     psm_topic(namespace, "measured_js")  # refuses a namespace that no PSM has
     return synchronise(Sources(paths), layout_mapping("recording/dvrk_psm", namespace=f"/{namespace.strip('/')}"))
 
@@ -95,10 +92,7 @@ def layout_of_files(paths: Sequence[Path]) -> str | None:
 def read_layout(
     paths: Sequence[Path], layout: str, *, model: RobotModel | None = None, units: Sequence[str] | None = None
 ) -> MotionLog:
-    """Read a recording of a known layout, but a motion log.
-
-    `units` ("rad" or "m" per joint) are for a file that does not state them.
-    """
+    """Read a recording of a known layout, but a motion log; `units` ("rad" or "m") are for files without."""
     path = paths[0]
     if layout in (RAVEN_BAG, RAVEN_CSV):
         arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"

@@ -54,10 +54,7 @@ class _Draft:
     used: dict[str, set[str]] = field(default_factory=dict)  # columns of streams
 
     def ask(self, about: str, text: str, choices: Mapping[str, str], *, is_free: bool = False) -> str | None:
-        """Return the answer, one of the choices or, where they are examples, any; None where there is none yet.
-
-        An answer may be a part of a choice that is in no other: cam for cam_yaw.
-        """
+        """Return the answer: a choice or a part of one alone, or where they are examples, any; None without."""
         if about not in self.answers:
             self.questions[about] = (text, dict(choices))
             return None
@@ -75,11 +72,7 @@ class _Draft:
 def propose(
     sources: Sources, *, robot: str | None = None, units: str | None = None, answers: Mapping[str, str] | None = None
 ) -> Proposal:
-    """Propose which columns are which quantity: by type, name, rate and range.
-
-    `units` are of q_nominal, and of q_encoder where the names of its columns say none; answers to questions that were
-    left open stand by what they are about.
-    """
+    """Propose which columns are which quantity; `units` are of q_nominal, and of q_encoder if it states none."""
     draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
     found = candidates_of(sources.streams)
@@ -121,7 +114,10 @@ def propose(
     left = not_used(sources.streams, draft.used)
     draft.decisions += [f"not used: {listed(left)}"] * bool(left)
     unheard = [about for about in draft.answers if about not in draft.heard]
-    questions = tuple(_in_words(*each) for each in draft.questions.items())
+    questions = tuple(
+        f"{text}: " + " or ".join(f"--answer {about}={visible(choice)}" for choice in choices)
+        for about, (text, choices) in draft.questions.items()
+    )
     if unheard:
         none = "nothing is open: leave --answer out and say --yes, or name columns and units by --map"
         raise InputError(f"--answer {unheard[0]}: the proposal does not ask this: {'; '.join(questions) or none}")
@@ -135,11 +131,6 @@ def answers_of(options: Sequence[str]) -> dict[str, str]:
         if not about.strip() or not answer.strip():
             raise InputError(f"--answer {option}: expected QUESTION=ANSWER, such as q_encoder=cam")
     return {about.strip(): answer.strip() for about, _, answer in parted.values()}
-
-
-def _in_words(about: str, question: tuple[str, Mapping[str, str]]) -> str:
-    text, choices = question
-    return f"{text}: " + " or ".join(f"--answer {about}={visible(choice)}" for choice in choices)
 
 
 def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -> tuple[tuple[str, ...], str]:

@@ -31,10 +31,7 @@ class Sources:
     """Bags and tables of one recording."""
 
     def __init__(self, paths: Sequence[Path], progress: Progress = lambda done: None) -> None:
-        """Open bags, journals, folders of bags, and tables; `progress` is told the share of the bags that was read.
-
-        Of each topic a sample is looked at, of a long text the first rows; other tables are read whole.
-        """
+        """Open them: of topics a sample is looked at, of a long text the first rows; `progress` is told of both."""
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
@@ -106,10 +103,7 @@ class Sources:
         return len(self._bags) == 1 or not early or max(early) - min(early) <= APART
 
     def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
-        """Yield columns, thousands of rows at a time, of bags beside one another as messages arrived.
-
-        Of the first topic only up to where all others were read.
-        """
+        """Yield thousands of rows as they arrived; of the first topic only up to where all others were read."""
         base, reached = next(iter(wanted)), [bag.first_arrival for bag in self._bags]
         here = [{name: those for name, those in wanted.items() if name in bag.counts} for bag in self._bags]
         reading = {i: bag.parts(here[i]) for i, bag in enumerate(self._bags) if here[i]}

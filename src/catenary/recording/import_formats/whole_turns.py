@@ -19,10 +19,7 @@ FAR = 1.0  # [rad] from the others of a measurement that is no matter of turns
 def unwrap_columns(
     streams: Mapping[str, Stream], places: Sequence[Place], scale: Floats, units: Sequence[str], names: Sequence[str]
 ) -> tuple[dict[str, Stream], dict[str, int]]:
-    """Make columns of angles continuous that jump by a turn from one row to the next; say how often each joint did.
-
-    `scale` (n,) makes the columns at `places` rad and m.
-    """
+    """Make angles at `places` continuous, which `scale` (n,) makes rad; say how often each joint jumped by a turn."""
     changed, jumped = dict(streams), dict[str, int]()
     for place, factor, unit, name in zip(places, scale, units, names, strict=True):
         if unit != "rad":
@@ -59,11 +56,7 @@ def in_one_turn(
     model: RobotModel | None,
     jumped: Collection[str],
 ) -> tuple[Floats, Floats | None, list[str]]:
-    """Bring measurements into the turn of the commands, and both into the robot's limits, by whole turns; say so.
-
-    Positions are (N, n) [rad|m], NaN where nothing was measured. Of the joints that `jumped`, and were made
-    continuous, it is not known at which turn they began.
-    """
+    """Bring measurements into the commands' turn, and what `jumped` into the robot's limits, by whole turns; say so."""
     q, measured = q_nominal.copy(), None if q_encoder is None else q_encoder.copy()
     notes = []
     for j in [j for j, unit in enumerate(units) if unit == "rad"]:
