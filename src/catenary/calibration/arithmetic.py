@@ -74,10 +74,7 @@ def rescale(Z: Floats, scale: Floats, mean: Floats, Y: Floats) -> None:
 
 @compiled
 def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
-    """Write Y = X @ weights + bias, weights (F, m), each output summed in the order of its inputs.
-
-    Eight rows share what they read of the weights, and four inputs what they read and write of Y.
-    """
+    """Write Y = X @ weights (F, m) + bias, summed in the order of inputs; eight rows share what they read."""
     fours = len(weights) - len(weights) % 4
     for first in range(0, len(X), 8):
         last = min(first + 8, len(X))

@@ -17,18 +17,6 @@ from numpy.typing import NDArray
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 
-# what the state remembers of earlier ticks, by the names of `Memory`; and the intervals of the last one
-REMEMBERED = {
-    "play": "play states",
-    "kept": "play states before a leap",
-    "followed": "play states that followed every position",
-    "midline": "of each midline: position before, stop, means forwards and backwards",
-    "friction": "friction states: now, before a leap, and of every position",
-    "seen": "last believed positions, rows that leapt since, and their room",
-    "strange": "steps of another motion than that of training, as far as they are remembered",
-    "rejected": "rows that were spikes, of the joints that play states follow",
-    "interval": "half-widths about the calibrated positions of the last tick",
-}
 HEAD = """\
 /* What the correction remembers of earlier ticks. */
 typedef struct {{
@@ -57,10 +45,7 @@ _SIGNS: dict[type[ast.AST], str] = {
 
 
 def c_correction(prefix: str, model: CalibrationModel, rate_hz: float | None = None) -> str:
-    """Return C that defines `PREFIX_correct(state, q, signals, q_calibrated, inside)` and `PREFIX_reset(state)`.
-
-    `PREFIX_interval(state)` gives the half-widths of the last tick's intervals.
-    """
+    """Return C: `PREFIX_correct(state, q, signals, q_calibrated, inside)`, `PREFIX_reset` and `PREFIX_interval`."""
     n, memory = len(model.joint_names), model.features.memory()
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))
     out, inside = np.empty((1, n)), np.empty((1, n), dtype=bool)
@@ -79,7 +64,7 @@ def c_correction(prefix: str, model: CalibrationModel, rate_hz: float | None = N
                 declared.append(_declared(names[id(array)], array, is_constant=is_constant))
         given = [_Value(names[id(array)], _kind(array), tuple(map(str, array.shape))) for array in arrays]
         calls.append(f"  {functions.call(step.function, given).text};")
-    fields = [f"  double {name}[{max(1, array.size)}]; /* {REMEMBERED[name]} */" for name, array in state.items()]
+    fields = [f"  double {name}[{max(1, array.size)}];" for name, array in state.items()]
     head = HEAD.format(fields="\n".join(fields), values=",\n".join(f"    {_items(a)}" for a in state.values()))
     return "\n".join([*functions.texts, head, *declared, *calls, "}", ""]).replace("PREFIX", prefix)
 

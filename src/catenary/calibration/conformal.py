@@ -3,20 +3,14 @@
 The scores are absolute errors on blocks of time, each predicted by a model that was not fitted to it (cross-conformal
 prediction: Vovk, Annals of Mathematics and AI 74, 2015; Barber et al., Predictive inference with the jackknife+,
 Annals of Statistics 49, 2021). Errors within a block depend on each other strongly, so rows are not exchangeable;
-blocks nearly are. The half-width is that of hierarchical conformal prediction (Lee, Barber and Willett,
-Distribution-free inference with hierarchical data, arXiv 2306.06342; Dunn, Wasserman and Ramdas, Distribution-free
-prediction sets for two-layer hierarchical models, JASA 118, 2023): the quantile of the scores in which each of K blocks
-weighs 1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
+blocks nearly are. The half-width is that of hierarchical conformal prediction (Lee, Barber and Willett, arXiv
+2306.06342; Dunn, Wasserman and Ramdas, JASA 118, 2023): the quantile of the scores in which each of K blocks weighs
+1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
 
-What it guarantees: were blocks exchangeable and the model that of the scores, a row of a new block would lie within the
-half-width with at least the stated probability, whatever the errors' distribution and whatever depends on what in a
-block. What it does not: blocks of one recording are exchangeable only as far as the arm does not drift and blocks are
-long beside its memory (Oliveira et al., JMLR 25, 2024, bound what dependence costs); the final model is fitted to all
-blocks, the scores are of models of fewer, whose errors are rather larger; and it is a statement on all rows together,
-not on each pose.
-
-That holds in the mean of stretches; one of them holds more or less. How much its error and its share vary is seen from
-one block of the cross-validation to another: `expected` states between what they lie.
+Were blocks exchangeable and the model that of the scores, a row of a new block would lie within the half-width with at
+least the stated probability. But arms drift, blocks must be long beside their memory (Oliveira et al., JMLR 25, 2024,
+bound what dependence costs), the final model is fitted to all blocks, and it is a statement on all rows together, not
+on each pose. One stretch holds more or less: `expected` states between what, as blocks of the cross-validation vary.
 """
 
 import math
@@ -84,9 +78,8 @@ def expected(
     The mean of as many blocks of that stretch differs from the mean of these as two means of K blocks do, by Student's
     distribution. The variance of a block, of the logarithm of its RMSE or of the share held, is the mean of the
     joints', as one joint's of five blocks is hardly known. Models of the blocks saw fewer rows than the model itself,
-    whose error may be as low as the .632 estimate, between theirs and its own on the rows that it was fitted to
-    (Efron, JASA 78, 1983). In the margin of the valid range it is at most that of the fixed offset, which intervals
-    suppose too.
+    whose error may be as low as the .632 estimate, between theirs and its own on its rows (Efron, JASA 78, 1983). In
+    the margin of the valid range it is at most that of the fixed offset, which intervals suppose too.
     """
     from scipy.stats import t
 
@@ -113,12 +106,11 @@ def expected(
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
-    """Return between what RMSE (n,) errors of other minutes of a day lie, from those left on rows that no fit saw.
+    """Return between what RMSE (n,) errors of other minutes lie, from those left (N, n) [rad|m], in the order of time.
 
     Neighbouring rows say nearly the same: N rows count as N / T independent ones, T the sum of the autocorrelations of
     the squared errors until the first that is not positive (Geyer, Statistical Science 7, 1992). The logarithm of the
-    mean square lies about its estimate by Student's distribution of as many, with PROMISED probability. Errors left
-    (N, n) [rad|m] are in the order of time.
+    mean square lies about its estimate by Student's distribution of as many, with PROMISED probability.
     """
     from scipy.stats import t
 
@@ -155,10 +147,9 @@ def fewest_rows(level: float) -> int:
 
 
 def time_blocks(recording: Integers, *, level: float) -> Integers:
-    """Return the number of the block of time that each row lies in, (N,); no block is of two recordings.
+    """Return the number of the block of time that each row of recordings (N,) lies in, (N,); no block is of two.
 
-    There are so many blocks that BEYOND of them are a share of 1 - level, at most one for FEWEST_ROWS rows. Rows of
-    recordings, by their numbers (N,), are in the order of time.
+    There are so many blocks that BEYOND of them are a share of 1 - level, at most one for FEWEST_ROWS rows.
     """
     rows = len(recording)
     wanted = max(FEWEST_BLOCKS, math.ceil(BEYOND / (1.0 - level) - 1e-9))

@@ -123,10 +123,7 @@ def rms(values: Floats) -> float:
 
 @dataclass(frozen=True)
 class Spread:
-    """Errors over blocks of time or recordings, each predicted by a model that did not see it; deg or mm.
-
-    What they let expect of another stretch as long as the data (conformal.py) is None where it is not known.
-    """
+    """Errors on blocks or recordings left out in turn [deg|mm], and what they let expect (conformal.py), if known."""
 
     joint: str
     unit: str

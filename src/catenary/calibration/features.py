@@ -55,17 +55,14 @@ class FeatureRows(NamedTuple):
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """Which features a model takes.
+    """Which features a model takes: signals, midlines, play states, and friction states of coupled joints.
 
-    Order: the signals as they are, midlines (midline.py), play states, and friction states of coupled joints
-    (friction_states.py). A play state of half-width r follows its position only after it has moved by r:
-    y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable lies, whatever the speed or
-    sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
-    The feature is y - x, which stays within -r and r.
+    A play state of half-width r follows its position only after it has moved by r: y <- min(max(y, x - r), x + r). It
+    remembers on which side of the slack the cable lies, whatever the speed or sampling rate. The feature is y - x,
+    which stays within -r and r. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
-    and play states are those before it (spike_filter.py); any step is believed of a joint that `steps` does not name.
-    Rows of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
+    and play states are those before it (spike_filter.py). Rows of less than `period` have as much room as one of it.
     """
 
     __pydantic_config__ = IN_FILES
@@ -75,7 +72,7 @@ class FeatureSet:
     play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
     midlines: Many[Midline] = ()
     friction: FrictionStates | None = None  # of coupled joints
-    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit)
+    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit); others: any
     period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
 
     def __post_init__(self) -> None:
@@ -239,10 +236,7 @@ def gather(
     followed: Floats,
     X: Floats,  # (N, F) receives the features
 ) -> None:
-    """Write the features of rows of one motion, in the order of FeatureSet, and remember what later rows take.
-
-    A signal that is NaN leaves its play states as they are.
-    """
+    """Write the features of rows of one motion, and remember what later rows take; NaN leaves play states."""
     for row in range(len(signals)):
         at = signals.shape[1]
         for i in range(at):

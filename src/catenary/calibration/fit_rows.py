@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ SHOWN = 0.99  # share of training errors that count for the largest correction: 
 RESOLUTION = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
 
-@dataclass(frozen=True)
-class Inputs:
+class Inputs(NamedTuple):
     """The features of a fit, and which joint takes which."""
 
     features: FeatureSet
@@ -150,7 +150,7 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
         learnt = Y[:, joints]
-        if options.takes_zeros:
+        if options.kind != "offset" and options.network != "paper":  # which takes rows as they are
             learnt = learnt - recording_zeros(X, learnt, data.recording)[data.recording]
         predictor = _fit_predictor(X, learnt, options, late, report)
         watched = columns[~inputs.features.bounded[columns]]
@@ -160,25 +160,15 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         valid = fit_valid_range(data.X[:, watched], margin, along_axes=along_axes, farther=averaged)
         groups.append(JointGroup(tuple(joints), columns, predictor, valid, watched))
         report(1.0)
+    anything, named = np.full(len(offset), ANY), (data.joint_names, data.joint_units)
     model = CalibrationModel(
-        kind=options.kind,
-        preset=options.network,
-        joint_names=data.joint_names,
-        joint_units=data.joint_units,
-        features=inputs.features,
-        target=target,
-        offset=offset,
-        largest=np.full(len(offset), ANY),
-        groups=tuple(groups),
+        options.kind, options.network, *named, inputs.features, target, offset, largest=anything, groups=tuple(groups)
     )
     return replace(model, largest=largest_shown(model, data))
 
 
 def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
-    """Return the largest correction of each joint that rows show, (n,) [rad|m].
-
-    That is the largest that the model gives there, or the error of all rows but those measured worst, if larger.
-    """
+    """Return the largest correction shown, (n,) [rad|m]: the model's, or the error of all but the worst rows."""
     given = np.abs(model.correction(data.X, data.q_nominal)).max(axis=0)
     seen = np.quantile(np.abs(data.error), SHOWN, axis=0)
     largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), RESOLUTION)], axis=0)
@@ -230,7 +220,9 @@ def recording_zeros(X: Floats, Y: Floats, recording: Integers) -> Floats:
         for p, held in enumerate(HELD):
             weights, _ = _shared(sums[fold != k], width, held)
             for out in np.flatnonzero(fold == k):
-                errors[p, out] = _mean_square(sums[out], weights)
+                G, M, Y2 = sums[out, :width, :width], sums[out, :width, width:], np.diag(sums[out, width:, width:])
+                left = Y2 - 2.0 * (weights * M).sum(axis=0) + (weights * (G @ weights)).sum(axis=0)
+                errors[p, out] = left / sums[out, width - 1, width - 1]
     error = 0.5 * np.log(np.maximum(errors, 1e-30)).mean(axis=1)
     best: Integers = len(HELD) - 1 - (error <= error.min(axis=0) + ALIKE)[::-1].argmax(axis=0)
     for p, held in enumerate(HELD):
@@ -251,11 +243,3 @@ def _shared(sums: Floats, width: int, held: float) -> tuple[Floats, Floats]:
     mean = rows @ zeros / rows.sum()
     weights[width - 1] += mean
     return weights, zeros - mean
-
-
-def _mean_square(sums: Floats, weights: Floats) -> Floats:
-    """Return the mean square (m,) that weights (F + 1, m) leave of the rows of which these are the sums."""
-    width = len(weights)
-    G, M = sums[:width, :width], sums[:width, width:]
-    left = np.diag(sums[width:, width:]) - 2.0 * (weights * M).sum(axis=0) + (weights * (G @ weights)).sum(axis=0)
-    return np.asarray(left / sums[width - 1, width - 1])

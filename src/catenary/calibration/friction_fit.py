@@ -8,9 +8,9 @@ are searched by a sample of blocks, each with rows before it in which the states
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -26,7 +26,7 @@ from catenary.calibration.friction_states import FoundFriction, FrictionStates
 from catenary.calibration.valid_range import standardisation
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.transmission.coupled_friction import CoupledFriction, coupled_friction
+from catenary.transmission.cable_friction import CoupledFriction, coupled_friction
 
 SCALES = np.array([0.1, 0.25, 0.5, 1.0, 1.6, 2.5])  # of the thresholds
 THRESHOLD = 0.035  # of each joint's range: where the search begins; 5 deg of a wrist
@@ -41,8 +41,7 @@ MANY, WINDOWS, WARMING = 12_000, 10, 0.2  # rows that are searched whole; else t
 FEWEST = 200  # rows
 
 
-@dataclass(frozen=True)
-class _Rows:
+class _Rows(NamedTuple):
     """Rows that the search sees, and the paths that lead to them."""
 
     signals: FeatureSet  # of `fixed`
@@ -224,8 +223,8 @@ def _searched(rows: _Rows, joints: Sequence[int]) -> CoupledFriction:
 def _levels(rows: _Rows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
     """Return the logarithm of each recording's friction, (R, m), with springs and a ridge regression shared by all.
 
-    They tell how days differ. A model is fitted at their mean, as another day's is not known: fitted to rows at each
-    recording's own level, it predicted the fourth of four recordings of a real wrist no better.
+    A model is fitted at their mean, as another day's is not known: fitted at each recording's own level, it predicted
+    the fourth of four recordings of a real wrist no better.
     """
     recordings, tried = int(rows.recording.max()) + 1, levels_tried(len(friction.directions))
     fixed, Y = rows.fixed[:, rows.columns(joints)], rows.error[:, list(joints)]

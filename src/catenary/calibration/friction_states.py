@@ -11,7 +11,7 @@ from catenary.calibration.spike_filter import ANOTHER, AWAY, BACK
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
-from catenary.transmission.coupled_friction import CoupledFriction, drag_state, lag_of
+from catenary.transmission.cable_friction import CoupledFriction, drag_state, lag_of
 
 Row = Annotated[tuple[Annotated[float, Field(ge=-1e100, le=1e100)], ...], Field(max_length=100)]
 Matrix = Annotated[tuple[Row, ...], Field(max_length=100)]
@@ -94,10 +94,7 @@ def rub(
     friction: Floats,  # (3, n + C m) states: now, before a leap, and of every position; NaN before the first
     X: Floats,  # (N, F) receives lags, system by system
 ) -> None:
-    """Write the friction states of rows of one motion, and remember what later rows take.
-
-    A row on which a position is not finite leaves the states as they are. A leap is dealt with as for play states.
-    """
+    """Write friction states of rows of one motion, leaps as for play states, and remember what later rows take."""
     n, m = len(places), len(slip)
     for row in range(len(signals)):
         finite, away, back, another = True, False, False, False

@@ -1,15 +1,12 @@
 """How far off a calibrated position may be: half-widths that hold a stated share of the errors, wider where none was.
 
-A model carries two numbers a joint. Where training rows lay, the half-width is one constant. In the margin of the valid
-range no block of training shows how the error grows: a correction that is extrapolated is worth ever less, until it is
-worth no more than the fixed offset. So the half-width grows in proportion to the distance from the rows, to that of the
-offset halfway through the margin. These are errors normalised by a measure of difficulty, known before the measurement
-(Papadopoulos, Gammerman and Vovk, Normalized nonconformity measures for regression conformal prediction, 2008), which
-is the distance to the training data (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021). Halfway was chosen
-by measurement: of simulated arms that learn zig-zags and are asked at random, nearly half of the rows lie in the
-margin; by joint the constant holds 53 to 100 % of errors of which it is to hold 90, and this 89 to 100. Models that are
-fitted without the rows at the edge show a growth that is too small by half; the distance from the nearest of the rows
-tells less.
+Where training rows lay, a joint's half-width is one constant. In the margin of the valid range it grows in proportion
+to the distance from the rows, to that of the fixed offset halfway through the margin: errors normalised by a measure of
+difficulty (Papadopoulos, Gammerman and Vovk, Normalized nonconformity measures for regression conformal prediction,
+2008), here the distance to the training data (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021). Halfway
+was chosen by measurement: of simulated arms that learn zig-zags and are asked at random, nearly half of the rows lie in
+the margin; by joint the constant holds 53 to 100 % of errors of which it is to hold 90, and this 89 to 100. Models that
+are fitted without the rows at the edge show a growth that is too small by half.
 
 Outside the valid range the fixed offset is what the model gives. The half-width there grows as if the offset's error
 went on as it does from the middle to the edge: in proportion to the distance from the middle, to FARTHEST times.

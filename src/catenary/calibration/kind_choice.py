@@ -3,12 +3,10 @@
 Of the kinds in their order, from the simplest, a joint gets the first whose error is within one standard error of the
 best kind's [the one-standard-error rule; Breiman et al. 1984, section 3.4.3] and within `CLOSE` of it. The errors are
 those of the cross-validation, over recordings where there are several, as motions and days differ more than blocks of
-one do; else over contiguous blocks of time. What is held out is not looked at. Polynomials are not among the kinds:
-blocks of a zig-zag do not show how their error grows with the square of the distance from it. On random motion of
-simulated arms they were never the best, and up to twice as bad as networks that were worse on the blocks. All kinds
-are asked about the same rows, so the standard error is that of the difference between two kinds' squared errors, over
-the blocks of time that intervals are estimated from: how hard a block is for both of them cancels. The joint's part of
-the model of that kind, fitted to all training data, becomes its part of the chosen model, to the bit.
+one do; else over contiguous blocks of time. Polynomials are not among the kinds: blocks of a zig-zag do not show how
+their error grows with the square of the distance from it; on random motion of simulated arms they were never the best.
+The standard error is that of the difference between two kinds' squared errors on the same rows, over the blocks of time
+that intervals are estimated from. A joint's part of the model of its kind is its part of the chosen model, to the bit.
 """
 
 from collections.abc import Mapping, Sequence

@@ -47,10 +47,7 @@ def judge_recordings(
 
 
 def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_MEND) -> MotionLog:
-    """Return a recording mended as asked, and as a model's training data were; see `Mend`.
-
-    Units of all arrays only where positions lie beyond the trained ones and would lie within.
-    """
+    """Return a recording mended as asked, and as the training data; units only where that brings it near these."""
     trained = dict(model.mends)
     if "units" in trained and len(log.joint_names) == len(model.joint_names):
         other = trained_findings(model.matched(log), trained_positions(model))

@@ -41,10 +41,7 @@ def follow_midlines(
     midline: Floats,  # (M, STATES) position before, stop, means forwards and backwards; NaN before the first row
     X: Floats,  # (N, F) receives the midlines
 ) -> None:
-    """Write the midlines of rows of one motion, NaN until both directions were seen, and remember what later rows take.
-
-    A row on which position or signal are not finite, or which leaps, changes nothing.
-    """
+    """Write midlines of rows of one motion, NaN until both directions were seen; NaN and leaps change nothing."""
     for row in range(len(signals)):
         for i in range(len(sources)):
             x, s = signals[row, places[i]], signals[row, sources[i]]

@@ -68,9 +68,8 @@ class JointGroup:
 class CalibrationModel:
     """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
-    `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
-    training data instead; so does a joint whose correction is beyond REACH times `largest`, or brings it more than
-    `largest` beyond its limits, whatever made it so large: such a correction was never seen.
+    `correction` is added to q_nominal. A row outside a group's valid range gets the training data's fixed offset; so
+    does a joint whose correction was never seen: beyond REACH times `largest`, or to `largest` beyond its limits.
     """
 
     __pydantic_config__ = IN_FILES

@@ -5,6 +5,7 @@ A recording is cut where the encoders' offsets change, which a homing writes, an
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +48,7 @@ class CardStretch(Stretch):
     zeros: tuple[float, ...]  # what is added to each joint where nothing else is known
 
 
-@dataclass(frozen=True)
-class DriftFound:
+class DriftFound(NamedTuple):
     """Stretches in the order of recordings."""
 
     joint_names: tuple[str, ...]
@@ -89,7 +89,9 @@ def find_drift(
         log = model.matched(log)
         data = calibration_data([log], model.features, max_error=max_error)
         place = np.rint(data.position * len(log)).astype(int)  # rows of the recording
-        number = np.searchsorted(_cuts(log), place, side="right")
+        offsets = [values for name, values in log.signals.items() if name.startswith(OFFSETS)]
+        cuts = {*log.starts[1:], *(row + 1 for values in offsets for row in np.flatnonzero(np.diff(values)).tolist())}
+        number = np.searchsorted(sorted(cuts), place, side="right")
         for homing in np.unique(number):
             rows = data.rows(number == homing)
             errors = evaluate(model, rows).joints
@@ -140,12 +142,3 @@ def since_in_words(found: DriftFound) -> list[str]:
             when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
             told.append(f"{name}: beyond since {when}")
     return told
-
-
-def _cuts(log: MotionLog) -> Floats:
-    """Return the rows at which another homing or another recording begins, but for the first."""
-    cuts = set(log.starts[1:])
-    for name, values in log.signals.items():
-        if name.startswith(OFFSETS):
-            cuts |= {int(row) + 1 for row in np.flatnonzero(np.diff(values))}
-    return np.array(sorted(cuts), dtype=float)

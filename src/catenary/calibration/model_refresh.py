@@ -7,15 +7,14 @@ judged on contiguous blocks of the new rows that it was not fitted to, and the f
 standard error of the best one's is taken (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). The
 standard error is that of the paired differences: blocks are hard or easy for all.
 
-Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. So what
-may be changed follows from what the minutes show of a joint: how much of the motion that the model was trained on, and
-how often it swept half of that from one side to the other. Without sweeps a zero cannot be told from the side of the
-slack on which the joint lies; without the range no slope is seen.
+What may be changed follows from what the minutes show of a joint: how much of the motion that the model was trained on,
+and how often it swept half of that. Without sweeps a zero cannot be told from the side of the slack on which the joint
+lies; without the range no slope is seen.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,8 +60,7 @@ class JointChange:
     rmse_high: float
 
 
-@dataclass(frozen=True)
-class Refreshed:
+class Refreshed(NamedTuple):
     """A model brought up to date, what became of each joint, and what a reader must know."""
 
     model: CalibrationModel
@@ -199,7 +197,9 @@ def _refresh_group(
         designs = _designs(model, X[rows], correction[rows, k], q[rows, k], place)
         of_candidates = _left_on_blocks(designs, residual[:, k], parts)
         seen = _motion_shown(group, model, data, joint)
-        kept = [c for c, each in enumerate(HOW) if _is_shown(each, seen, residual[:, k], of_candidates[c])]
+        square = np.square(of_candidates).mean(axis=1)  # of no change first
+        clear = (square < CLEAR**2 * np.square(residual[:, k]).mean()) | (seen[1] >= SWEEPS)
+        kept = [c for c, each in enumerate(HOW) if each == NOTHING or (seen[0] >= SHOWN[each] and clear[c])]
         chosen = kept[first_within_one_error(of_candidates[kept], parts)]
         wanted = first_within_one_error(of_candidates, parts)
         if wanted != chosen:
@@ -243,12 +243,6 @@ def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationD
             sweeps, up, low = sweeps + 1, False, value
         low, high = min(low, value), max(high, value)
     return float(np.ptp(q)) / max(box, RESOLUTION), sweeps
-
-
-def _is_shown(how: str, seen: tuple[float, int], before: Floats, left: Floats) -> bool:
-    """Return whether minutes show enough of a joint for a kind of change, from its errors before and on blocks."""
-    is_clear = seen[1] >= SWEEPS or np.square(left).mean() < CLEAR**2 * np.square(before).mean()
-    return how == NOTHING or (seen[0] >= SHOWN[how] and bool(is_clear))
 
 
 def _only_offset(

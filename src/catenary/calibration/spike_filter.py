@@ -54,10 +54,9 @@ def find_leaps(
     course: Integers,  # (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER
     leaping: Flags,  # (N,) receives whether a row is of another motion, or leaps
 ) -> None:
-    """Find positions that leap, and whether they return; what is not finite changes nothing.
+    """Find positions that leap farther than a joint can have gone since the last believed one, and whether they return.
 
-    A leap is farther from the last believed position than the joint can have gone since, and was a spike when a row
-    within CONFIRM of it does not leap. In another motion every position is believed.
+    A leap was a spike when a row within CONFIRM of it does not leap. In another motion every position is believed.
     """
     for row in range(len(signals)):
         fast, leaping[row] = 0.0, False

@@ -17,11 +17,7 @@ Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 @dataclass(frozen=True)
 class ValidRange:
-    """A box around the training features, and one along their principal axes.
-
-    The first catches a joint beyond where it was, the second combinations that never occurred together:
-    large steps where only small ones were seen, a torque on the wrong side of a motion.
-    """
+    """A box around the training features, and one along their principal axes, for combinations never seen."""
 
     lower: StoredFloats  # (F,) in the features' units
     upper: StoredFloats  # (F,)

@@ -8,7 +8,6 @@ import re
 import sqlite3
 from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path, PurePath
@@ -41,7 +40,12 @@ class SqliteBag(BagFile):
             self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
             self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
             self._database.execute("PRAGMA writable_schema = ON")  # else one that was cut off is not opened at all
-            _require_plain_tables(path, self._database)
+            self._database.execute("PRAGMA trusted_schema = OFF")
+            for kind, name, text in self._database.execute("SELECT type, name, sql FROM sqlite_master"):
+                # nothing is worked out when it is read
+                computed = re.search(r"\bVIRTUAL\b|\bGENERATED\b|\bAS\s*\(|\bWHERE\b", str(text or ""), re.IGNORECASE)
+                if kind not in ("table", "index") or computed:
+                    raise FileFormatError(f"{path}: {kind} {shortened(name)}: expected plain tables and indices")
             texts = dict[str, str]()
             with contextlib.suppress(sqlite3.Error):  # older bags have none, and types of ROS's own are known
                 texts |= dict(
@@ -121,15 +125,6 @@ class SqliteBag(BagFile):
         self.damage.append(f"{self.path}: cannot be read as SQLite: {why}; it was read around the damage")
 
 
-def _require_plain_tables(path: Path, database: sqlite3.Connection) -> None:
-    """Refuse a file in which anything is worked out when it is read."""
-    database.execute("PRAGMA trusted_schema = OFF")
-    for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master"):
-        computed = re.search(r"\bVIRTUAL\b|\bGENERATED\b|\bAS\s*\(|\bWHERE\b", str(text or ""), re.IGNORECASE)
-        if kind not in ("table", "index") or computed:
-            raise FileFormatError(f"{path}: {kind} {shortened(name)}: expected plain tables and indices")
-
-
 METADATA = "metadata.yaml"
 FILES = (".mcap", ".db3")  # that a ROS 2 bag consists of
 _MOST_YAML = 2**18  # [B] of metadata.yaml; that of 500 topics has 200 kB
@@ -146,8 +141,7 @@ class TopicLoss(NamedTuple):
     seconds: float  # without a message, beyond the usual interval
 
 
-@dataclass(frozen=True)
-class Rescue:
+class Rescue(NamedTuple):
     """What is there of a recording that was not whole, and what is not."""
 
     topics: tuple[TopicLoss, ...]
@@ -156,11 +150,7 @@ class Rescue:
 
     @classmethod
     def of(cls, arrivals: Mapping[str, Integers], holes: Sequence[Hole], *, ends_early: bool) -> Self:
-        """Compare topics, whose messages arrived (M,) [ns], with one another.
-
-        A topic goes on at its usual rate, the median of its intervals, between the last message before a hole and the
-        first behind it. What came behind a recording's end is not counted, but for topics that end before others.
-        """
+        """Compare topics, which arrived (M,) [ns]: each lost in holes what comes at its usual rate, the median."""
         there = [a for a in arrivals.values() if len(a)]
         span = max(int(a[-1]) for a in there) - min(int(a[0]) for a in there) if there else 0
         found = []

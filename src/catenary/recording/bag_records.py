@@ -218,12 +218,10 @@ def gather(chunk: bytes, records: Records) -> Block:
 
 @compiled
 def _u32(data: NDArray[np.uint8], position: int) -> Any:
-    return (
-        np.int64(data[position])
-        | np.int64(data[position + 1]) << 8
-        | np.int64(data[position + 2]) << 16
-        | np.int64(data[position + 3]) << 24
-    )
+    value = np.int64(0)
+    for k in range(4):
+        value |= np.int64(data[position + k]) << 8 * k
+    return value
 
 
 @compiled

@@ -112,11 +112,7 @@ class BagFile:
 
 
 class BagStream(BagFile):
-    """Reads a ROS 1 bag or an MCAP file from its beginning, in the order in which it was recorded.
-
-    It reads what is whole: up to the last message, or the last chunk where chunks are compressed, and on behind what
-    is damaged. `damage` says where that was; a bag without its index has one, too.
-    """
+    """Reads a ROS 1 bag or an MCAP file as it was recorded, and on behind damage, which `damage` tells."""
 
     def __init__(self, path: Path) -> None:
         """Read the file once, to find its topics."""
@@ -406,24 +402,18 @@ class BagStream(BagFile):
             self._keep(number, found)
         elif kind == _HEADER:
             self.is_journal = text_at(data, text_at(data, 0)[1])[0] == LIBRARY
-        elif kind == _METADATA:
-            self._told(data)
-
-    def _told(self, data: bytes) -> None:
-        """Keep what a journal's metadata say."""
-        name, position = text_at(data, 0)
-        if name not in (ABOUT, NOTE, ENDED, PASS):
-            return
-        key, position = text_at(data, position + 4)
-        value = text_at(data, position)[0]
-        if (name, key) == (ABOUT, "about") and self.about is None:
-            self.about = About.from_json(value.encode(), f"{self.path}: what it is of")
-        elif name == NOTE and len(self.remarks) < _MOST_PROBLEMS:
-            self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
-        elif name == ENDED:
-            self.is_last = value == "true"
-        elif name == PASS:
-            self.begins = float(value)
+        elif kind == _METADATA and text_at(data, 0)[0] in (ABOUT, NOTE, ENDED, PASS):  # of a journal
+            name, position = text_at(data, 0)
+            key, position = text_at(data, position + 4)
+            value = text_at(data, position)[0]
+            if (name, key) == (ABOUT, "about") and self.about is None:
+                self.about = About.from_json(value.encode(), f"{self.path}: what it is of")
+            elif name == NOTE and len(self.remarks) < _MOST_PROBLEMS:
+                self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
+            elif name == ENDED:
+                self.is_last = value == "true"
+            elif name == PASS:
+                self.begins = float(value)
 
     def _missed(self, name: str, number: int, missing: int, arrival: int, before: int | None) -> None:
         """Tell of numbers that are missing before one, or come again; `before` is None of a topic's first message."""

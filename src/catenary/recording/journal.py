@@ -150,8 +150,7 @@ class _Chunk:
 class JournalWriter:
     """Writes a recording. Appending copies bytes; a thread brings them to the disk every half second.
 
-    Raises RecordingError at the next append, or when closed, if the disk is full or fails: the file then ends behind
-    its last whole message and the error says which that was.
+    If the disk is full or fails, the file ends behind its last whole message, and the next append or close says so.
     """
 
     def __init__(

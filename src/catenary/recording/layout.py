@@ -98,8 +98,8 @@ class _Walk:
 def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = fields) -> np.dtype[np.void]:
     """Return the structured type that reads this message and all others with strings and sequences of the same lengths.
 
-    Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored. `data` is
-    in ROS 1's encoding, or in CDR with its four bytes in front, little-endian; `fields_of` says what types hold.
+    Fields are paths such as `header.stamp.sec` or `position`, `#position` its length. `data` is in ROS 1's encoding, or
+    in CDR, little-endian, with its four bytes; `fields_of` says what types hold.
     """
 
     def size_of(path: str, offset: int) -> int:

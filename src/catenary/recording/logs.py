@@ -87,7 +87,12 @@ def read_log(
             f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
             f"`catenary import {path}` proposes how to read others"
         )
-    return _as_given(path, log, units, joint_names)
+    names = log.joint_names if joint_names is None else tuple(joint_names)
+    if units is not None and len(units) != len(names):
+        raise InputError(f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given")
+    own = dict(zip(log.joint_names, log.joint_units, strict=True))
+    said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
+    return log.in_order_of(Joints(names, said), of="those given are")
 
 
 def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints: Sequence[str] = ()) -> MotionLog:
@@ -96,9 +101,8 @@ def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints:
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
     `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
     base axes, where the base tilts or turns. `effort` or `current` (N, n) in place of `tau` is what the robot reports
-    raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. With `joint_names` (n,) the
-    joints are put into the robot's order; without, and without `units`, they are taken to be the robot's. Where only
-    some `joints` of it are wanted, others may be missing, and all stay in the file's order.
+    raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. Joints are put into the
+    robot's order; where only some `joints` are wanted, others may be missing, and all stay in the file's order.
     """
     ending = table_ending(path)
     if ending == ".parquet":
@@ -276,16 +280,6 @@ def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
         expected = f"expected {FORMAT!r}: another version wrote it; make it again"
         raise FileFormatError(f"{path}: log format {shortened(stated.format)}, {expected}")
     return stated
-
-
-def _as_given(path: Path, log: MotionLog, units: Sequence[str] | None, joint_names: Sequence[str] | None) -> MotionLog:
-    """Return a log that states its joints in the order of those given; refuse others, or other units."""
-    names = log.joint_names if joint_names is None else tuple(joint_names)
-    if units is not None and len(units) != len(names):
-        raise InputError(f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given")
-    own = dict(zip(log.joint_names, log.joint_units, strict=True))
-    said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
-    return log.in_order_of(Joints(names, said), of="those given are")
 
 
 _numbers = count()

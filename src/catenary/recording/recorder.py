@@ -1,9 +1,8 @@
 """Turns a robot's telemetry into the messages it would publish, at each topic's rate, and writes the journal.
 
 Telemetry is a mapping from the names of the topics' columns to numbers in SI: of a RAVEN-II raven_state's fields (jpos
-and tau at least; what else is missing is published as zero), `ext_jpos` (3,), `joint_enc` (3,) and `measured_js` (7,),
-with `_velocity` and `_effort` where known. Degrees, micrometres and counts appear when the message is made. A topic
-whose columns a robot lacks altogether is left out, and `left_out` names it.
+and tau at least; others are zero where missing), `ext_jpos` (3,), `joint_enc` (3,) and `measured_js` (7,), with
+`_velocity` and `_effort` where known. A topic whose columns a robot lacks altogether is left out (`left_out`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -51,11 +50,6 @@ class Throttle:
         self._due = self._due[passed:]
         return np.unique(ticks)
 
-    @property
-    def next_due(self) -> float:
-        """The next instant at which a message is due [s]."""
-        return float(self._due[0]) if len(self._due) else -np.inf
-
 
 class Recorder:
     """Records telemetry, stamped `start_ns` plus its time, tick by tick or whole; the disk is not written in a tick."""
@@ -89,17 +83,9 @@ class Recorder:
         self._sent = [0] * len(self.topics)
         self._start = start_ns
         self._last_time = -np.inf
-        self.next_due = -np.inf  # [s] no tick before it needs its telemetry collected
         self.journal = JournalWriter(
             folder, [JournalTopic(t.name, t.type) for t in self.topics], about, max_bytes=max_bytes
         )
-
-    def observe(self, time: float, telemetry: Mapping[str, Floats]) -> None:
-        """Take one tick's telemetry, each column (width,)."""
-        if self._last_time < time < self.next_due:
-            self._last_time = time  # most ticks: nothing is due
-            return
-        self.observe_many(np.array([time]), {name: np.atleast_1d(v)[None] for name, v in telemetry.items()})
 
     def observe_many(self, time: Floats, telemetry: Mapping[str, Floats]) -> None:
         """Take N ticks' telemetry, each column (N, width) or (N,), in one go; may be called again with what follows."""
@@ -113,7 +99,6 @@ class Recorder:
                 raise InputError(f'telemetry "{name}": {len(values)} rows, but {len(time)} ticks')
         self._last_time = float(time[-1])
         picked = [throttle.pick(time) for throttle in self._throttles]
-        self.next_due = min(throttle.next_due for throttle in self._throttles)
         for first in range(0, len(time), BLOCK):
             self._write(time, telemetry, picked, first)
 
@@ -140,10 +125,6 @@ class Recorder:
 
     def _stamps(self, time: Floats) -> Integers:
         return self._start + np.rint(time * SECOND).astype(np.int64)
-
-    def close(self) -> None:
-        """Finish the recording."""
-        self.journal.close()
 
     def __enter__(self) -> Self:
         return self

@@ -11,7 +11,7 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
-from catenary.side_by_side import Progress, of_each
+from catenary.side_by_side import of_each
 from catenary.units import DISPLAY
 from catenary.verdict.correspondence import correspondence_findings, joints_in_place
 from catenary.verdict.delay import Delay
@@ -41,11 +41,9 @@ def findings_of(
     *,
     robot: RobotModel | None = None,  # whose limits positions are held against, by the names of joints
     max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out
-    # least and largest positions that a model of it was trained on, each (n,) [rad|m]
-    trained: tuple[Floats, Floats] | None = None,
 ) -> tuple[Finding, ...]:
     """Return what is wrong with a recording, and what is worth knowing, the gravest first."""
-    return (*_alone(log, robot, max_error, trained), *(each for _, each in repeated_findings([log])))
+    return (*_alone(log, robot, max_error, None), *(each for _, each in repeated_findings([log])))
 
 
 def _alone(
@@ -117,16 +115,12 @@ def verdict(
     """Refuse recordings that no model is to be made from, or tested on; return what is worth knowing of others."""
     require_names(accept)
 
-    def of_log(log: MotionLog, _: Progress) -> list[Finding]:
-        return _alone(log, robot, max_error, trained)
-
-    found = [
-        (log.name, each)
-        for log, findings in zip(logs, of_each(of_log, logs), strict=True)
-        for each in findings
-        if not (testing and each.name in NEEDED_TO_LEARN)
-    ]
-    found += [] if testing else repeated_findings(logs)
+    own = of_each(lambda log, _: _alone(log, robot, max_error, trained), logs)
+    found = [(log.name, each) for log, findings in zip(logs, own, strict=True) for each in findings]
+    if testing:
+        found = [(name, each) for name, each in found if each.name not in NEEDED_TO_LEARN]
+    else:
+        found += repeated_findings(logs)
     of_name = {name: each.delay for name, each in found if each.delay is not None}
     return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
 
@@ -211,17 +205,10 @@ def extent_findings(log: MotionLog) -> list[Finding]:
     elif still:
         says = "never moved; a model holds only where it stood"
         findings.append(Finding("constant", tuple(still), says, refuses=False))
-    findings += _constant_columns(log, moved)
-    return findings
-
-
-def _constant_columns(log: MotionLog, moved: Floats) -> list[Finding]:
-    findings = []
-    scale = scales(log)
     if log.q_encoder is not None and log.ok.any():
-        measured = scale * log.q_encoder[log.ok]
-        spans = np.ptp(np.percentile(measured, [1.0, 99.0], axis=0), axis=0)
-        joints = zip(log.joint_names, log.joint_units, moved, measured.T, spans, strict=True)
+        seen = scale * log.q_encoder[log.ok]
+        spans = np.ptp(np.percentile(seen, [1.0, 99.0], axis=0), axis=0)
+        joints = zip(log.joint_names, log.joint_units, moved, seen.T, spans, strict=True)
         for name, unit, command, column, span in joints:
             shown = DISPLAY[unit][0]
             if np.ptp(column) == 0.0 and command > MOVED:

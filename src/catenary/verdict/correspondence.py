@@ -32,7 +32,10 @@ def joints_in_place(pairs: Pairs) -> Integers:
     found = _assigned(unexplained)
     if (found == np.arange(len(moving))).all():
         # commands that move as one are told apart by where they stand, in the same units
-        found = _assigned(_distances(pairs)[inside], among=unexplained)
+        units = np.array(pairs.log.joint_units)
+        apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
+        distances = np.where(units[:, None] == units, np.log(np.maximum(apart, NEAR)), np.log(1e6))
+        found = _assigned(distances[inside], among=unexplained)
     place[moving] = moving[found]
     return place
 
@@ -60,14 +63,6 @@ def _cycles_of(permutation: Integers) -> list[list[int]]:
         left -= set(cycle)
         cycles.append(cycle)
     return cycles
-
-
-def _distances(pairs: Pairs) -> Floats:
-    """Return logarithms of the median distance between measurement i and command j; large in unlike units."""
-    units = np.array(pairs.log.joint_units)
-    apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
-    distances: Floats = np.where(units[:, None] == units, np.log(np.maximum(apart, NEAR)), np.log(1e6))
-    return distances
 
 
 def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], list[Finding]]:

@@ -11,9 +11,8 @@ from catenary.verdict.delay import CERTAIN, LOOKS, Delay, delay_of, reach_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales
 
-# Lags beyond what `delay_of` looks at, by cross-correlation. Hysteresis looks like a lag, at most half of the
-# unexplained variance of a wrist's joint is gone a row later; rows out of step leave 3 to 9000 times as much on a real
-# arm's tight joints.
+# Lags beyond what `delay_of` looks at, by cross-correlation. Hysteresis looks like a lag: at most half of what a wrist
+# leaves unexplained is gone a row later; rows out of step leave 3 to 9000 times as much on a real arm's tight joints.
 CLEARLY = 3.0
 MOST_ROWS = 64  # that the two are moved against each other
 LONGEST = 2.0  # [s] the lag that is looked for where rows are dense: cables, filters and networks lag under one

@@ -43,10 +43,7 @@ def play(command: Floats, radius: float) -> Floats:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Commands and measurements of the trusted rows, in deg and mm, and their correlations.
-
-    Correlations and slopes leave single outliers out, row by row of each measured joint.
-    """
+    """Commands and measurements of trusted rows, in deg and mm; correlations and slopes leave single outliers out."""
 
     log: MotionLog
     q: Floats  # (N, n) commands

@@ -38,7 +38,9 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         return (units * n if len(units) == 1 else units), "as given", True
     if (stated := one.stated_units()) is not None:
         return stated, "by the names of the columns", True
-    if _is_normalised(one):
+    ends = [low == -high and high in (1.0, 100.0) for low, high in one.ranges]
+    # LeRobot's `.pos` are such shares, unless somebody chose degrees: nothing in a dataset says which
+    if all(joint.endswith(".pos") for joint in one.joints) or (n > 1 and 2 * sum(ends) > n):
         return ("rad",) * n, "its numbers look like shares of each joint's range, whose ends nobody states", False
     sizes = [max(abs(low), abs(high)) for low, high in one.ranges]
     large = [size > _LARGEST_TURN for size in sizes]
@@ -55,7 +57,8 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         )
         by = "its limits" if told else "the range"
         return units, f"by the robot {model.name} and {by}", told or is_ros or not any(large)
-    slides = [_slides(joint.lower()) for joint in one.joints]
+    names = map(str.lower, one.joints)
+    slides = [any(word in n for word in _SLIDING) and not any(word in n for word in _TURNING) for n in names]
     large = [size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)]
     if not any(large):
         told_by = "ROS's JointState is in rad and m" if is_ros else "nothing says them: rad"
@@ -72,16 +75,6 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     why = f"by their range: more than a turn in rad is {moved}{by_name}"
     named = all(slide for slide, is_large in zip(slides, large, strict=True) if is_large)
     return units, why, is_ros and named
-
-
-def _slides(joint: str) -> bool:
-    return any(word in joint for word in _SLIDING) and not any(word in joint for word in _TURNING)
-
-
-def _is_normalised(one: Candidate) -> bool:
-    """Return whether columns seem to be shares of a range: LeRobot's `.pos`, unless in deg, or from -1 to 1 exactly."""
-    ends = [low == -high and high in (1.0, 100.0) for low, high in one.ranges]
-    return all(joint.endswith(".pos") for joint in one.joints) or (len(ends) > 1 and 2 * sum(ends) > len(ends))
 
 
 def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> str | None:

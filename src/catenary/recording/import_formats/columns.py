@@ -175,10 +175,7 @@ def _choices(reference: str, streams: Sequence[Stream]) -> str:
 
 
 def not_used(streams: Sequence[Stream], used: Mapping[str, Collection[str]]) -> tuple[str, ...]:
-    """Return what of a recording is not among the columns that are used of each stream: topics, arrays, columns.
-
-    Of a topic that is used, arrays beside names of joints; columns that differ in a number are one, `tau1 ... tau7`.
-    """
+    """Return what of a recording is unused: topics, arrays beside joints' names, columns (`tau1 ... tau7` as one)."""
     found: list[str] = []
     for stream in streams:
         mine = set(used.get(stream.name, ()))

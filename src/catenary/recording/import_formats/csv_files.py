@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
@@ -63,8 +63,7 @@ class TextDialect(NamedTuple):
         return cell in NOTHING
 
 
-@dataclass(frozen=True)
-class TextColumn:
+class TextColumn(NamedTuple):
     """A column of a text table, and how its cells are read."""
 
     name: str
@@ -74,8 +73,7 @@ class TextColumn:
     odd: str = ""  # the first cell of a column of text, where others are numbers, and its line
 
 
-@dataclass(frozen=True)
-class TextHead:
+class TextHead(NamedTuple):
     """How a text table is read."""
 
     dialect: TextDialect
@@ -83,21 +81,18 @@ class TextHead:
     begins: int  # lines before the first row
     columns: tuple[TextColumn, ...]
     is_named: bool
-    joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    heads: tuple[str, ...] = ()  # lines above the rows that are no comments: behind them they begin another recording
-    torn: str = ""  # the last line, where it was not written to its end
-    notes: tuple[str, ...] = ()
+    joints: dict[str, tuple[str, ...]]
+    heads: tuple[str, ...]  # lines above the rows that are no comments: behind them they begin another recording
+    torn: str  # the last line, where it was not written to its end
+    notes: tuple[str, ...]
 
 
 def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unended: str = "") -> TextHead:
-    """Tell how a text table is read.
+    """Tell how a text table is read, by its first lines, its last ones if not among them, and a last one `unended`.
 
     Comment lines begin with #, % or //. Rows begin where a line has the usual number of cells, and none that is text
     above numbers. The line of names is the last line before them, or the last comment, that has a cell for each
     column; a line of units behind it goes into the names. A table without names has `data[0]`, `data[1]`, ...
-
-    `lines` are its first ones, empty ones too, `last` its last ones, where they are not among the first; but for the
-    very last, `unended`, where it has no end.
     """
     lines = [*lines, unended] if len(lines) < 2 and unended else lines  # a head and one row
     lines = [lines[0].lstrip("\ufeff"), *lines[1:]] if lines else []

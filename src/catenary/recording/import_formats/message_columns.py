@@ -49,11 +49,7 @@ class Bag:
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
         self.counts = {name: count for name, count in self._reader.counts.items() if count}
         self.about = self._reader.about
-
-    @property
-    def first_arrival(self) -> int:
-        """When its first message arrived [ns]."""
-        return 2**63 if self._reader.first is None else self._reader.first
+        self.first_arrival = 2**63 if self._reader.first is None else self._reader.first  # [ns]
 
     @property
     def problems(self) -> list[str]:

@@ -40,9 +40,8 @@ class _Stamps(NamedTuple):
 class OneClock:
     """Quantities of a recording at the stamps of q_nominal.
 
-    Headers are left for arrivals in all topics when the headers of two differ by more than a second from the arrivals,
-    each by another time: they are then of clocks that nobody set. Rows of one table in which time goes back begin
-    another recording. A table without time keeps its rows.
+    Where headers of two topics lie behind arrivals by times more than a second apart, nobody set the clocks, and all
+    topics take arrivals. Rows of one table in which time goes back begin another recording.
     """
 
     def __init__(

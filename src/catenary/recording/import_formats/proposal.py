@@ -3,17 +3,25 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import InputError
-from catenary.recording.import_formats.column_groups import Candidate, Role, candidates_of, moving_columns, ok_columns
+from catenary.recording.import_formats.column_groups import (
+    Candidate,
+    PoseColumns,
+    Role,
+    candidates_of,
+    moving_columns,
+    ok_columns,
+    poses_of,
+)
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
 from catenary.recording.import_formats.columns import Stream, ends, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import SI, RecordingMapping, words_of
-from catenary.recording.import_formats.pose_columns import PoseColumns, poses_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import UNITS, CoarseTimeError, time_columns, time_of, times_among
 from catenary.robots.catalog import load_robot
@@ -23,8 +31,7 @@ from catenary.visible import visible
 _JOINTS_SHOWN = 8
 
 
-@dataclass(frozen=True)
-class Proposal:
+class Proposal(NamedTuple):
     """A mapping as TOML, what was decided in it, what is left to the reader, and what of the recording it leaves."""
 
     toml: str
@@ -121,7 +128,12 @@ def propose(
     if unheard:
         none = "nothing is open: leave --answer out and say --yes, or name columns and units by --map"
         raise InputError(f"--answer {unheard[0]}: the proposal does not ask this: {'; '.join(questions) or none}")
-    return Proposal(_toml(draft), tuple(draft.decisions), questions, left)
+    said = [f"# {line}" for line in draft.decisions]
+    for about, (text, choices) in draft.questions.items():
+        said += [f"# OPEN: {text}", *(f"#   --answer {about}={choice}   {words}" for choice, words in choices.items())]
+    lines = map(visible, [*said, *draft.top, *draft.tables])
+    toml = "".join(line.replace("\n", "\\n").replace("\t", " ") + "\n" for line in lines)  # no comment has line feeds
+    return Proposal(toml, tuple(draft.decisions), questions, left)
 
 
 def answers_of(options: Sequence[str]) -> dict[str, str]:
@@ -398,15 +410,6 @@ def _write(
         draft.tables.append(f"{what} = [{', '.join(values)}]  # {visible(why)}")
     else:
         draft.tables.append(f"# {visible(why)}")
-
-
-def _toml(draft: _Draft) -> str:
-    """Return the text; a comment has no line feeds, whatever the names in it hold."""
-    said = [f"# {line}" for line in draft.decisions]
-    for about, (text, choices) in draft.questions.items():
-        said += [f"# OPEN: {text}", *(f"#   --answer {about}={choice}   {words}" for choice, words in choices.items())]
-    lines = [*said, *draft.top, *draft.tables]
-    return "\n".join(visible(line).replace("\n", "\\n").replace("\t", " ") for line in lines) + "\n"
 
 
 def _text(value: str) -> str:

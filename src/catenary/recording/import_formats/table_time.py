@@ -51,10 +51,7 @@ class TableTime(NamedTuple):
 
 
 def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None) -> TableTime | None:
-    """Return the stamps of a table's rows; None where it has none.
-
-    One of `columns` holds the time, or it is told by name; its unit by name, by being since 1970, or by the rows' rate.
-    """
+    """Return the stamps of a table's rows by `columns`, a name or the rate; None where it has none."""
     if rate is not None:
         if columns:
             raise InputError("time and rate_hz: expected one of them")

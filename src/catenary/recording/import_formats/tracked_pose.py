@@ -14,9 +14,9 @@ from catenary.documents import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import Configuration, jacobian
 from catenary.errors import InputError
+from catenary.recording.import_formats.column_groups import PARTS, poses_by_parts, poses_of
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
-from catenary.recording.import_formats.pose_columns import PARTS, poses_by_parts, poses_of
 from catenary.recording.import_formats.registration import PosesAt, TrackedPoses, register_in_time
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
@@ -155,13 +155,11 @@ def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Flo
 def joints_from_poses(
     model: RobotModel, tracked: TrackedPose, poses: TrackedPoses, base: Pose, marker: Pose, chosen: Sequence[int]
 ) -> Floats:
-    """Return the joint positions at which the robot's frame is nearest to where the marker says.
+    """Return the joint positions (M, n) [rad|m] at which the robot's frame is nearest to where the marker says.
 
-    T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the point of the
-    frame where it sits is nearest.
-
-    Returns (M, n) [rad|m]; NaN where the pose is not finite, no joints within the limits come as near as `within_mm`
-    and `within_deg`, or the arm is singular, so that the pose does not tell where the chosen joints are.
+    T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the frame's point
+    where it sits. NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
+    `within_deg`, or the pose does not determine the chosen joints.
     """
     seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)
     if poses.rotation is None:
