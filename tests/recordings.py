@@ -13,7 +13,7 @@ from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.neural import BEST, PAPER
 from catenary.plant import MotionLog
-from catenary.transmission.coupled_friction import coupled_friction
+from catenary.transmission.cable_friction import coupled_friction
 
 REACH = {"rad": 1.0, "m": 0.1}  # amplitude of the motion
 STEP = 0.1  # [s] between rows

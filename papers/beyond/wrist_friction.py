@@ -2,7 +2,7 @@
 
 Joints 5 and 6 of a dVRK PSM hang on cables that both share (Hwang et al., RA-L 2020; quasi-static poses measured by a
 camera). Ridge regressions on smooth units take play states of each joint, or friction states of the coupled pair, whose
-law is found in the training rows; see transmission/coupled_friction.py. Errors are on contiguous blocks, or recordings,
+law is found in the training rows; see transmission/cable_friction.py. Errors are on contiguous blocks, or recordings,
 that a model did not see, and on whole other recordings. The jaws of da Vinci tools (Stephens et al., RA-L 2018) carry
 loads: models of a folder are told positions alone, the motor's current, or a torque, and predict runs left out, or
 every other folder, refreshed by ten seconds of one run and tested on all others; within the valid range or not.

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.errors import InputError
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
 _FEW = 64  # numbers that Python adds up sooner than NumPy is called
 

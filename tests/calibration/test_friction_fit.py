@@ -14,7 +14,7 @@ from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.transmission.coupled_friction import coupled_friction
+from catenary.transmission.cable_friction import coupled_friction
 from recordings import COMPLIANCE, THRESHOLDS, coupled_arm
 
 OPTIONS = FitOptions(kind="hysteretic")

@@ -12,7 +12,7 @@ from catenary.recording.logs import write_parquet
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import joint_torques
-from catenary.transmission.coupled_friction import coupled_friction
+from catenary.transmission.cable_friction import coupled_friction
 from command_line import catenary, refusal
 
 STIFFNESS, JOINT_SIDE, MOTOR_SIDE = 90.0, 0.3, 0.5  # [Nm/rad, Nm, Nm]

@@ -13,7 +13,7 @@ from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.predictors import Activation, Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.plant import MotionLog
-from catenary.transmission.coupled_friction import coupled_friction
+from catenary.transmission.cable_friction import coupled_friction
 
 PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "tanh, skip", "logistic, skip")
 MIXED = "each joint its own"  # as model auto's are

@@ -13,7 +13,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.errors import InputError
 from catenary.plant import JOINT_ARRAYS
-from catenary.recording.on_disk import on_disk
+from catenary.recording.logs import on_disk
 from catenary.side_by_side import on_workers
 from recordings import recording
 
@@ -53,7 +53,7 @@ def test_nothing_is_left_on_disk_when_the_program_ends() -> None:
     program = """
 import numpy as np
 from catenary.plant import MotionLog
-from catenary.recording.on_disk import on_disk
+from catenary.recording.logs import on_disk
 print(on_disk(MotionLog("a", ("J1",), ("rad",), np.zeros((9, 1)), np.ones(9, dtype=bool))).q_nominal.filename)
 """
     path = Path(

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
-from catenary.transmission.cable_friction import coulomb, coulomb_coupled, dragged
-from catenary.transmission.coupled_friction import coupled_friction
+from catenary.transmission.cable_friction import coulomb, coulomb_coupled, coupled_friction, dragged
 
 speeds = st.floats(-10.0, 10.0)
 bounds = st.floats(0.0, 10.0)

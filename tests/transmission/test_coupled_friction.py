@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from catenary.errors import InputError
-from catenary.transmission.coupled_friction import CoupledFriction, coupled_friction, drag_along
+from catenary.transmission.cable_friction import CoupledFriction, coupled_friction, drag_along
 
 FAR = 1e9  # a step that is never split
 repeatable = settings(derandomize=True, deadline=None)  # the first call compiles

@@ -11,12 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.kernels.bind import bind
 from catenary.kernels.compiled import compiled, inlined
 
-Flags = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 BLOCK_ROWS = 512  # rows of a batch that are taken at once: what lies between two steps stays in the cache
 
 
@@ -76,24 +74,21 @@ def rescale(Z: Floats, scale: Floats, mean: Floats, Y: Floats) -> None:
 
 @compiled
 def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
-    """Write Y = X @ weights + bias, weights (F, m), each output summed in the order of its inputs.
-
-    Eight rows share what they read of the weights, and four inputs what they read and write of Y.
-    """
+    """Write Y = X @ weights (F, m) + bias, summed in the order of inputs; eight rows share what they read."""
     fours = len(weights) - len(weights) % 4
     for first in range(0, len(X), 8):
-        rows = range(first, min(first + 8, len(X)))
-        for row in rows:
+        last = min(first + 8, len(X))
+        for row in range(first, last):
             for k in range(len(bias)):
                 Y[row, k] = bias[k]
         for i in range(0, fours, 4):
-            for row in rows:
+            for row in range(first, last):
                 a, b, c, d = X[row, i], X[row, i + 1], X[row, i + 2], X[row, i + 3]
                 for k in range(len(bias)):
                     sum_of_two = Y[row, k] + a * weights[i, k] + b * weights[i + 1, k]
                     Y[row, k] = sum_of_two + c * weights[i + 2, k] + d * weights[i + 3, k]
         for i in range(fours, len(weights)):
-            for row in rows:
+            for row in range(first, last):
                 for k in range(len(bias)):
                     Y[row, k] += X[row, i] * weights[i, k]
 
@@ -195,31 +190,18 @@ def errors_of_positions(q: Floats, joints: Integers, prediction: Floats) -> None
 
 @compiled
 def choose(
-    prediction: Floats,
-    known: Flags,
-    q: Floats,
-    joints: Integers,
-    offset: Floats,
-    reach: Floats,
-    lower: Floats,
-    upper: Floats,
-    correction: Floats,
-    inside: Flags,
+    prediction: Floats,  # (N, m) errors of `joints`; one that is not finite is not to be trusted
+    known: Flags,  # (N,) whether the features are inside the valid range
+    q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
+    joints: Integers,  # (m,) which of the n joints
+    offset: Floats,  # (n,) fixed offsets
+    reach: Floats,  # (n,) largest errors that are believed
+    lower: Floats,  # (n,) calibrated positions that are believed
+    upper: Floats,  # (n,)
+    correction: Floats,  # (N, n) receives them
+    inside: Flags,  # (N, n) receives whether each is a prediction
 ) -> None:
-    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted.
-
-    Args:
-        prediction: (N, m) errors of `joints`; one that is not finite is not to be trusted.
-        known: (N,) whether the features are inside the valid range.
-        q: (N, n) reported positions; where one is not finite, nothing is known of that joint.
-        joints: (m,) which of the n joints.
-        offset: (n,) fixed offsets.
-        reach: (n,) largest errors that are believed.
-        lower: (n,) calibrated positions that are believed.
-        upper: (n,)
-        correction: (N, n) receives them.
-        inside: (N, n) receives whether each is a prediction.
-    """
+    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted."""
     for row in range(len(q)):
         for k in range(len(joints)):
             joint = joints[k]

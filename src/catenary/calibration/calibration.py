@@ -10,7 +10,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
 from catenary.errors import InputError
-from catenary.plant import MotionLog
+from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import read_log
 from catenary.recording.mend import AS_TRAINED
 from catenary.side_by_side import Progress, silent
@@ -35,6 +35,7 @@ from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 
 Recording = MotionLog | str | Path
+Item = TypeVar("Item")
 ARRAYS = "arrays"  # what the log of these is called
 _log = logging.getLogger(__name__)
 Motion = ArrayLike | Recording | Sequence[Recording]
@@ -74,11 +75,9 @@ class Calibration(CalibrationModel):
         return np.concatenate([self.calibrate(log) for log in self._logs(q_nominal, **arrays)])
 
     def predict_interval(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
-        """Return half-widths of intervals about what `predict` gives; arguments and errors are its.
+        """Return half-widths (N, n) [rad|m] of intervals about what `predict` gives; arguments and errors are its.
 
-        Returns:
-            (N, n) [rad|m]; a share of errors, `intervals.level`, is to lie within; wider outside the valid range,
-            NaN where the model has no intervals.
+        A share of errors, `intervals.level`, is to lie within; wider outside the valid range, NaN without intervals.
         """
         return np.concatenate([self.half_widths(log) for log in self._logs(q_nominal, **arrays)])
 
@@ -94,13 +93,11 @@ class Calibration(CalibrationModel):
         """Return errors before and after the model, on data that it should not have seen.
 
         Data with which something is wrong, such as other units, are refused: errors on them are no fault of the model.
+        Other arguments are those of `predict` and `fit`.
 
         Args:
-            q_nominal: As for `predict`.
             q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
             window: Length of a time window [s]; a tenth of the data when None.
-            accept: As for `fit`.
-            arrays: As for `predict`.
 
         Raises:
             DataError: Something is wrong with the data; the message says what, how to fix it, and how to accept it.
@@ -222,24 +219,8 @@ def fit(
         FileFormatError: A recording is missing or damaged.
     """
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
-    options = FitOptions(
-        kind=model,
-        preset=preset,
-        inputs=inputs,
-        play=None if play is None else tuple(play),
-        target=target,
-        ridge=ridge,
-        seed=seed,
-        coupled=None if coupled is None else tuple(coupled),
-    )
-    run = FitRun(
-        robot=robot,
-        max_error=None if max_error is None else tuple(max_error),
-        held_out=held_out,
-        folds=folds,
-        accept=tuple(accept),
-        coverage=coverage,
-    )
+    options = FitOptions(model, preset, inputs, _tuple(play), target, ridge, seed, _tuple(coupled))
+    run = FitRun(robot, _tuple(max_error), held_out, folds, tuple(accept), coverage)
     result = fit_logs(logs, options, run, progress=progress)
     return _with_card(result.model, result.card)
 
@@ -255,13 +236,7 @@ def check_data(
 ) -> tuple[Finding, ...]:
     """Return what is wrong with recordings, and what is worth knowing, before a model is made of them.
 
-    Args:
-        q_nominal: (N, n) reported positions [rad|m]; or recordings.
-        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement.
-        units: "rad" or "m" per joint, as for `fit`.
-        joint_names: Names of the joints.
-        robot: Catalogue name or file of the robot; positions are compared with its limits.
-        arrays: As for `fit`.
+    Arguments are those of `fit`; positions are compared with the limits of a `robot`, by its catalogue name or file.
 
     Returns:
         Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
@@ -302,6 +277,10 @@ def refresh(
     return loaded.refresh(q_nominal, q_encoder, accept=accept, **arrays)
 
 
+def _tuple(values: Sequence[Item] | None) -> tuple[Item, ...] | None:
+    return None if values is None else tuple(values)
+
+
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
     return Calibration(**{each.name: getattr(model, each.name) for each in fields(CalibrationModel)}, card=card)
 
@@ -330,23 +309,10 @@ def _logs(
     q = as_array("q_nominal", motion, (None, None))  # type: ignore[arg-type]  # no recordings: an array
     if units is None:
         raise InputError(f'units: expected "rad" or "m" for each of the {q.shape[1]} joints of q_nominal')
-    arrays = {
+    arrays: dict[str, Any] = {
         name: as_array(name, values, q.shape[:1] if name == "time" else q.shape, finite=name != "q_encoder")
         for name, values in quantities.items()
         if values is not None
     }
-    truth = arrays.get("q_encoder")
-    measured = np.ones(q.shape, dtype=bool) if truth is None else np.isfinite(truth)
-    return [
-        MotionLog(
-            name=ARRAYS,
-            joint_names=tuple(joint_names or (f"J{j + 1}" for j in range(q.shape[1]))),
-            joint_units=tuple(units),
-            q_nominal=q,
-            ok=np.asarray(measured.all(axis=1)),
-            q_encoder=truth,
-            time=arrays.get("time"),
-            qd=arrays.get("qd"),
-            tau=arrays.get("tau"),
-        )
-    ]
+    ok = np.isfinite(arrays.get("q_encoder", q)).all(axis=1)
+    return [MotionLog(ARRAYS, tuple(joint_names or nameless(q.shape[1])), tuple(units), q, ok, **arrays)]

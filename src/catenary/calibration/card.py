@@ -4,21 +4,21 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
-from typing import Any
 
 from catenary import __version__
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
+from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import AXES_EXTRAPOLATION, extrapolation
 from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model import REACH, CalibrationModel, Card
-from catenary.calibration.neural import BEST, PAPER, NetworkSettings
+from catenary.calibration.neural import BEST, PAPER
 from catenary.units import DISPLAY
 
 OF_THE_ARM = ("instrument", "tool", "date")  # that a run states, and no option of the fit
 LIBRARIES = ("numpy", "scikit-learn", "numba")
+BLOCKS = "contiguous blocks of time, each predicted by a model that did not see it"
 
 
 def model_card(
@@ -30,13 +30,9 @@ def model_card(
     spread: tuple[Spread, ...],
     held_out: Evaluation | None,
     notes: tuple[str, ...] = (),
-    choices: tuple[JointChoice, ...] = (),
+    choices: tuple[JointChoice, ...] = (),  # of a model of kind "auto", by which errors each joint's kind was chosen
 ) -> Card:
-    """Describe a fitted model and how it came to be.
-
-    Args:
-        choices: Of a model of kind "auto", by which errors each joint's kind was chosen.
-    """
+    """Describe a fitted model and how it came to be."""
     features, intervals = model.features, model.intervals
     names, ranges = features.names, valid_inputs(model)
     of_joint = [choice.chosen for choice in choices] or [model.kind] * len(model.joint_names)
@@ -86,7 +82,14 @@ def model_card(
         else "inputs standardised by mean and standard deviation of the training rows"
         + "; targets of networks standardised too" * ("neural" in kinds),
         "choice": [asdict(choice) for choice in choices] or None,
-        "settings": _settings(options, kinds),
+        "settings": {
+            "kind": options.kind,
+            "inputs": dict(options.inputs) if isinstance(options.inputs, Mapping) else options.inputs,
+            "play_shares": None if options.play is None else list(options.play),
+            "target": options.target,
+            "ridge": options.ridge_used,
+            **({"network": asdict(PAPER if options.network == "paper" else BEST)} if "neural" in kinds else {}),
+        },
         "valid_range": "of each joint: box around its inputs in training and box along their principal axes, "
         "widened by `widened_by` times their range, twice that for midlines and, but for polynomials, "
         f"{AXES_EXTRAPOLATION:g} times along axes; outside it, and where a correction is beyond "
@@ -109,13 +112,11 @@ def model_card(
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {
             "unit": {name: DISPLAY[unit][0] for name, unit in zip(model.joint_names, model.joint_units, strict=True)},
-            "cross_validation": {
-                "how": "contiguous blocks of time, each predicted by a model that did not see it",
-                "joints": [asdict(joint) for joint in spread],
-            }
-            if spread
-            else None,
-            "held_out": [_errors(joint) for joint in held_out.joints] if held_out is not None else None,
+            "cross_validation": {"how": BLOCKS, "joints": [asdict(joint) for joint in spread]} if spread else None,
+            "held_out": held_out
+            and [  # JSON has no NaN, as of a percentage of nothing
+                {key: None if value != value else value for key, value in asdict(j).items()} for j in held_out.joints
+            ],
         },
         "notes": list(notes),
     }
@@ -137,22 +138,3 @@ def valid_inputs(model: CalibrationModel) -> dict[str, dict[str, float]]:
             held = ranges.setdefault(names[column], {"lower": low, "upper": high})
             held["lower"], held["upper"] = max(held["lower"], low), min(held["upper"], high)
     return ranges
-
-
-def _errors(joint: JointErrors) -> dict[str, Any]:
-    """Return errors as JSON can hold them: null where a percentage of nothing was asked for."""
-    return {key: None if value != value else value for key, value in asdict(joint).items()}
-
-
-def _settings(options: FitOptions, kinds: set[str]) -> dict[str, Any]:
-    settings: dict[str, Any] = {
-        "kind": options.kind,
-        "inputs": dict(options.inputs) if isinstance(options.inputs, Mapping) else options.inputs,
-        "play_shares": None if options.play is None else list(options.play),
-        "target": options.target,
-        "ridge": options.ridge_used,
-    }
-    if "neural" in kinds:
-        chosen: NetworkSettings = PAPER if options.network == "paper" else BEST
-        settings["network"] = asdict(chosen)
-    return settings

@@ -3,20 +3,14 @@
 The scores are absolute errors on blocks of time, each predicted by a model that was not fitted to it (cross-conformal
 prediction: Vovk, Annals of Mathematics and AI 74, 2015; Barber et al., Predictive inference with the jackknife+,
 Annals of Statistics 49, 2021). Errors within a block depend on each other strongly, so rows are not exchangeable;
-blocks nearly are. The half-width is that of hierarchical conformal prediction (Lee, Barber and Willett,
-Distribution-free inference with hierarchical data, arXiv 2306.06342; Dunn, Wasserman and Ramdas, Distribution-free
-prediction sets for two-layer hierarchical models, JASA 118, 2023): the quantile of the scores in which each of K blocks
-weighs 1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
+blocks nearly are. The half-width is that of hierarchical conformal prediction (Lee, Barber and Willett, arXiv
+2306.06342; Dunn, Wasserman and Ramdas, JASA 118, 2023): the quantile of the scores in which each of K blocks weighs
+1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
 
-What it guarantees: were blocks exchangeable and the model that of the scores, a row of a new block would lie within the
-half-width with at least the stated probability, whatever the errors' distribution and whatever depends on what in a
-block. What it does not: blocks of one recording are exchangeable only as far as the arm does not drift and blocks are
-long beside its memory (Oliveira et al., JMLR 25, 2024, bound what dependence costs); the final model is fitted to all
-blocks, the scores are of models of fewer, whose errors are rather larger; and it is a statement on all rows together,
-not on each pose.
-
-That holds in the mean of stretches; one of them holds more or less. How much its error and its share vary is seen from
-one block of the cross-validation to another: `expected` states between what they lie.
+Were blocks exchangeable and the model that of the scores, a row of a new block would lie within the half-width with at
+least the stated probability. But arms drift, blocks must be long beside their memory (Oliveira et al., JMLR 25, 2024,
+bound what dependence costs), the final model is fitted to all blocks, and it is a statement on all rows together, not
+on each pose. One stretch holds more or less: `expected` states between what, as blocks of the cross-validation vary.
 """
 
 import math
@@ -25,10 +19,8 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Integers
+from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
 
@@ -52,14 +44,8 @@ def estimate_intervals(
 
     Inside the valid range they are of the rows inside the ranges of the fold's models; outside, of the fixed offset on
     all rows. Where hardly a block has rows inside, that of the offset counts inside too. What a model may be wrong by
-    off the path that it learnt from widens them, as an error of normal distribution that depends on no other.
-
-    Args:
-        level: Share of errors that they are to hold.
-        off_path: (n,) RMS of what the model may be wrong by off its path [rad|m].
-
-    Returns:
-        The half-widths; None where there are too few rows for the level.
+    off the path that it learnt from, RMS `off_path` (n,) [rad|m], widens them, as an error of normal distribution that
+    depends on no other. None where there are too few rows for the level.
     """
     from scipy.stats import norm
 
@@ -82,25 +68,18 @@ def estimate_intervals(
 def expected(
     spread: Sequence[Spread],
     errors: CrossValidation,
-    fold: Integers,
-    fitted: Floats,
-    intervals: Intervals | None,
-    off_path: Floats | float = 0.0,
+    fold: Integers,  # (N,) block of the cross-validation that each row was left out with
+    fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
+    intervals: Intervals | None,  # whose coverage is to be stated; none without
+    off_path: Floats | float = 0.0,  # (n,) as for `estimate_intervals`, in the unit of the spread
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
     The mean of as many blocks of that stretch differs from the mean of these as two means of K blocks do, by Student's
     distribution. The variance of a block, of the logarithm of its RMSE or of the share held, is the mean of the
     joints', as one joint's of five blocks is hardly known. Models of the blocks saw fewer rows than the model itself,
-    whose error may be as low as the .632 estimate, between theirs and its own on the rows that it was fitted to
-    (Efron, JASA 78, 1983). In the margin of the valid range it is at most that of the fixed offset, which intervals
-    suppose too.
-
-    Args:
-        fold: (N,) block of the cross-validation that each row was left out with.
-        fitted: (N, n) errors of the model on the rows that it was fitted to [rad|m].
-        intervals: Whose coverage is to be stated; none without.
-        off_path: (n,) as for `estimate_intervals`, in the unit of the spread.
+    whose error may be as low as the .632 estimate, between theirs and its own on its rows (Efron, JASA 78, 1983). In
+    the margin of the valid range it is at most that of the fixed offset, which intervals suppose too.
     """
     from scipy.stats import t
 
@@ -127,14 +106,11 @@ def expected(
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
-    """Return between what RMSE (n,) errors of other minutes of a day lie, from those left on rows that no fit saw.
+    """Return between what RMSE (n,) errors of other minutes lie, from those left (N, n) [rad|m], in the order of time.
 
     Neighbouring rows say nearly the same: N rows count as N / T independent ones, T the sum of the autocorrelations of
     the squared errors until the first that is not positive (Geyer, Statistical Science 7, 1992). The logarithm of the
     mean square lies about its estimate by Student's distribution of as many, with PROMISED probability.
-
-    Args:
-        left: (N, n) errors in the order of time [rad|m].
     """
     from scipy.stats import t
 
@@ -155,12 +131,7 @@ def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
 
 
 def block_quantile(scores: Floats, block: Integers, level: float) -> float:
-    """Return the half-width that holds a share of the scores of a new block; infinity where there are too few blocks.
-
-    Args:
-        scores: (N,) absolute errors.
-        block: (N,) which block each is of.
-    """
+    """Return the half-width that holds a share of scores (N,) of a new block; infinity of too few blocks (N,)."""
     names, of_row, rows = np.unique(block, return_inverse=True, return_counts=True)
     if len(names) < FEWEST_BLOCKS:
         return math.inf
@@ -176,12 +147,9 @@ def fewest_rows(level: float) -> int:
 
 
 def time_blocks(recording: Integers, *, level: float) -> Integers:
-    """Return the number of the block of time that each row lies in, (N,); no block is of two recordings.
+    """Return the number of the block of time that each row of recordings (N,) lies in, (N,); no block is of two.
 
     There are so many blocks that BEYOND of them are a share of 1 - level, at most one for FEWEST_ROWS rows.
-
-    Args:
-        recording: (N,) number of the recording of each row, in the order of time.
     """
     rows = len(recording)
     wanted = max(FEWEST_BLOCKS, math.ceil(BEYOND / (1.0 - level) - 1e-9))
@@ -203,16 +171,13 @@ def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
     return tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
 
 
-def coverage_verdict(held: NDArray[np.bool_], recording: Integers, level: float) -> Verdict:
+def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:
     """Return in words whether intervals hold what they are to hold, on rows that their model has not seen.
 
     Rows depend on each other, so blocks of time are counted: the share of rows held, averaged over K blocks, is
     compared with that of K blocks that are held or not as a whole, a binomial. Of all shares of a block with the same
-    mean these vary most, so the check is lenient rather than strict (Hoeffding, JASA 58, 1963).
-
-    Args:
-        held: (N,) whether each row's error lies within its interval.
-        recording: (N,) as for `time_blocks`.
+    mean these vary most, so the check is lenient rather than strict (Hoeffding, JASA 58, 1963). `held` (N,) says
+    whether each row's error lies within its interval.
     """
     from scipy.stats import binom
 

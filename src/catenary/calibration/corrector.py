@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags, bound
+from catenary.arrays import Flags, Floats
+from catenary.calibration.arithmetic import bound
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import UNUSED, Joints, JointState, places_of
@@ -22,15 +22,11 @@ class Corrector:
     the model takes, which need no rate. Outside the valid range and where an input is NaN, the flag is false and the
     fixed offset is added.
 
-    `correct` and `correct_state` check and copy their arrays at every tick; `bind` checks them once, for a loop whose
-    arrays stay the same ones.
+    `correct` and `correct_state` check and copy arrays at every tick; `bind` checks those of a loop once.
     """
 
     def __init__(self, model: CalibrationModel, *, rate_hz: float = 1000.0) -> None:
-        """Compile the model's tick.
-
-        Args:
-            rate_hz: Rate of the loop [Hz]: how far a joint may go in a tick of a loop slower than the training rows.
+        """Compile the model's tick; in a loop slower than the training rows a joint may go farther in one.
 
         Raises:
             InputError: The rate is not positive.
@@ -45,8 +41,7 @@ class Corrector:
         self._inside, self._interval = np.zeros(n, dtype=bool), np.zeros(n)
         self._shapes = ((n,), (signals,), (n,), (n,))
         self._tick = self._bound()
-        # of no robot yet: no joint state has -1 joints
-        self._robot_shapes = ((-1,),) * 5
+        self._robot_shapes = ((-1,),) * 5  # of no robot yet: no joint state has -1 joints
         self._places, self._sources = np.arange(n), np.zeros(signals, dtype=np.int64)
         self._still = np.zeros(0)
 
@@ -70,8 +65,7 @@ class Corrector:
             signals: (S,) float64: current values of `model.features.signals`, in that order.
             out: (n,) float64: receives the calibrated positions [rad|m]; not the memory of `q_nominal`.
             inside: (n,) bool: receives whether each joint is inside the model's valid range.
-            interval: (n,) float64: receives half-widths of intervals about `out` [rad|m], NaN where the model has
-                none; without it they are not computed.
+            interval: (n,) float64: receives half-widths about `out` [rad|m], NaN where the model has none.
 
         Raises:
             InputError: An array has another shape, type or layout, or two share their memory.
@@ -95,14 +89,7 @@ class Corrector:
     def correct(
         self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None = None
     ) -> None:
-        """Take one tick.
-
-        Args:
-            q_nominal: (n,) positions that the robot reports [rad|m].
-            signals: (S,) current values of `model.features.signals`, in that order.
-            out: (n,) receives the calibrated positions [rad|m]; may be `q_nominal`.
-            inside: (n,) receives whether each joint is inside the model's valid range.
-            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN where the model has none.
+        """Take one tick; arrays are those of `bind`, and `out` may be `q_nominal`.
 
         Raises:
             InputError: An array has another shape.
@@ -129,21 +116,21 @@ class Corrector:
         A RAVEN-II's unused channel, in no joint state, is taken to read what it read in training.
 
         Raises:
-            InputError: The robot lacks a joint of the model, or has it in another unit; or an input is no position,
-                velocity or torque of its joints.
+            InputError: The robot lacks a joint of the model or has it in another unit, or lacks an input.
         """
         model, robot = self.model, ", ".join(joint_names)
         for why in model.asked_of_reports:
             raise InputError(f"corrector: {why}, or deploy --as-is if it reports them corrected")
         of_robot = Joints(tuple(joint_names), tuple(joint_units))
         places = places_of(model, of_robot, whose="corrector: the robot", of="the model is for")
-        size, sources = len(joint_names), []
-        still: list[float] = []  # what an unused channel read in training: it is in no joint state
+        size, sources, still = len(joint_names), list[int](), list[float]()
         for signal in model.features.signals:
             group, _, joint = signal.partition(":")
             if joint == UNUSED and joint not in joint_names:
-                sources.append(len(SOURCES) * size + len(still))
-                still.append(trained_mean(model, signal))
+                sources.append(len(SOURCES) * size + len(still))  # behind the joint state, in which it is not
+                place = model.features.signals.index(signal)  # signals come first among the features
+                means = [g.valid_range.mean[g.watched == place] for g in model.groups if (g.watched == place).any()]
+                still.append(float(means[0][0]) if means else 0.0)
                 continue
             if group not in SOURCES or joint not in joint_names:
                 raise InputError(f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}')
@@ -154,12 +141,9 @@ class Corrector:
         self.reset()
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None) -> None:
-        """Correct one tick of the robot that `prepare` named.
+        """Correct one tick of the robot that `prepare` named; outputs are those of `bind`, of its joints (n,).
 
-        Args:
-            out: (n,) receives the calibrated positions [rad|m]; joints without a model pass through.
-            inside: (n,) receives the flags; true for joints without a model.
-            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN for joints without any.
+        Joints without a model pass through, are inside, and have intervals of NaN.
 
         Raises:
             InputError: An array has another size than the robot's joints.
@@ -179,13 +163,3 @@ class Corrector:
         if interval is not None:
             interval[:] = np.nan
             interval[self._places] = self._interval
-
-
-def trained_mean(model: CalibrationModel, signal: str) -> float:
-    """Return the mean of a signal over the training rows."""
-    place = model.features.signals.index(signal)  # signals come first among the features
-    for group in model.groups:
-        where = np.flatnonzero(group.watched == place)
-        if len(where):
-            return float(group.valid_range.mean[where[0]])
-    return 0.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Flags, Floats, Integers, as_array
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import FIRST_DATE, Jointed, MotionLog, joints_text
@@ -18,6 +18,7 @@ from catenary.units import DISPLAY
 
 LAST_DATE = 1e10  # [s since 1970]
 MOST_OF_ROWS = 0.8  # that one of several recordings may hold: without it there must be others to learn from
+ROWS = ("X", "q_nominal", "error", "leaping", "position", "time")  # arrays that have a row for each usable one
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ class CalibrationData:
     X: Floats  # (N, F)
     q_nominal: Floats  # (N, n)
     error: Floats  # (N, n) q_encoder - q_nominal [rad|m]: what a model must add
-    leaping: NDArray[np.bool_]  # (N,) of another motion than the features' steps, or leaps; see FeatureRows
-    recording: NDArray[np.int64]  # (N,) index into `sources`
+    leaping: Flags  # (N,) of another motion than the features' steps, or leaps; see FeatureRows
+    recording: Integers  # (N,) index into `sources`
     position: Floats  # (N,) how far into its recording the row lies, 0 to 1
     time: Floats  # (N,) [s], or the row number where a recording has no time
     sources: tuple[TrainingSource, ...]
@@ -78,13 +79,12 @@ class CalibrationData:
         if (self.joint_names, self.joint_units) != (model.joint_names, model.joint_units):
             raise InputError(f"data: has joints {joints_text(self)}; the model is for {joints_text(model)}")
 
-    def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
+    def rows(self, mask: Flags) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
-        columns = ("X", "q_nominal", "error", "leaping", "recording", "position", "time")
-        return replace(self, **{name: getattr(self, name)[mask] for name in columns})
+        return replace(self, **{name: getattr(self, name)[mask] for name in (*ROWS, "recording")})
 
     @property
-    def complete(self) -> NDArray[np.bool_]:
+    def complete(self) -> Flags:
         """Whether all features of a row are known, (N,): what can be learnt from."""
         return np.asarray(np.isfinite(self.X).all(axis=1))
 
@@ -97,11 +97,8 @@ class CalibrationData:
             raise InputError(f"held-out share {held_out}: leaves no rows on one side of {len(self)}")
         return self.rows(~late), self.rows(late)
 
-    def blocks(self, count: int, *, recordings: bool = False) -> NDArray[np.int64]:
-        """Return the number, below `count`, of the block that each row lies in, (N,), of which one is left out at once.
-
-        Blocks are contiguous parts of each recording; whole `recordings` where no single one holds nearly all rows.
-        """
+    def blocks(self, count: int, *, recordings: bool = False) -> Integers:
+        """Return each row's block of `count`, (N,): parts of its recording, or whole ones where several."""
         if recordings and self.has_several:
             return np.unique(self.recording, return_inverse=True)[1] % count
         block = np.zeros(len(self), dtype=np.int64)
@@ -127,11 +124,8 @@ def calibration_data(
     """Collect the usable rows of recordings of one robot.
 
     A row is usable when it has a measurement (`ok`). Where a midline is not known yet a model gives the fixed offset:
-    such rows count as its errors and teach nothing (`complete`).
-
-    Args:
-        max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
-        every: Take every such row of a recording alone; features follow all.
+    such rows count as its errors and teach nothing (`complete`). Rows where any joint's error is beyond `max_error`
+    (n,) [rad|m] are left out and counted. Of each recording one row in `every` is taken; features follow all.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
@@ -144,19 +138,14 @@ def calibration_data(
     has_time = all(log.time is not None for log in logs)
     work = partial(_usable_rows, features=features, max_error=max_error, every=every, has_time=has_time)
     parts, sources = zip(*of_each(work, logs), strict=True)
-    X, q_nominal, error, leaping, position, time = map(np.concatenate, zip(*parts, strict=True))
+    rows: dict[str, Any] = dict(zip(ROWS, map(np.concatenate, zip(*parts, strict=True)), strict=True))
     recording = np.repeat(np.arange(len(logs)), [len(part[0]) for part in parts])
     data = CalibrationData(
         joint_names=first.joint_names,
         joint_units=first.joint_units,
         features=features,
-        X=X,
-        q_nominal=q_nominal,
-        error=error,
-        leaping=leaping,
+        **rows,
         recording=recording,
-        position=position,
-        time=time,
         sources=sources,
         has_time=has_time,
         robot=next((log.robot for log in logs if log.robot is not None), None),
@@ -164,16 +153,13 @@ def calibration_data(
         began=tuple(log.began for log in logs),
     )
     if not data.complete.any():
-        raise InputError(
-            "data: no usable row in "
-            + "; ".join(
-                f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.incomplete} before midlines are '
-                f"known, {s.dropped} beyond the error limit)"
-                for s in sources
-            )
-            + "; a midline is known once its joint has turned either way: record longer"
-            * any(s.incomplete for s in sources)
-        )
+        told = [
+            f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.incomplete} before midlines are '
+            f"known, {s.dropped} beyond the error limit)"
+            for s in sources
+        ]
+        longer = "; a midline is known once its joint has turned either way: record longer"
+        raise InputError(f"data: no usable row in {'; '.join(told)}{longer * any(s.incomplete for s in sources)}")
     return data
 
 

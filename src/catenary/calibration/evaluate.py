@@ -5,10 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags
+from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
@@ -85,10 +83,8 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     """Evaluate a model on rows of data.
 
     The same rows count for the raw, the offset and the model's error: those with a measurement and with the
-    predecessors that the model needs.
-
-    Args:
-        window: Length of a time window in s (rows, where there is no time); a tenth of the data when None.
+    predecessors that the model needs. A time window is `window` s (rows, where there is no time) long; a tenth of the
+    data when None.
     """
     data.require_joints_of(model)
     if len(data) == 0:
@@ -127,10 +123,7 @@ def rms(values: Floats) -> float:
 
 @dataclass(frozen=True)
 class Spread:
-    """Errors over blocks of time or recordings, each predicted by a model that did not see it; deg or mm.
-
-    What they let expect of another stretch as long as the data (conformal.py) is None where it is not known.
-    """
+    """Errors on blocks or recordings left out in turn [deg|mm], and what they let expect (conformal.py), if known."""
 
     joint: str
     unit: str
@@ -154,23 +147,18 @@ class CrossValidation:
     after_offset: Floats  # (N, n) [rad|m]
     after_model: Floats  # (N, n) [rad|m]
     inside: Flags  # (N, n) in the valid range of the model that did not see the row
-    recording: NDArray[np.int64]  # (N,) of the rows
+    recording: Integers  # (N,) of the rows
 
 
 def cross_validate(
     data: CalibrationData,
     fit: Callable[[CalibrationData, Progress], CalibrationModel],
     *,
-    folds: int,
-    recordings: bool = False,
+    folds: int,  # at least 2
+    recordings: bool = False,  # leave out whole recordings where there are several
     progress: Progress = silent,
 ) -> CrossValidation:
-    """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled.
-
-    Args:
-        folds: At least 2.
-        recordings: Leave out whole recordings where there are several.
-    """
+    """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled."""
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
     block = data.blocks(folds, recordings=recordings)

@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple, TypeVar
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags, Integers, Step, run
+from catenary.arrays import Flags, Floats, Integers
+from catenary.calibration.arithmetic import Step, run
 from catenary.calibration.friction_states import FrictionStates, rub
 from catenary.calibration.midline import STATES, Midline, follow_midlines
 from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
@@ -55,17 +55,14 @@ class FeatureRows(NamedTuple):
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """Which features a model takes.
+    """Which features a model takes: signals, midlines, play states, and friction states of coupled joints.
 
-    Order: the signals as they are, midlines (midline.py), play states, and friction states of coupled joints
-    (friction_states.py). A play state of half-width r follows its position only after it has moved by r:
-    y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable lies, whatever the speed or
-    sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
-    The feature is y - x, which stays within -r and r.
+    A play state of half-width r follows its position only after it has moved by r: y <- min(max(y, x - r), x + r). It
+    remembers on which side of the slack the cable lies, whatever the speed or sampling rate. The feature is y - x,
+    which stays within -r and r. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
-    and play states are those before it (spike_filter.py); any step is believed of a joint that `steps` does not name.
-    Rows of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
+    and play states are those before it (spike_filter.py). Rows of less than `period` have as much room as one of it.
     """
 
     __pydantic_config__ = IN_FILES
@@ -75,7 +72,7 @@ class FeatureSet:
     play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
     midlines: Many[Midline] = ()
     friction: FrictionStates | None = None  # of coupled joints
-    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit)
+    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit); others: any
     period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
 
     def __post_init__(self) -> None:
@@ -139,10 +136,7 @@ class FeatureSet:
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
-        """Return features of every row, (N, F); midlines are NaN until both directions were seen.
-
-        Rows without a measurement (`ok` not set) are commands all the same, which states follow.
-        """
+        """Return features of every row, (N, F), commands without measurement too; midlines are NaN at first."""
         return self.rows(log).X
 
     def rows(self, log: MotionLog, every: int = 1) -> FeatureRows:
@@ -231,30 +225,18 @@ class FeatureSet:
 
 @compiled
 def gather(
-    signals: Floats,
-    played: Integers,
-    owners: Integers,
-    widths: Floats,
-    course: Integers,
-    skipped: Integers,
+    signals: Floats,  # (N, S) what the robot reports, row after row
+    played: Integers,  # (J,) which signals the play states follow
+    owners: Integers,  # (K,) which of these each follows
+    widths: Floats,  # (K,) half-widths of the play states
+    course: Integers,  # (N, J) see `find_leaps`
+    skipped: Integers,  # (1,) columns between signals and play states that are others'
     play: Floats,
     kept: Floats,
     followed: Floats,
-    X: Floats,
+    X: Floats,  # (N, F) receives the features
 ) -> None:
-    """Write the features of rows of one motion, in the order of FeatureSet, and remember what later rows take.
-
-    A signal that is NaN leaves its play states as they are.
-
-    Args:
-        signals: (N, S) what the robot reports, row after row.
-        played: (J,) which signals the play states follow.
-        owners: (K,) which of these each follows.
-        widths: (K,) half-widths of the play states.
-        course: (N, J) see `find_leaps`.
-        skipped: (1,) columns between signals and play states that are others'.
-        X: (N, F) receives the features.
-    """
+    """Write the features of rows of one motion, and remember what later rows take; NaN leaves play states."""
     for row in range(len(signals)):
         at = signals.shape[1]
         for i in range(at):

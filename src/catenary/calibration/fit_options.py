@@ -26,27 +26,20 @@ TAKE_FRICTION = ("auto", "hysteretic", "neural")
 
 @dataclass(frozen=True)
 class FitOptions:
-    """Options of a fit.
+    """Options of a fit; a fixed offset is one of the error, whatever the target."""
 
-    `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
-    recorded, the torques. Kind "auto" is chosen for every joint from the others (kind_choice.py). `play` adds play
-    states of the positions, as shares of each joint's range of motion; None means none, except for the neural
-    preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
-    then play states and friction states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions
-    on features with memory. A fixed offset is one of the error, whatever the target. `coupled` names joints that
-    friction couples, for the kinds that take friction states; None finds them in recordings (friction_fit.py), and
-    `friction` is what was found.
-    """
-
-    kind: Kind = "auto"
+    kind: Kind = "auto"  # auto is chosen for every joint from the others (kind_choice.py)
     preset: Preset | None = None  # of kind neural; "best" when None
+    # signals or groups of signals, for all joints or per joint; positions and, if recorded, torques when None
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
+    # half-widths of play states, as shares of each joint's range; None is none, but for `best` without torque, which
+    # tells too on which side of its slack a cable lies: play and friction states then add what can be over-fitted
     play: tuple[float, ...] | None = None
     target: Target = "error"
-    ridge: float | None = None
+    ridge: float | None = None  # None means 0, or 10 for regressions on features with memory
     seed: int = 0
-    coupled: tuple[str, ...] | None = None
-    friction: FoundFriction | None = None
+    coupled: tuple[str, ...] | None = None  # joints that friction couples; found when None (friction_fit.py)
+    friction: FoundFriction | None = None  # what was found
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -85,11 +78,6 @@ class FitOptions:
         """Return whether the model may take friction states of coupled joints beside the given signals."""
         told = self.kind == "neural" and self.coupled is None and any(name.startswith("tau:") for name in signals)
         return self.kind in TAKE_FRICTION and self.network != "paper" and self.target == "error" and not told
-
-    @property
-    def takes_zeros(self) -> bool:
-        """Whether zeros of recordings are left out of what is learnt; the paper's network takes rows as they are."""
-        return self.kind != "offset" and self.network != "paper"
 
     @property
     def network(self) -> Preset | None:

@@ -18,17 +18,17 @@ from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, JointChoice, choose, composed, joined
-from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.mend import mends_of
+from catenary.recording.mend import left_out_rows, mends_of
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
 from catenary.side_by_side import Progress, part_of, silent
 from catenary.units import DISPLAY
 from catenary.verdict.check import Passed, robot_of, verdict
+from catenary.verdict.finding import Finding
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 MOST_ROWS, SAMPLED_ROWS = 50_000, 20_000
@@ -36,6 +36,20 @@ VAGUE = 2.0  # times its lower end, that a range of errors says little beyond
 PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What one joint's error is with the rows left out, which the model did not learn from; deg or mm."""
+
+    joint: str
+    unit: str
+    rows: int  # left out for any joint: beyond the error limit, or as asked (--leave-out)
+    beyond: int  # of them beyond the error limit on this joint
+    share_of_rows: float
+    share_of_error: float  # that they carry, of the squared error of all rows
+    rmse_without: float
+    rmse_with: float
 
 
 @dataclass(frozen=True)
@@ -56,11 +70,7 @@ class FitResult:
 def fit_logs(
     logs: Sequence[MotionLog], options: FitOptions, run: FitRun | None = None, *, progress: Progress = silent
 ) -> FitResult:
-    """Fit a calibration model to recordings and say how well it does on data that it did not see.
-
-    The model is fitted to all rows, or to those before the held-out part. Its error is estimated on contiguous
-    blocks of time, each predicted by a model fitted to the others, and on the held-out part.
-    """
+    """Fit a model to recordings; say how well it does on blocks of time and a held-out part that it did not see."""
     run = run if run is not None else FitRun()
     if not logs:
         raise InputError("data: expected at least one recording, got none")
@@ -114,7 +124,16 @@ def _rows(logs: Sequence[MotionLog], features: FeatureSet, run: FitRun) -> Rows:
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
-    _require_rows(data.rows(data.complete), run.folds)
+    # data too few for the smallest fit of a run are refused before the longest one has run
+    rows = int(data.complete.sum())
+    smallest = rows - math.ceil(rows / run.folds) if run.folds else rows
+    if rows < SMALLEST_DATA:
+        raise InputError(f"data: {rows} usable rows, expected at least {SMALLEST_DATA}")
+    if smallest < SMALLEST_DATA:
+        raise InputError(
+            f"data: {rows} usable rows; with one of {run.folds} blocks left out {smallest} remain, expected at least "
+            f"{SMALLEST_DATA}; folds 0 is no cross-validation"
+        )
     return data, late, everything
 
 
@@ -184,11 +203,8 @@ def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, F
     """Return how much more a model may be wrong off the path that it learnt from, within its valid range, (n,) [rad|m].
 
     A linear model of the same rows is nearly as good on the path; as one that is linear itself, one with products of
-    its inputs. How far the two lie apart where joints meet as they stood in different rows is what neither knows. Where
-    joints met all along, as in random motion, it is little.
-
-    Returns:
-        What widens intervals, where products are left out: off the path they bend more than joints do. Then all.
+    its inputs. How far the two lie apart where joints meet as they stood in different rows is what neither knows. The
+    first is what widens intervals, without products, which off the path bend more than joints do; then all.
     """
     nothing = np.zeros_like(model.offset)
     if model.kind == "offset":
@@ -246,14 +262,48 @@ def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]
     return notes
 
 
-def _require_rows(data: CalibrationData, folds: int) -> None:
-    """Refuse data too few for the smallest fit of a run, before the longest one has run."""
-    rows = len(data)
-    if rows < SMALLEST_DATA:
-        raise InputError(f"data: {rows} usable rows, expected at least {SMALLEST_DATA}")
-    smallest = rows - math.ceil(rows / folds) if folds else rows
-    if smallest < SMALLEST_DATA:
-        raise InputError(
-            f"data: {rows} usable rows; with one of {folds} blocks left out {smallest} remain, expected at least "
-            f"{SMALLEST_DATA}; folds 0 is no cross-validation"
+MORE = 2.0  # times their share of the rows, from which on rows left out carry more than their share of the error
+WORSE = 1.05  # times the RMSE without them, that is worth a word
+
+
+def errors_with_left_out(
+    model: CalibrationModel, logs: Sequence[MotionLog], data: CalibrationData, after: Floats | None = None
+) -> tuple[LeftOut, ...]:
+    """Return a model's error with and without measured rows left out; `after` (N, n) is of models that saw none."""
+    asked = [left_out_rows(log) for log in logs]
+    if not any(source.dropped for source in data.sources) and not any(each.any() for each in asked):
+        return ()
+    logs = [replace(log, ok=log.ok | each) for log, each in zip(logs, asked, strict=True)]
+    everything = calibration_data(logs, model.features, every=data.every)
+    kept = np.isin(everything.recording + everything.position, data.recording + data.position)
+    gone = everything.rows(~kept)
+    if not len(gone):
+        return ()
+    after = data.error - model.correction(data.X, data.q_nominal) if after is None else after
+    squares = [np.square(each).sum(axis=0) for each in (after, gone.error - model.correction(gone.X, gone.q_nominal))]
+    beyond = [sum(source.beyond.get(name, 0) for source in data.sources) for name in data.joint_names]
+    total, (own, its) = len(after) + len(gone), squares
+    scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
+    rmse = [scale * np.sqrt(own / len(after)), scale * np.sqrt((own + its) / total)]
+    numbers = np.array([its / np.maximum(own + its, 1e-300), *rmse]).T.tolist()
+    return tuple(
+        LeftOut(name, DISPLAY[unit][0], len(gone), beyond[j], len(gone) / total, *numbers[j])
+        for j, (name, unit) in enumerate(zip(data.joint_names, data.joint_units, strict=True))
+    )
+
+
+def left_out_findings(found: Sequence[LeftOut]) -> list[Finding]:
+    """Note joints on which the rows left out carry more than their share of the error."""
+    return [
+        Finding(
+            "dropped",
+            (each.joint,),
+            f"the {each.rows} rows left out, {each.share_of_rows:.2%} of all, carry {each.share_of_error:.0%} of the "
+            f"squared error: RMSE {each.rmse_with:.3g} {each.unit} with them, {each.rmse_without:.3g} without, which "
+            "is what is printed",
+            "measurement failures; or a true error that was cut away",
+            refuses=False,
         )
+        for each in found
+        if each.share_of_error > MORE * each.share_of_rows and each.rmse_with > WORSE * each.rmse_without
+    ]

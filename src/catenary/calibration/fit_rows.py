@@ -2,22 +2,21 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Integers
+from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
-from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
 from catenary.calibration.midline import RADIUS, TRAVEL, Midline
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import AnyPredictor, fit_linear, fit_offset, fit_polynomial, fit_smooth
-from catenary.calibration.recording_zeros import recording_zeros
 from catenary.calibration.spike_filter import ANY, largest_step, room_of
-from catenary.calibration.valid_range import fit_valid_range
+from catenary.calibration.valid_range import fit_valid_range, standardisation
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.side_by_side import Progress, part_of, silent
@@ -35,8 +34,7 @@ SHOWN = 0.99  # share of training errors that count for the largest correction: 
 RESOLUTION = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
 
-@dataclass(frozen=True)
-class Inputs:
+class Inputs(NamedTuple):
     """The features of a fit, and which joint takes which."""
 
     features: FeatureSet
@@ -91,18 +89,9 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     if options.play and not (play or coupled):
         raise InputError(f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved")
     units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
-    return Inputs(
-        FeatureSet(
-            signals,
-            units,
-            play=tuple(play),
-            midlines=tuple(midlines),
-            friction=friction,
-            steps=tuple(steps),
-            period=period if steps else None,
-        ),
-        per_joint,
-    )
+    whole = period if steps else None
+    features = FeatureSet(signals, units, tuple(play), tuple(midlines), friction, tuple(steps), whole)
+    return Inputs(features, per_joint)
 
 
 def _midlines(logs: Sequence[MotionLog], signals: Sequence[str]) -> list[Midline]:
@@ -138,11 +127,7 @@ def _joint_of(log: MotionLog, name: str) -> str | None:
 
 
 def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent) -> CalibrationModel:
-    """Fit a calibration model to rows of data.
-
-    Joints with the same inputs are fitted together, with the zeros of several recordings left out of what they learn.
-    Rows on which a feature is not known teach nothing.
-    """
+    """Fit a model to complete rows, joints with the same inputs together, zeros of several recordings left out."""
     data = data.rows(data.complete)
     if data.features != inputs.features:
         raise InputError(
@@ -165,7 +150,7 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
         learnt = Y[:, joints]
-        if options.takes_zeros:
+        if options.kind != "offset" and options.network != "paper":  # which takes rows as they are
             learnt = learnt - recording_zeros(X, learnt, data.recording)[data.recording]
         predictor = _fit_predictor(X, learnt, options, late, report)
         watched = columns[~inputs.features.bounded[columns]]
@@ -175,26 +160,15 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         valid = fit_valid_range(data.X[:, watched], margin, along_axes=along_axes, farther=averaged)
         groups.append(JointGroup(tuple(joints), columns, predictor, valid, watched))
         report(1.0)
+    anything, named = np.full(len(offset), ANY), (data.joint_names, data.joint_units)
     model = CalibrationModel(
-        kind=options.kind,
-        preset=options.network,
-        joint_names=data.joint_names,
-        joint_units=data.joint_units,
-        features=inputs.features,
-        target=target,
-        offset=offset,
-        largest=np.full(len(offset), ANY),
-        groups=tuple(groups),
+        options.kind, options.network, *named, inputs.features, target, offset, largest=anything, groups=tuple(groups)
     )
     return replace(model, largest=largest_shown(model, data))
 
 
 def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
-    """Return the largest correction of each joint that rows show, (n,) [rad|m].
-
-    It is the largest that the model gives on them, or the error that all rows but those measured worst show, whichever
-    is larger: no failed measurement widens it, and an error that was seen is believed again.
-    """
+    """Return the largest correction shown, (n,) [rad|m]: the model's, or the error of all but the worst rows."""
     given = np.abs(model.correction(data.X, data.q_nominal)).max(axis=0)
     seen = np.quantile(np.abs(data.error), SHOWN, axis=0)
     largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), RESOLUTION)], axis=0)
@@ -214,10 +188,58 @@ def _fit_predictor(X: Floats, Y: Floats, options: FitOptions, late: np.ndarray, 
 
 
 def extrapolation(kind: str, features: FeatureSet, columns: Integers) -> float:
-    """Return how far beyond the training data a kind of model may go, as a share of their range.
-
-    Args:
-        columns: Those that it takes; the first are the signals as they are, the others memory.
-    """
+    """Return how far beyond training a kind may go, as a share of its range; columns behind the signals are memory."""
     memory = bool((columns >= len(features.signals)).any())
     return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION
+
+
+HELD = (np.inf, 3000.0, 300.0, 30.0, 3.0)  # penalties that are tried, in rows; the first takes no zeros out
+ALIKE = 0.005  # of the errors' logarithm: where it is all one to them, zeros are held least
+FEWEST = 3  # recordings: of two, the one that is not left out has no others to differ from
+FOLDS = 10  # of recordings
+ROWS = 10_000  # of which products are summed at once
+
+
+def recording_zeros(X: Floats, Y: Floats, recording: Integers) -> Floats:
+    """Return each recording's zero (R, m) over the mean of Y (N, m), learnt from X (N, F); 0 for two or fewer."""
+    zeros = np.zeros((int(recording.max()) + 1, Y.shape[1]))
+    present, number = np.unique(recording, return_inverse=True)
+    if len(present) < FEWEST:
+        return zeros
+    mean, scale = standardisation(X)
+    middle, width = Y.mean(axis=0), X.shape[1] + 1
+    sums = np.zeros((len(present), width + Y.shape[1], width + Y.shape[1]))
+    for r in range(len(present)):
+        here = np.flatnonzero(number == r)
+        for rows in np.split(here, range(ROWS, len(here), ROWS)):
+            columns = np.hstack([(X[rows] - mean) / scale, np.ones((len(rows), 1)), Y[rows] - middle])
+            sums[r] += columns.T @ columns
+    fold = np.arange(len(present)) % FOLDS
+    errors = np.empty((len(HELD), len(present), Y.shape[1]))
+    for k in np.unique(fold):
+        for p, held in enumerate(HELD):
+            weights, _ = _shared(sums[fold != k], width, held)
+            for out in np.flatnonzero(fold == k):
+                G, M, Y2 = sums[out, :width, :width], sums[out, :width, width:], np.diag(sums[out, width:, width:])
+                left = Y2 - 2.0 * (weights * M).sum(axis=0) + (weights * (G @ weights)).sum(axis=0)
+                errors[p, out] = left / sums[out, width - 1, width - 1]
+    error = 0.5 * np.log(np.maximum(errors, 1e-30)).mean(axis=1)
+    best: Integers = len(HELD) - 1 - (error <= error.min(axis=0) + ALIKE)[::-1].argmax(axis=0)
+    for p, held in enumerate(HELD):
+        joints = np.flatnonzero(best == p)
+        zeros[np.ix_(present, joints)] = _shared(sums, width, held)[1][:, joints]
+    return zeros
+
+
+def _shared(sums: Floats, width: int, held: float) -> tuple[Floats, Floats]:
+    """Return weights (F + 1, m) that recordings share, and each one's zero over the rows' mean (R, m)."""
+    rows, columns, of_y = sums[:, width - 1, width - 1], sums[:, width - 1, :width], sums[:, width - 1, width:]
+    penalty = np.diag(np.append(np.full(width - 1, MEMORY_RIDGE), 1e-9))
+    share = 1.0 / (rows + held)  # of a recording's mean error that is its zero
+    gram = sums[:, :width, :width].sum(axis=0) - np.einsum("r,rf,rg->fg", share, columns, columns)
+    moment = sums[:, :width, width:].sum(axis=0) - np.einsum("r,rf,rm->fm", share, columns, of_y)
+    weights = np.linalg.solve(gram + penalty, moment)
+    zeros = share[:, None] * (of_y - columns @ weights)
+    mean = rows @ zeros / rows.sum()
+    weights[width - 1] += mean
+    return weights, zeros - mean

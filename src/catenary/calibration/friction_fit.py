@@ -8,15 +8,15 @@ are searched by a sample of blocks, each with rows before it in which the states
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import in_one_order
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
@@ -26,7 +26,7 @@ from catenary.calibration.friction_states import FoundFriction, FrictionStates
 from catenary.calibration.valid_range import standardisation
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.transmission.coupled_friction import CoupledFriction, coupled_friction
+from catenary.transmission.cable_friction import CoupledFriction, coupled_friction
 
 SCALES = np.array([0.1, 0.25, 0.5, 1.0, 1.6, 2.5])  # of the thresholds
 THRESHOLD = 0.035  # of each joint's range: where the search begins; 5 deg of a wrist
@@ -41,21 +41,20 @@ MANY, WINDOWS, WARMING = 12_000, 10, 0.2  # rows that are searched whole; else t
 FEWEST = 200  # rows
 
 
-@dataclass(frozen=True)
-class _Rows:
+class _Rows(NamedTuple):
     """Rows that the search sees, and the paths that lead to them."""
 
     signals: FeatureSet  # of `fixed`
     fixed: Floats  # (N, F) positions and play states, and what else the model takes
     error: Floats  # (N, n)
-    block: NDArray[np.int64]  # (N,)
-    recording: NDArray[np.int64]  # (N,)
+    block: Integers  # (N,)
+    recording: Integers  # (N,)
     # positions (L, n) of each motion as shares of ranges, which of its rows these are, and the number of its recording
-    paths: list[tuple[Floats, NDArray[np.int64], int]]
+    paths: list[tuple[Floats, Integers, int]]
     ranges: Floats  # (n,)
     joint_names: tuple[str, ...]
 
-    def columns(self, joints: Sequence[int]) -> NDArray[np.int64]:
+    def columns(self, joints: Sequence[int]) -> Integers:
         """Return the columns of `fixed` without play states of the given joints."""
         own = {f"q:{self.joint_names[j]}" for j in joints}
         names = self.signals.names
@@ -76,12 +75,8 @@ def find_friction(
 ) -> FoundFriction | None:
     """Return the friction of coupled joints, looking only at what comes before the held-out part; None without.
 
-    Args:
-        logs: Recordings with measured positions.
-        options: `coupled` names the joints; where it is None, the pair of joints whose errors friction states explain
-            best is taken, if these explain more than play states do.
-        held_out: Share at the end of each recording.
-        max_error: (n,) [rad|m]; rows with larger errors are left out.
+    Where `options.coupled` names no joints, the pair whose errors friction states explain best is taken, if these
+    explain more than play states do. Rows with errors beyond `max_error` (n,) [rad|m] are left out.
     """
     if options.coupled == ():
         return None
@@ -220,20 +215,16 @@ def _searched(rows: _Rows, joints: Sequence[int]) -> CoupledFriction:
 
     start = min((_start(n, coupling) for coupling in (COUPLING, 0.0, -COUPLING)), key=loss)
     simplex = np.vstack([start, start + FIRST_STEP * np.eye(len(start))])
-    found = minimize(
-        loss,
-        start,
-        method="Nelder-Mead",
-        options={"maxiter": SEARCH, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5},
-    )
+    options: Any = {"maxiter": SEARCH, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5}
+    found = minimize(loss, start, method="Nelder-Mead", options=options)
     return _friction(np.clip(found.x, -5.0, 5.0), n)
 
 
 def _levels(rows: _Rows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
     """Return the logarithm of each recording's friction, (R, m), with springs and a ridge regression shared by all.
 
-    They tell how days differ. A model is fitted at their mean, as another day's is not known: fitted to rows at each
-    recording's own level, it predicted the fourth of four recordings of a real wrist no better.
+    A model is fitted at their mean, as another day's is not known: fitted at each recording's own level, it predicted
+    the fourth of four recordings of a real wrist no better.
     """
     recordings, tried = int(rows.recording.max()) + 1, levels_tried(len(friction.directions))
     fixed, Y = rows.fixed[:, rows.columns(joints)], rows.error[:, list(joints)]
@@ -259,7 +250,7 @@ def _errors(rows: _Rows, joints: Sequence[int], friction: CoupledFriction | None
     return _ridge_errors(*_sums(X, rows.error[:, list(joints)], rows.block))
 
 
-def _sums(X: Floats, Y: Floats, block: NDArray[np.int64]) -> tuple[Floats, int]:
+def _sums(X: Floats, Y: Floats, block: Integers) -> tuple[Floats, int]:
     """Return sums of products of standardised columns, a one and Y over each block, (K, F + 1 + m, ...), and m."""
     mean, scale = standardisation(X)
     all_columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
@@ -267,7 +258,7 @@ def _sums(X: Floats, Y: Floats, block: NDArray[np.int64]) -> tuple[Floats, int]:
     return np.array([each.T @ each for each in parts]), Y.shape[1]
 
 
-def _ridge_errors(sums: Floats, m: int, columns: NDArray[np.int64] | None = None) -> Floats:
+def _ridge_errors(sums: Floats, m: int, columns: Integers | None = None) -> Floats:
     """Return RMSE on each block of a regression on all others, (K, m), from `_sums`; of some columns."""
     size = sums.shape[1] - m
     taken = np.arange(size) if columns is None else np.append(columns, size - 1)

@@ -60,12 +60,8 @@ def find_level(
 ) -> DayLevel | None:
     """Return the model at the level of friction that recordings of a day show; None where they show no other.
 
-    Another level is taken where, on blocks of time that it was not found on, it leaves less of the coupled joints'
-    error than none does by SURE standard errors, and of no joint that takes friction states more than a tenth of that.
-
-    Args:
-        blocks: Of time, that the rows are cut into.
-        max_error: (n,) [rad|m]; rows with larger errors are left out.
+    It must leave less of the coupled joints' error, by SURE standard errors on blocks of time that it was not found on,
+    and of no joint that takes friction states more than a tenth of that.
     """
     friction = model.features.friction
     if friction is None:
@@ -86,16 +82,12 @@ def find_level(
     left = np.array(parts)
     block = np.arange(left.shape[1]) * blocks // left.shape[1]
     best = [best_level(left[:, block != k][..., coupled], tried) for k in range(blocks)]
-    rmse = np.array(
-        [
-            [
-                np.sqrt(np.mean((left[c, block == k] - left[c, block != k].mean(axis=0)) ** 2, axis=0))
-                for c in (0, best[k])
-            ]
-            for k in range(blocks)
-        ]
-    )
-    gain = np.log(rmse[:, 0] / rmse[:, 1])  # (K, joints)
+
+    def rmse(c: int, k: int) -> Floats:
+        away = left[c, block == k] - left[c, block != k].mean(axis=0)
+        return np.asarray(np.sqrt(np.mean(away**2, axis=0)))
+
+    gain = np.array([np.log(rmse(0, k) / rmse(best[k], k)) for k in range(blocks)])  # (K, joints)
     of_coupled = gain[:, coupled].mean(axis=1)
     chosen = best_level(left[..., coupled], tried)
     sure = of_coupled.mean() > SURE * of_coupled.std(ddof=1) / np.sqrt(blocks)

@@ -6,13 +6,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Integers
+from catenary.arrays import Floats, Integers
 from catenary.calibration.spike_filter import ANOTHER, AWAY, BACK
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
-from catenary.transmission.coupled_friction import CoupledFriction, drag_state, lag_of
+from catenary.transmission.cable_friction import CoupledFriction, drag_state, lag_of
 
 Row = Annotated[tuple[Annotated[float, Field(ge=-1e100, le=1e100)], ...], Field(max_length=100)]
 Matrix = Annotated[tuple[Row, ...], Field(max_length=100)]
@@ -20,10 +19,7 @@ Matrix = Annotated[tuple[Row, ...], Field(max_length=100)]
 
 @dataclass(frozen=True)
 class FrictionStates:
-    """Systems of springs and friction elements that positions of n joints move; see transmission/coupled_friction.py.
-
-    The numbers are those of `CoupledFriction`, computed once: a loop must find the bits that were evaluated.
-    """
+    """Numbers of `CoupledFriction`, computed once, that n positions move: a loop must find the evaluated bits."""
 
     __pydantic_config__ = IN_FILES
 
@@ -81,45 +77,24 @@ class FoundFriction:
 
 @compiled
 def rub(
-    signals: Floats,
-    places: Integers,
-    owners: Integers,
-    course: Integers,
-    at: Integers,
-    longest: Floats,
-    directions: Floats,
-    mutual: Floats,
-    hold: Floats,
-    lever: Floats,
-    thresholds: Floats,
-    position: Floats,
-    moved: Floats,
-    slip: Floats,
-    friction: Floats,
-    X: Floats,
+    signals: Floats,  # (N, S) what the robot reports, row after row
+    places: Integers,  # (n,) which signals the positions are
+    owners: Integers,  # (n,) which columns of `course` these have
+    course: Integers,  # (N, J) see `find_leaps`
+    at: Integers,  # (1,) first column to write
+    longest: Floats,  # (n,); this and the following are those of CoupledFriction
+    directions: Floats,  # (m, n)
+    mutual: Floats,  # (m, m)
+    hold: Floats,  # (m, n)
+    lever: Floats,  # (n, m)
+    thresholds: Floats,  # (C, m)
+    position: Floats,  # (n,) working memory; also the two that follow
+    moved: Floats,  # (n,)
+    slip: Floats,  # (m,)
+    friction: Floats,  # (3, n + C m) states: now, before a leap, and of every position; NaN before the first
+    X: Floats,  # (N, F) receives lags, system by system
 ) -> None:
-    """Write the friction states of rows of one motion, and remember what later rows take.
-
-    A row on which a position is not finite leaves the states as they are. A leap is dealt with as for play states.
-
-    Args:
-        signals: (N, S) what the robot reports, row after row.
-        places: (n,) which signals the positions are.
-        owners: (n,) which columns of `course` these have.
-        course: (N, J) see `find_leaps`.
-        at: (1,) first column to write.
-        longest: (n,); this and the following are those of CoupledFriction.
-        directions: (m, n)
-        mutual: (m, m)
-        hold: (m, n)
-        lever: (n, m)
-        thresholds: (C, m)
-        position: (n,) working memory; also the two that follow.
-        moved: (n,)
-        slip: (m,)
-        friction: (3, n + C m) states: now, before a leap, and of every position; NaN before the first.
-        X: (N, F) receives lags, system by system.
-    """
+    """Write friction states of rows of one motion, leaps as for play states, and remember what later rows take."""
     n, m = len(places), len(slip)
     for row in range(len(signals)):
         finite, away, back, another = True, False, False, False

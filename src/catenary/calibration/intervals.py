@@ -1,15 +1,12 @@
 """How far off a calibrated position may be: half-widths that hold a stated share of the errors, wider where none was.
 
-A model carries two numbers a joint. Where training rows lay, the half-width is one constant. In the margin of the valid
-range no block of training shows how the error grows: a correction that is extrapolated is worth ever less, until it is
-worth no more than the fixed offset. So the half-width grows in proportion to the distance from the rows, to that of the
-offset halfway through the margin. These are errors normalised by a measure of difficulty, known before the measurement
-(Papadopoulos, Gammerman and Vovk, Normalized nonconformity measures for regression conformal prediction, 2008), which
-is the distance to the training data (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021). Halfway was chosen
-by measurement: of simulated arms that learn zig-zags and are asked at random, nearly half of the rows lie in the
-margin; by joint the constant holds 53 to 100 % of errors of which it is to hold 90, and this 89 to 100. Models that are
-fitted without the rows at the edge show a growth that is too small by half; the distance from the nearest of the rows
-tells less.
+Where training rows lay, a joint's half-width is one constant. In the margin of the valid range it grows in proportion
+to the distance from the rows, to that of the fixed offset halfway through the margin: errors normalised by a measure of
+difficulty (Papadopoulos, Gammerman and Vovk, Normalized nonconformity measures for regression conformal prediction,
+2008), here the distance to the training data (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021). Halfway
+was chosen by measurement: of simulated arms that learn zig-zags and are asked at random, nearly half of the rows lie in
+the margin; by joint the constant holds 53 to 100 % of errors of which it is to hold 90, and this 89 to 100. Models that
+are fitted without the rows at the edge show a growth that is too small by half.
 
 Outside the valid range the fixed offset is what the model gives. The half-width there grows as if the offset's error
 went on as it does from the middle to the edge: in proportion to the distance from the middle, to FARTHEST times.
@@ -22,8 +19,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags, Integers
+from catenary.arrays import Flags, Floats, Integers, as_array
 from catenary.cards import StoredFloats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
@@ -58,14 +54,10 @@ def check_level(level: float) -> None:
 
 @compiled
 def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Floats) -> None:
-    """Raise how far rows are from the middle of a box, as a share of the way to its edge, to at most `farthest`.
+    """Raise how far rows are from the middle of a box, as a share of the way to its edge, to at most `farthest` (1,).
 
-    Args:
-        X: (N, F) watched features, or their projections; one that is NaN is not known to be far.
-        lower: (F,) edges of the box.
-        upper: (F,)
-        farthest: (1,) the largest number that is given.
-        far: (N, 1) holds what other boxes gave, receives the largest over the features.
+    X (N, F) are watched features or their projections, of which one that is NaN is not known to be far; the box is from
+    lower (F,) to upper (F,). `far` (N, 1) holds what other boxes gave, and receives the largest over the features.
     """
     for row in range(len(X)):
         for k in range(len(lower)):
@@ -77,29 +69,17 @@ def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Flo
 
 @compiled
 def widen(
-    far: Floats,
-    leaping: Flags,
-    inside: Flags,
-    q: Floats,
-    joints: Integers,
-    near: Floats,
-    edge: Floats,
-    reach: Floats,
-    interval: Floats,
+    far: Floats,  # (N, 1) from `distance`
+    leaping: Flags,  # (N,) rows whose motion is none of training's: the half-width is that of the edge
+    inside: Flags,  # (N, n) whether each correction comes from a predictor, inside its valid range
+    q: Floats,  # (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN
+    joints: Integers,  # (m,) which of the n joints
+    near: Floats,  # (n,) half-widths where training rows lay
+    edge: Floats,  # (n,) half-widths at the edge
+    reach: Floats,  # (2,) how far training rows reach, and where in the margin the half-width is that of the edge
+    interval: Floats,  # (N, n) receives them
 ) -> None:
-    """Write the half-widths of some joints.
-
-    Args:
-        far: (N, 1) from `distance`.
-        leaping: (N,) rows whose motion is none of training's: the half-width is that of the edge.
-        inside: (N, n) whether each correction comes from a predictor, inside its valid range.
-        q: (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN.
-        joints: (m,) which of the n joints.
-        near: (n,) half-widths where training rows lay.
-        edge: (n,) half-widths at the edge.
-        reach: (2,) how far training rows reach, and where in the margin the half-width is that of the edge.
-        interval: (N, n) receives them.
-    """
+    """Write the half-widths of some joints."""
     for row in range(len(q)):
         for k in range(len(joints)):
             joint = joints[k]

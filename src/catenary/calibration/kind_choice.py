@@ -3,21 +3,18 @@
 Of the kinds in their order, from the simplest, a joint gets the first whose error is within one standard error of the
 best kind's [the one-standard-error rule; Breiman et al. 1984, section 3.4.3] and within `CLOSE` of it. The errors are
 those of the cross-validation, over recordings where there are several, as motions and days differ more than blocks of
-one do; else over contiguous blocks of time. What is held out is not looked at. Polynomials are not among the kinds:
-blocks of a zig-zag do not show how their error grows with the square of the distance from it. On random motion of
-simulated arms they were never the best, and up to twice as bad as networks that were worse on the blocks. All kinds
-are asked about the same rows, so the standard error is that of the difference between two kinds' squared errors, over
-the blocks of time that intervals are estimated from: how hard a block is for both of them cancels. The joint's part of
-the model of that kind, fitted to all training data, becomes its part of the chosen model, to the bit.
+one do; else over contiguous blocks of time. Polynomials are not among the kinds: blocks of a zig-zag do not show how
+their error grows with the square of the distance from it; on random motion of simulated arms they were never the best.
+The standard error is that of the difference between two kinds' squared errors on the same rows, over the blocks of time
+that intervals are estimated from. A joint's part of the model of its kind is its part of the chosen model, to the bit.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.calibration.conformal import time_blocks
 from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.features import FeatureSet
@@ -66,12 +63,8 @@ def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...
     return tuple(choices)
 
 
-def block_squares(errors: Floats, recording: NDArray[np.int64]) -> Floats:
-    """Return mean squares of errors (N, n) over K blocks of time, (K, n).
-
-    Args:
-        recording: (N,) number of the recording of each row.
-    """
+def block_squares(errors: Floats, recording: Integers) -> Floats:
+    """Return mean squares of errors (N, n) over K blocks of time of the recordings (N,), (K, n)."""
     block = time_blocks(recording, level=BLOCKS_OF_LEVEL)
     return np.array([np.square(errors[block == k]).mean(axis=0) for k in np.unique(block)])
 
@@ -101,24 +94,12 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
         for group in model.groups:
             outputs = [k for k, joint in enumerate(group.joints) if joint in own]
             if outputs:
-                groups.append(
-                    JointGroup(
-                        tuple(group.joints[k] for k in outputs),
-                        place[group.columns],
-                        group.predictor.of(outputs),
-                        group.valid_range,
-                        place[group.watched],
-                    )
-                )
+                joints = tuple(group.joints[k] for k in outputs)
+                columns, watched = place[group.columns], place[group.watched]
+                groups.append(JointGroup(joints, columns, group.predictor.of(outputs), group.valid_range, watched))
     largest = np.array([taken[choice.chosen].largest[j] for j, choice in enumerate(choices)])
-    return replace(
-        first,
-        kind="auto",
-        preset=None,
-        features=features,
-        largest=np.maximum(largest, np.abs(first.offset)),
-        groups=tuple(groups),
-    )
+    largest = np.maximum(largest, np.abs(first.offset))
+    return replace(first, kind="auto", preset=None, features=features, largest=largest, groups=tuple(groups))
 
 
 def _union(sets: Sequence[FeatureSet]) -> FeatureSet:

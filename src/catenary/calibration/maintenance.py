@@ -31,25 +31,15 @@ def judge_recordings(
     logs: Sequence[MotionLog],
     *,
     accept: Collection[str] = (),
-    max_error: Floats | None = None,
-    learning: bool = False,
+    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out
+    learning: bool = False,  # the model is to learn from them: they must not be short, nor the arm at rest
     done: str = "evaluated",
 ) -> list[str]:
-    """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing.
-
-    Args:
-        max_error: (n,) [rad|m]; rows with larger errors are left out.
-        learning: The model is to learn from them: they must not be short, nor the arm at rest.
-    """
+    """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing."""
+    robot, trained = robot_of(logs, card.get("robot")), trained_positions(model)
     try:
         return verdict(
-            logs,
-            accept=accept,
-            robot=robot_of(logs, card.get("robot")),
-            max_error=max_error,
-            testing=not learning,
-            trained=trained_positions(model),
-            done=done,
+            logs, accept=accept, robot=robot, max_error=max_error, testing=not learning, trained=trained, done=done
         ).notes
     except DataError as error:
         said = [f'"{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)]
@@ -57,11 +47,7 @@ def judge_recordings(
 
 
 def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_MEND) -> MotionLog:
-    """Return a recording mended as asked, and as a model's training data were; see `Mend`.
-
-    Units of all arrays are mended so only where positions lie beyond the trained ones and would lie within: a
-    recording that somebody has brought to rad and m since stays as it is.
-    """
+    """Return a recording mended as asked, and as the training data; units only where that brings it near these."""
     trained = dict(model.mends)
     if "units" in trained and len(log.joint_names) == len(model.joint_names):
         other = trained_findings(model.matched(log), trained_positions(model))
@@ -82,10 +68,7 @@ def trained_limits(
 
 
 def trained_positions(model: CalibrationModel) -> tuple[Floats, Floats]:
-    """Return the least and largest reported positions that a model was trained on, margins included, (n,) [rad|m].
-
-    Infinite for a joint whose position no group of the model watches.
-    """
+    """Return least and largest trained positions, margins included, (n,) [rad|m]; infinite where none is watched."""
     ranges, anywhere = valid_inputs(model), {"lower": -np.inf, "upper": np.inf}
     held = [ranges.get(f"q:{joint}", anywhere) for joint in model.joint_names]
     return np.array([each["lower"] for each in held]), np.array([each["upper"] for each in held])
@@ -126,15 +109,10 @@ def refresh_with(
     logs: Sequence[MotionLog],
     *,
     accept: Collection[str] = (),
-    max_error: tuple[float, ...] | None = None,
-    sha256: str | None = None,
+    max_error: tuple[float, ...] | None = None,  # per joint, deg and mm; rows with larger errors are left out
+    sha256: str | None = None,  # of the model's file; None for one in memory
 ) -> NewDay:
-    """Refresh a model with recordings of a new day; see `refresh_model`.
-
-    Args:
-        max_error: Per joint, deg and mm; rows with larger errors are left out.
-        sha256: Of the model's file; None for one in memory.
-    """
+    """Refresh a model with recordings of a new day; see `refresh_model`."""
     for log in logs:
         if log.is_among(card["data"]):
             raise InputError(

@@ -11,8 +11,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Integers, exp_minus_1
+from catenary.arrays import Floats, Integers
+from catenary.calibration.arithmetic import exp_minus_1
 from catenary.calibration.spike_filter import AWAY
 from catenary.kernels.compiled import compiled
 
@@ -30,33 +30,18 @@ Midline = tuple[
 
 @compiled
 def follow_midlines(
-    signals: Floats,
-    sources: Integers,
-    places: Integers,
-    owners: Integers,
-    course: Integers,
-    radii: Floats,
-    travels: Floats,
-    at: Integers,
-    midline: Floats,
-    X: Floats,
+    signals: Floats,  # (N, S) what the robot reports, row after row
+    sources: Integers,  # (M,) which signals have midlines
+    places: Integers,  # (M,) which signals are the positions that they follow
+    owners: Integers,  # (M,) which columns of `course` these have
+    course: Integers,  # (N, J) see `find_leaps`
+    radii: Floats,  # (M,)
+    travels: Floats,  # (M,)
+    at: Integers,  # (1,) first column to write
+    midline: Floats,  # (M, STATES) position before, stop, means forwards and backwards; NaN before the first row
+    X: Floats,  # (N, F) receives the midlines
 ) -> None:
-    """Write the midlines of rows of one motion, NaN until both directions were seen, and remember what later rows take.
-
-    A row on which position or signal are not finite, or which leaps, changes nothing.
-
-    Args:
-        signals: (N, S) what the robot reports, row after row.
-        sources: (M,) which signals have midlines.
-        places: (M,) which signals are the positions that they follow.
-        owners: (M,) which columns of `course` these have.
-        course: (N, J) see `find_leaps`.
-        radii: (M,)
-        travels: (M,)
-        at: (1,) first column to write.
-        midline: (M, STATES) position before, stop, means forwards and backwards; NaN before the first row.
-        X: (N, F) receives the midlines.
-    """
+    """Write midlines of rows of one motion, NaN until both directions were seen; NaN and leaps change nothing."""
     for row in range(len(signals)):
         for i in range(len(sources)):
             x, s = signals[row, places[i]], signals[row, sources[i]]

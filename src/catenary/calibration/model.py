@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Flags, Step
+from catenary.calibration.arithmetic import Step
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
 from catenary.calibration.predictors import AnyPredictor
@@ -53,14 +53,7 @@ class JointGroup:
             )
 
     def steps(self, X: Floats, known: Flags, prediction: Floats, far: Floats | None = None) -> list[Step]:
-        """Return the compiled steps from rows of all features X (N, F) to predictions.
-
-        Args:
-            X: (N, F) features.
-            known: (N,) receives whether rows are complete and in the valid range.
-            prediction: (N, m) receives the predictor's outputs.
-            far: (N, 1) receives how far from the middle of the valid range rows are; see intervals.py.
-        """
+        """Return steps from features X (N, F) to predictions (N, m), whether rows are known (N,), how far (N, 1)."""
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
         return [
             Step(arithmetic.take, (X, self.columns), (taken,)),
@@ -75,9 +68,8 @@ class JointGroup:
 class CalibrationModel:
     """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
-    `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
-    training data instead; so does a joint whose correction is beyond REACH times `largest`, or brings it more than
-    `largest` beyond its limits, whatever made it so large: such a correction was never seen.
+    `correction` is added to q_nominal. A row outside a group's valid range gets the training data's fixed offset; so
+    does a joint whose correction was never seen: beyond REACH times `largest`, or to `largest` beyond its limits.
     """
 
     __pydantic_config__ = IN_FILES
@@ -121,11 +113,7 @@ class CalibrationModel:
 
     @property
     def asked_of_reports(self) -> list[str]:
-        """A sentence where what the robot reported in training was mended, and the model takes it; often none.
-
-        Units are of no matter, as a robot's states are in rad and m; nor are the rows by which measurements lay behind
-        commands, as a loop looks at no measurement.
-        """
+        """A sentence where what the robot reported in training was mended, but for units, and the model takes it."""
         taken = {"q_nominal", *(signal.partition(":")[0] for signal in self.features.signals)}
         keys = [key for key in self.mends if key.partition(":")[2] in taken and not key.startswith("units")]
         done = [f"--{key.partition(':')[0]} {text}" for key in keys for text in self.mends[key]]
@@ -133,10 +121,7 @@ class CalibrationModel:
         return [said] if done else []
 
     def inside(self, X: Floats) -> Flags:
-        """Return whether features (N, F) lie in the valid range of each joint, (N, n); NaN does not.
-
-        Whether the correction there is believed, too: `correct`.
-        """
+        """Return whether features (N, F) lie in each joint's valid range, (N, n); what is believed: `correct`."""
         n = len(self.joint_names)
         return replace(self, largest=np.full(n, ANY), limits=None).correct(X, np.zeros((len(X), n)))[1]
 
@@ -145,10 +130,7 @@ class CalibrationModel:
         return self.correct(X, q_nominal)[0]
 
     def correct(self, X: Floats, q_nominal: Floats, leaping: Flags | None = None) -> tuple[Floats, Flags, Floats]:
-        """Return `correction`, `inside` and `interval` of features (N, F) and reported positions (N, n).
-
-        `leaping` (N,) is that of FeatureSet.rows; without it no row leaps.
-        """
+        """Return `correction`, `inside` and `interval` of rows; none leaps without `leaping` (N,)."""
         X = as_array("features", X, (None, len(self.features.names)), finite=False)
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
@@ -160,23 +142,14 @@ class CalibrationModel:
 
     def steps(
         self,
-        X: Floats,
-        q: Floats,
-        correction: Floats,
-        inside: Flags,
-        interval: Floats | None = None,
-        leaping: Flags | None = None,
+        X: Floats,  # (N, F) features
+        q: Floats,  # (N, n) reported positions [rad|m]; the correction of one that is not finite is the fixed offset
+        correction: Floats,  # (N, n) receives what to add [rad|m]
+        inside: Flags,  # (N, n) receives whether each comes from a predictor, inside its valid range, and is believed
+        interval: Floats | None = None,  # (N, n) receives half-widths [rad|m]; without it they are not computed
+        leaping: Flags | None = None,  # (N,) see `correct`
     ) -> list[Step]:
-        """Return the compiled steps from features to corrections.
-
-        Args:
-            X: (N, F) features.
-            q: (N, n) reported positions [rad|m]; the correction of one that is not finite is the fixed offset.
-            correction: (N, n) receives what to add [rad|m].
-            inside: (N, n) receives whether each comes from a predictor, inside its valid range, and is believed.
-            interval: (N, n) receives half-widths [rad|m]; without it they are not computed.
-            leaping: (N,) see `correct`.
-        """
+        """Return the compiled steps from features to corrections."""
         leaping = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         steps: list[Step] = []
         if interval is not None and self.intervals is None:
@@ -202,24 +175,15 @@ class CalibrationModel:
     def tick_steps(
         self,
         memory: Memory,
-        q: Floats,
-        signals: Floats,
-        calibrated: Floats,
-        inside: Flags,
-        interval: Floats | None = None,
+        q: Floats,  # (N, n) reported positions [rad|m]
+        signals: Floats,  # (N, S) values of `features.signals`
+        calibrated: Floats,  # (N, n) receives the calibrated positions [rad|m]
+        inside: Flags,  # (N, n) receives the flags of `steps`
+        interval: Floats | None = None,  # (N, n) receives the half-widths of `steps`
         *,
-        rate_hz: float | None = None,
+        rate_hz: float | None = None,  # of the rows; None where it is that of the training rows, or a higher one
     ) -> list[Step]:
-        """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion.
-
-        Args:
-            q: (N, n) reported positions [rad|m].
-            signals: (N, S) values of `features.signals`.
-            calibrated: (N, n) receives the calibrated positions [rad|m].
-            inside: (N, n) receives the flags of `steps`.
-            interval: (N, n) receives the half-widths of `steps`.
-            rate_hz: Of the rows; None where it is that of the training rows, or a higher one.
-        """
+        """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion."""
         period = self.features.period
         slower = 1.0 if rate_hz is None or period is None else max(1.0, 1.0 / (rate_hz * period))
         X, correction = np.empty((len(q), len(self.features.names))), np.empty(q.shape)

@@ -5,6 +5,7 @@ A recording is cut where the encoders' offsets change, which a homing writes, an
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +48,7 @@ class CardStretch(Stretch):
     zeros: tuple[float, ...]  # what is added to each joint where nothing else is known
 
 
-@dataclass(frozen=True)
-class DriftFound:
+class DriftFound(NamedTuple):
     """Stretches in the order of recordings."""
 
     joint_names: tuple[str, ...]
@@ -66,22 +66,16 @@ class DriftFound:
 
 def find_drift(
     model: CalibrationModel,
-    logs: Sequence[MotionLog],
-    known: Floats | None,
+    logs: Sequence[MotionLog],  # recordings with q_encoder, the oldest first
+    known: Floats | None,  # (n,) errors that the card tells [deg|mm]; None where it tells none
     *,
-    factor: float = BEYOND,
-    max_error: Floats | None = None,
+    factor: float = BEYOND,  # more than 0
+    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out
 ) -> DriftFound:
     """Return a model's errors on recordings, in their order, and from which on it is beyond what it promised.
 
     With intervals, a joint is beyond where they hold less than half of what may lie outside allows (85 % for 90 %);
     without, where its RMSE is beyond `factor` times the error that the card tells.
-
-    Args:
-        logs: Recordings with q_encoder, the oldest first.
-        known: (n,) errors that the card tells [deg|mm]; None where it tells none.
-        factor: More than 0.
-        max_error: (n,) [rad|m]; rows with larger errors are left out.
     """
     if model.intervals is None and known is None:
         raise InputError(
@@ -95,27 +89,20 @@ def find_drift(
         log = model.matched(log)
         data = calibration_data([log], model.features, max_error=max_error)
         place = np.rint(data.position * len(log)).astype(int)  # rows of the recording
-        number = np.searchsorted(_cuts(log), place, side="right")
+        offsets = [values for name, values in log.signals.items() if name.startswith(OFFSETS)]
+        cuts = {*log.starts[1:], *(row + 1 for values in offsets for row in np.flatnonzero(np.diff(values)).tolist())}
+        number = np.searchsorted(sorted(cuts), place, side="right")
         for homing in np.unique(number):
             rows = data.rows(number == homing)
             errors = evaluate(model, rows).joints
             rmse, coverage = tuple(j.rmse for j in errors), tuple(j.coverage for j in errors)
+            held = None if model.intervals is None else coverage
             if model.intervals is not None:
                 least = model.intervals.level - LENIENCE * (1.0 - model.intervals.level)
                 beyond = tuple(share < least for share in coverage)
             else:
                 beyond = tuple(np.greater(rmse, factor * np.asarray(known)).tolist())
-            stretches.append(
-                Stretch(
-                    log.name,
-                    int(homing),
-                    rows.dates[0],
-                    len(rows),
-                    rmse,
-                    None if model.intervals is None else coverage,
-                    beyond,
-                )
-            )
+            stretches.append(Stretch(log.name, int(homing), rows.dates[0], len(rows), rmse, held, beyond))
     judged = (
         f"RMSE beyond {factor:g} times the card's error"
         if model.intervals is None
@@ -125,12 +112,7 @@ def find_drift(
 
 
 def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor: float = BEYOND) -> DriftFound:
-    """Return errors, delays and zeros that cards tell of, by date; beyond is `factor` times the first one's error.
-
-    Args:
-        cards: Name, card, and (n,) errors that it tells [deg|mm]; None where it tells none.
-        factor: More than 0.
-    """
+    """Return errors (n,) [deg|mm], delays and zeros of cards, by date; beyond is `factor` times the first one's."""
     cards = sorted(cards, key=lambda each: last_date(each[1]) or "9")
     joints = [[(joint["name"], joint["unit"]) for joint in card["joints"]] for _, card, _ in cards]
     for (name, *_), has in zip(cards, joints, strict=True):
@@ -160,12 +142,3 @@ def since_in_words(found: DriftFound) -> list[str]:
             when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
             told.append(f"{name}: beyond since {when}")
     return told
-
-
-def _cuts(log: MotionLog) -> Floats:
-    """Return the rows at which another homing or another recording begins, but for the first."""
-    cuts = set(log.starts[1:])
-    for name, values in log.signals.items():
-        if name.startswith(OFFSETS):
-            cuts |= {int(row) + 1 for row in np.flatnonzero(np.diff(values))}
-    return np.array(sorted(cuts), dtype=float)

@@ -18,13 +18,12 @@ zero as of each slope over the trained range. Slopes of all inputs need most of 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags
+from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.conformal import estimate_intervals, rmse_of_other_minutes
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
@@ -65,8 +64,7 @@ class JointChange:
     rmse_high: float
 
 
-@dataclass(frozen=True)
-class Refreshed:
+class Refreshed(NamedTuple):
     """A model brought up to date, what became of each joint, and what a reader must know."""
 
     model: CalibrationModel
@@ -77,18 +75,12 @@ class Refreshed:
 
 
 def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel | None = None) -> Refreshed:
-    """Bring a model up to date with rows of a new day.
+    """Bring a model up to date with rows of a new day, or those of `day`, at its level of friction.
 
     Rows outside the valid range count, and widen it, where the predictor with a new zero is nearer to the truth there
     than the fixed offset with one, on blocks, for every joint of its group. Elsewhere the predictor is changed by the
-    rows inside alone. Rows before midlines are known teach nothing; their errors are the fixed offset's.
-
-    Args:
-        day: What `find_level` gives; the model is taken from there, and its rows in place of `data`.
-
-    Returns:
-        A model of the same structure. Its fixed offset moves with the correction; its intervals are the wider of the
-        old ones and those of the errors that were left on blocks, or none where the rows are too few to tell.
+    rows inside alone. Rows before midlines are known teach nothing; their errors are the fixed offset's, which moves
+    with the correction. Intervals are the wider of the old ones and those of errors left on blocks, or none.
     """
     model, every = (model, data) if day is None else (day.model, day.data)
     known = every.complete
@@ -105,13 +97,12 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
     notes: list[str] = []
     found: dict[int, str] = {}
     for group in model.groups:
-        one = _refresh_group(model, group, data, block, inside[:, group.joints[0]])
-        groups.append(one.group)
-        left[np.ix_(known, np.array(group.joints))] = one.left
-        notes += one.notes
-        for k, joint in enumerate(group.joints):
-            offset[joint] += one.offset_moved[k]
-            found[joint] = one.how[k]
+        new_group, how, of_group, moved, said = _refresh_group(model, group, data, block, inside[:, group.joints[0]])
+        groups.append(new_group)
+        left[np.ix_(known, np.array(group.joints))] = of_group
+        notes += said
+        offset[list(group.joints)] += moved
+        found |= dict(zip(group.joints, how, strict=True))
     left[~known] = every.error[~known] - offset
     old = model.correction(every.X, every.q_nominal) if day is None else every.error - day.before
     if day is not None:
@@ -126,10 +117,13 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
     if model.intervals is not None:
         inside = refreshed.correct(every.X, every.q_nominal)[1]
         errors = CrossValidation((), every.error - offset, left, inside, every.recording)
-        intervals = _widest(model.intervals, errors)
-        if intervals is None:
+        was, new = model.intervals, estimate_intervals(errors, level=model.intervals.level)
+        if new is None:
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
-        refreshed = replace(refreshed, intervals=intervals)
+        else:  # minutes show where intervals are too narrow, not that they are too wide
+            near = np.maximum(was.inside, new.inside)
+            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)))
+        refreshed = replace(refreshed, intervals=new)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (every.error - old, left))
     promise = rmse_of_other_minutes(left)
@@ -141,20 +135,8 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
     return Refreshed(refreshed, changes, tuple(notes), every.error - old, left)
 
 
-def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:
-    """Return half-widths that hold both days' errors; minutes show where one is too narrow, not that it is too wide."""
-    new = estimate_intervals(errors, level=old.level)
-    if new is None:
-        return None
-    inside = np.maximum(old.inside, new.inside)
-    return Intervals(old.level, inside, np.maximum(inside, np.maximum(old.outside, new.outside)))
-
-
 def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Floats) -> AnyPredictor:
-    """Return a predictor whose outputs are scale y + bias + X @ linear: scale and bias (m,), linear (F, m).
-
-    The kind stays, but for two: a constant that gets a slope becomes linear, and a network a linear part beside it.
-    """
+    """Return a predictor of scale y + bias + X @ linear; a constant becomes linear, a network gets a line beside it."""
     if isinstance(predictor, Constant):
         value = scale * predictor.value + bias
         return Linear(linear, value) if linear.any() else Constant(value)
@@ -181,42 +163,44 @@ def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Float
     )
 
 
-@dataclass(frozen=True)
-class _Group:
-    group: JointGroup
-    how: tuple[str, ...]
-    left: Floats  # (N, m) errors on blocks that the chosen candidates were not fitted to
-    offset_moved: Floats  # (m,)
-    notes: tuple[str, ...] = ()
-
-
 def _refresh_group(
-    model: CalibrationModel, group: JointGroup, data: CalibrationData, block: NDArray[np.int64], inside: Flags
-) -> _Group:
+    model: CalibrationModel, group: JointGroup, data: CalibrationData, block: Integers, inside: Flags
+) -> tuple[JointGroup, list[str], Floats, Floats, list[str]]:
+    """Return the new group, what became of its joints, errors left (N, m), what the fixed offset moves by, and notes.
+
+    Errors are those on blocks that the chosen candidates were not fitted to.
+    """
     joints = list(group.joints)
     names = ", ".join(model.joint_names[j] for j in joints)
     X, q = np.ascontiguousarray(data.X[:, group.columns]), data.q_nominal[:, joints]
     correction = group.predictor.predict(X) - (q if model.target == "position" else 0.0)
     error = data.error[:, joints]
-    of_offset = error - model.offset[joints]
-    notes: tuple[str, ...] = ()
+    of_offset, notes = error - model.offset[joints], list[str]()
     outside = ~inside
     if outside.any():
         share = f"{names}: {outside.mean():.1%} of the new rows lie outside the valid range"
-        if _predictor_is_nearer(error - correction, of_offset, block, outside):
-            notes = (f"{share}; the model holds there, and its range now takes them in",)
+        a, b = (
+            [
+                np.square(_left_on_blocks([_Ridge(_no_columns(block))], each, block)[1][outside]).mean()
+                for each in errors.T
+            ]
+            for errors in (error - correction, of_offset)
+        )
+        if np.less_equal(a, b).all():
+            notes = [f"{share}; the model holds there, and its range now takes them in"]
             inside = np.ones(len(data), dtype=bool)
             group = replace(group, valid_range=_widened(group.valid_range, data.X[:, group.watched]))
         else:
-            notes = (f"{share}, where the fixed offset is used; the model does not hold there",)
+            notes = [f"{share}, where the fixed offset is used; the model does not hold there"]
     rows = np.flatnonzero(inside)
     if len(rows) < FEWEST_ROWS:
         return _only_offset(group, of_offset, block, notes)
     residual, parts = (error - correction)[rows], block[rows]
-    how, left = [], of_offset.copy()
+    how, left, own = list[str](), of_offset.copy(), [model.features.names[c] for c in group.columns]
     scale, bias, linear = np.ones(len(joints)), np.zeros(len(joints)), np.zeros((len(group.columns), len(joints)))
     for k, joint in enumerate(joints):
-        place = _place_of_position(model, group, joint)
+        position = f"q:{model.joint_names[joint]}"
+        place = own.index(position) if position in own else None
         seen = _motion_shown(group, model, data, joint)
         held = _held(model, group, joint, correction[rows, k], seen[1])
         designs = _designs(model, X[rows], correction[rows, k], q[rows, k], place, held)
@@ -225,7 +209,7 @@ def _refresh_group(
         chosen = kept[first_within_one_error(of_candidates[kept], parts)]
         wanted = first_within_one_error(of_candidates, parts)
         if wanted != chosen or (HOW[chosen] == SCALE and seen[1] < SWEEPS):
-            notes = (*notes, _too_local(model.joint_names[joint], seen, HOW[wanted]))
+            notes.append(_too_local(model.joint_names[joint], seen, HOW[wanted]))
         how.append(HOW[chosen])
         left[rows, k] = of_candidates[chosen]
         if chosen:
@@ -240,7 +224,7 @@ def _refresh_group(
     predictor = adjusted(group.predictor, scale, bias, linear)
     moved = (predictor.predict(X[rows]) - group.predictor.predict(X[rows])).mean(axis=0)
     left[outside & ~inside] -= moved
-    return _Group(replace(group, predictor=predictor), tuple(how), left, moved, notes)
+    return replace(group, predictor=predictor), how, left, moved, notes
 
 
 def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationData, joint: int) -> tuple[float, int]:
@@ -275,19 +259,21 @@ def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
     )
 
 
-def _only_offset(group: JointGroup, of_offset: Floats, block: NDArray[np.int64], notes: tuple[str, ...]) -> _Group:
+def _only_offset(
+    group: JointGroup, of_offset: Floats, block: Integers, notes: list[str]
+) -> tuple[JointGroup, list[str], Floats, Floats, list[str]]:
     """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
-    how, moved, left = [], np.zeros(of_offset.shape[1]), of_offset.copy()
+    how, moved, left = list[str](), np.zeros(of_offset.shape[1]), of_offset.copy()
     for k, error in enumerate(of_offset.T):
         candidates = _left_on_blocks([_Ridge(_no_columns(block))], error, block)
         chosen = first_within_one_error(candidates, block)
         how.append(HOW[chosen])
         left[:, k] = candidates[chosen]
         moved[k] = error.mean() if chosen else 0.0
-    return _Group(group, tuple(how), left, moved, notes)
+    return group, how, left, moved, notes
 
 
-def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
+def first_within_one_error(left: Floats, block: Integers) -> int:
     """Return the first candidate whose mean RMSE over blocks is within one standard error, or 1 %, of the best one's.
 
     Args:
@@ -300,14 +286,6 @@ def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
         return 0
     allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(rmse))
     return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION + CLOSE * rmse.mean(axis=0).min()))
-
-
-def _predictor_is_nearer(of_model: Floats, of_offset: Floats, block: NDArray[np.int64], outside: Flags) -> bool:
-    a, b = (
-        [np.square(_left_on_blocks([_Ridge(_no_columns(block))], each, block)[1][outside]).mean() for each in errors.T]
-        for errors in (of_model, of_offset)
-    )
-    return all(np.less_equal(a, b))
 
 
 def _widened(old: ValidRange, watched: Floats) -> ValidRange:
@@ -407,14 +385,7 @@ def _no_columns(rows: NDArray[Any]) -> Floats:
     return np.zeros((len(rows), 0))
 
 
-def _place_of_position(model: CalibrationModel, group: JointGroup, joint: int) -> int | None:
-    """Return where among a group's columns a joint's own position is; None where it does not take it."""
-    names = [model.features.names[c] for c in group.columns]
-    name = f"q:{model.joint_names[joint]}"
-    return names.index(name) if name in names else None
-
-
-def _left_on_blocks(designs: Sequence[_Ridge | _Held], residual: Floats, block: NDArray[np.int64]) -> Floats:
+def _left_on_blocks(designs: Sequence[_Ridge | _Held], residual: Floats, block: Integers) -> Floats:
     """Return residuals (N,) as they are, and what regressions on designs leave on blocks that they did not see."""
     left = np.repeat(residual[None], 1 + len(designs), axis=0)
     for k in np.unique(block):

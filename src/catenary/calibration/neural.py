@@ -26,21 +26,12 @@ _NEW_MOMENTUM, _NEW_SQUARE = np.float32(1.0 - MOMENTUM), np.float32(1.0 - SQUARE
 _ONE, _HALF = np.float32(1.0), np.float32(0.5)
 # tanh(x) = x p(x^2) / q(x^2) to 3e-7, and +-1 beyond the bound [Eigen 3.3, MathFunctionsImpl.h]
 _BOUND = np.float32(7.90531110763549805)
-_P0, _P1, _P2, _P3, _P4, _P5, _P6 = (
-    np.float32(value)
-    for value in (
-        4.89352455891786e-03,
-        6.37261928875436e-04,
-        1.48572235717979e-05,
-        5.12229709037114e-08,
-        -8.60467152213735e-11,
-        2.00018790482477e-13,
-        -2.76076847742355e-16,
-    )
-)
-_Q0, _Q1, _Q2, _Q3 = (
-    np.float32(value)
-    for value in (4.89352518554385e-03, 2.26843463243900e-03, 1.18534705686654e-04, 1.19825839466702e-06)
+_P0, _P1, _P2, _P3, _P4, _P5, _P6 = map(np.float32, (
+    4.89352455891786e-03, 6.37261928875436e-04, 1.48572235717979e-05, 5.12229709037114e-08,
+    -8.60467152213735e-11, 2.00018790482477e-13, -2.76076847742355e-16,
+))  # fmt: skip
+_Q0, _Q1, _Q2, _Q3 = map(
+    np.float32, (4.89352518554385e-03, 2.26843463243900e-03, 1.18534705686654e-04, 1.19825839466702e-06)
 )
 
 
@@ -156,12 +147,8 @@ class TrainedNetwork:
     def gradient(self, X: Singles, Y: Singles, l2: float, others: Penalties = NO_PENALTIES) -> list[Singles]:
         """Return the gradient of the loss, times m / 2: first by the weights, then by the biases.
 
-        The loss is Keras's: mean over rows and outputs of the squared error, + l2 * sum of squared weights, + the other
-        penalties. Adam's steps do not depend on the factor.
-
-        Args:
-            X: (N, F) inputs.
-            Y: (N, m) outputs that are wanted.
+        The loss is Keras's for inputs X (N, F) and wanted outputs Y (N, m): mean over rows and outputs of the squared
+        error, + l2 * sum of squared weights, + the other penalties. Adam's steps do not depend on the factor.
         """
         rows, layers = len(X), [X]
         for k, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
@@ -241,9 +228,6 @@ def fit_neural(
     Minimises mean((Y - f(X))^2) over rows and outputs + l2 * sum of squared weights + other penalties, on
     standardised X and Y (Keras's loss, as the paper's). Where the settings name several `l2`, the one that does best
     on the rows marked `late` (N,) after training on the others is taken.
-
-    Args:
-        late: Rows to choose `l2` on.
     """
     candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
     if not late.any() or late.all():
@@ -293,13 +277,5 @@ def _train(
             network.step(network.gradient(Z[rows], wanted[rows], l2, settings.penalties), rate)
             step += 1
         progress((epoch + 1) / settings.epochs)
-    return Network(
-        mean=mean,
-        scale=scale,
-        weights=tuple(W.astype(np.float64) for W in network.weights),
-        biases=tuple(b.astype(np.float64) for b in network.biases),
-        activation=settings.activation,
-        out_mean=out_mean,
-        out_scale=out_scale,
-        skip=skip,
-    )
+    weights, biases = (tuple(each.astype(np.float64) for each in some) for some in (network.weights, network.biases))
+    return Network(mean, scale, weights, biases, settings.activation, out_mean, out_scale, skip)

@@ -24,7 +24,7 @@ from catenary.calibration.midline import FULL, STATES
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, imported
 from catenary.files import json_text, write_atomically
-from catenary.transmission.coupled_friction import SWEEPS
+from catenary.transmission.cable_friction import SWEEPS
 
 FORMAT = "catenary.onnx.1"
 OPSET = 17  # all operators that occur have float64 kernels in runtimes since 2022
@@ -32,24 +32,14 @@ IR_VERSION = 8  # the file format that came with this opset
 
 
 def to_onnx(model: CalibrationModel, card: Card) -> Any:
-    """Return a model as an onnx.ModelProto: one row, or many independent ones, of what a robot reports.
+    """Return a model as an onnx.ModelProto: one step, for one row or many independent ones, all float64.
 
-    Inputs, all float64; `rows` is free:
-        signals (rows, S): current values of `model.features.signals`, in that order.
-        q_nominal (rows, n): reported positions [rad|m]; only where the model gives positions end to end, or knows
-            joint limits.
-        midline (rows, M, 4): what midlines remember; only where the model has some.
-        play (rows, K): play states; only where the model has some.
-        friction (rows, L): friction states of coupled joints; only where the model has some.
-    Outputs:
-        correction (rows, n): what to add to q_nominal [rad|m]; outside the valid range the fixed offset.
-        inside (rows, n): bool, whether each joint is in its valid range.
-        interval (rows, n): half-width about the calibrated position [rad|m]; only where the model has intervals.
-        midline_next, play_next, friction_next: what to give under the first word at the next step.
-
-    Before the first step these are NaN: play and friction states begin centred. So the graph, stepped, gives what
-    `Corrector` gives, but for leaps of a joint, which its play states follow: keep them out (spike_filter.py). The
-    metadata `catenary` names signals, units and joints as JSON; `card` is the model card.
+    Inputs are `signals` (rows, S) in the order of `model.features.signals`; `q_nominal` (rows, n) [rad|m] where the
+    model gives positions or knows joint limits; and `midline` (rows, M, 4), `play` (rows, K), `friction` (rows, L) of
+    models with such memory, NaN before the first step. Outputs are `correction`, `inside`, `interval` (rows, n), and
+    the memory to be given next, `play_next` and so on. Stepped, the graph gives what `Corrector` gives, but for leaps
+    of a joint, which its play states follow: keep them out (spike_filter.py). The metadata `catenary` names signals,
+    units and joints as JSON; `card` is the model card.
     """
     onnx = _import_onnx()
     n, features = len(model.joint_names), model.features
@@ -132,12 +122,9 @@ class _Graph:
     def loop(
         self, times: str, carried: Sequence[str], body: Callable[[str, list[str]], tuple[str | None, list[str]]]
     ) -> list[str]:
-        """Return what `body` makes of carried float64 tensors, `times` times or until its claim "go on" is false.
+        """Return what `body` makes of carried float64 tensors, `times` (int64) times or until its claim is false.
 
-        Args:
-            times: int64 scalar.
-            carried: Tensors.
-            body: Takes the number of the step and the tensors; returns the claim, None for always, and them anew.
+        The body takes the number of the step and the tensors; it returns the claim, None for always, and them anew.
         """
         helper, kinds = self.onnx.helper, self.onnx.TensorProto
         outside, self.nodes = self.nodes, []
@@ -195,13 +182,8 @@ class _Graph:
     def model(self, metadata: dict[str, str]) -> Any:
         helper = self.onnx.helper
         graph = helper.make_graph(self.nodes, "calibration", self.inputs, self.outputs, self.constants)
-        model = helper.make_model(
-            graph,
-            opset_imports=[helper.make_opsetid("", OPSET)],
-            ir_version=IR_VERSION,
-            producer_name="catenary",
-            producer_version=__version__,
-        )
+        about = {"producer_name": "catenary", "producer_version": __version__, "ir_version": IR_VERSION}
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], **about)
         helper.set_model_props(model, metadata)
         return model
 

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Literal, get_args
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field
@@ -26,6 +26,8 @@ Activation = Literal["logistic", "tanh"]
 class Predictor(ABC):
     """A fitted function of features (N, F) to (N, m)."""
 
+    by_output: ClassVar[tuple[str, ...]] = ()  # arrays whose last axis is the outputs
+
     @property
     @abstractmethod
     def shape(self) -> tuple[int | None, int]:
@@ -35,9 +37,11 @@ class Predictor(ABC):
     def steps(self, X: Floats, Y: Floats) -> list[Step]:
         """Return the compiled steps that write the outputs Y (N, m) for features X (N, F)."""
 
-    @abstractmethod
-    def of(self, outputs: Sequence[int]) -> "Predictor":
+    def of(self, outputs: Sequence[int]) -> Self:
         """Return the function that gives only some of the outputs, each to the bit as before."""
+        taken = list(outputs)
+        parts = {name: getattr(self, name)[..., taken] for name in self.by_output}
+        return replace(self, **parts)  # type: ignore[type-var]  # those below are dataclasses
 
     def predict(self, X: Floats) -> Floats:
         """Return outputs (N, m) for features (N, F)."""
@@ -59,6 +63,7 @@ class Constant(Predictor):
 
     value: StoredFloats  # (m,)
     kind: Literal["constant"] = "constant"
+    by_output: ClassVar[tuple[str, ...]] = ("value",)
 
     def __post_init__(self) -> None:
         self._keep({"value": (None,)})
@@ -70,9 +75,6 @@ class Constant(Predictor):
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         return [Step(arithmetic.repeat, (self.value,), (Y,))]
 
-    def of(self, outputs: Sequence[int]) -> "Constant":  # noqa: D102
-        return Constant(self.value[list(outputs)])
-
 
 @dataclass(frozen=True)
 class Linear(Predictor):
@@ -81,6 +83,7 @@ class Linear(Predictor):
     weights: StoredFloats  # (F, m) in units of y per unit of the feature
     bias: StoredFloats  # (m,)
     kind: Literal["linear"] = "linear"
+    by_output: ClassVar[tuple[str, ...]] = ("weights", "bias")
 
     def __post_init__(self) -> None:
         self._keep({"weights": (None, None), "bias": (np.shape(self.weights)[-1],)})
@@ -91,9 +94,6 @@ class Linear(Predictor):
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         return [Step(arithmetic.dense, (X, self.weights, self.bias), (Y,))]
-
-    def of(self, outputs: Sequence[int]) -> "Linear":  # noqa: D102
-        return Linear(self.weights[:, list(outputs)], self.bias[list(outputs)])
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,7 @@ class Quadratic(Predictor):
     quadratic: StoredFloats  # (F (F + 1) / 2, m), pairs (0, 0), (0, 1), ..., (1, 1), ...
     bias: StoredFloats  # (m,)
     kind: Literal["quadratic"] = "quadratic"
+    by_output: ClassVar[tuple[str, ...]] = ("linear", "quadratic", "bias")
 
     def __post_init__(self) -> None:
         inputs, m = len(self.mean), len(self.bias)
@@ -125,10 +126,6 @@ class Quadratic(Predictor):
             Step(arithmetic.monomials, (Z,), (P,)),
             Step(arithmetic.dense, (P, weights, self.bias), (Y,)),
         ]
-
-    def of(self, outputs: Sequence[int]) -> "Quadratic":  # noqa: D102
-        taken = list(outputs)
-        return replace(self, linear=self.linear[:, taken], quadratic=self.quadratic[:, taken], bias=self.bias[taken])
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags, Integers
+from catenary.arrays import Flags, Floats, Integers
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 
@@ -31,10 +30,7 @@ def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
     """Return how far a joint may go from one row to the next: its fastest step in training rows, times MARGIN.
 
     Single rows far from both neighbours, up to one in 200, are left out: the steps are those of running medians of
-    three rows, and of 99 % of the rows.
-
-    Args:
-        motions: Positions (N,) of one motion each [rad|m], and their `room_of`.
+    three rows, and of 99 % of the rows. Motions are positions (N,) [rad|m] and their `room_of`.
     """
     steps, gentle = [np.zeros(1)], [np.zeros(1)]
     for q, room in motions:
@@ -48,32 +44,19 @@ def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
 
 @compiled
 def find_leaps(
-    signals: Floats,
-    joints: Integers,
-    limits: Floats,
-    room: Floats,
-    seen: Floats,
-    strange: Floats,
-    rejected: Floats,
-    course: Integers,
-    leaping: Flags,
+    signals: Floats,  # (N, S) what the robot reports, row after row
+    joints: Integers,  # (J,) which signals these positions are
+    limits: Floats,  # (J,) largest step to the next row
+    room: Floats,  # (N,) see `room_of`
+    seen: Floats,  # (J, 3) last believed position, how many rows leapt since, and the room of these rows
+    strange: Floats,  # (1,) steps of another motion, as far as they are remembered
+    rejected: Floats,  # (J,) counts rows that were spikes
+    course: Integers,  # (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER
+    leaping: Flags,  # (N,) receives whether a row is of another motion, or leaps
 ) -> None:
-    """Find positions that leap, and whether they return.
+    """Find positions that leap farther than a joint can have gone since the last believed one, and whether they return.
 
-    A leap is farther from the last believed position than the joint can have gone since. It was a spike when a row
-    within CONFIRM of it does not leap; otherwise the joint is there. In another motion every position is believed.
-    What is not finite changes nothing.
-
-    Args:
-        signals: (N, S) what the robot reports, row after row.
-        joints: (J,) which signals these positions are.
-        limits: (J,) largest step to the next row.
-        room: (N,) see `room_of`.
-        seen: (J, 3) last believed position, how many rows leapt since, and the room of these rows.
-        strange: (1,) steps of another motion, as far as they are remembered.
-        rejected: (J,) counts rows that were spikes.
-        course: (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER.
-        leaping: (N,) receives whether a row is of another motion, or leaps.
+    A leap was a spike when a row within CONFIRM of it does not leap. In another motion every position is believed.
     """
     for row in range(len(signals)):
         fast, leaping[row] = 0.0, False

@@ -6,8 +6,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags, Step, between, dense, repeat, standardise
+from catenary.arrays import Flags, Floats, as_array
+from catenary.calibration.arithmetic import Step, between, dense, repeat, standardise
 from catenary.calibration.intervals import FARTHEST, distance
 from catenary.cards import StoredFloats
 
@@ -17,11 +17,7 @@ Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 @dataclass(frozen=True)
 class ValidRange:
-    """A box around the training features, and one along their principal axes.
-
-    The first catches a joint beyond where it was, the second combinations that never occurred together:
-    large steps where only small ones were seen, a torque on the wrong side of a motion.
-    """
+    """A box around the training features, and one along their principal axes, for combinations never seen."""
 
     lower: StoredFloats  # (F,) in the features' units
     upper: StoredFloats  # (F,)
@@ -40,11 +36,7 @@ class ValidRange:
                 object.__setattr__(self, name, as_array(name, values, shape))
 
     def steps(self, X: Floats, inside: Flags, far: Floats | None = None) -> list[Step]:
-        """Return the compiled steps that clear the flags (N,) of rows of X (N, F) outside either box; NaN is.
-
-        Args:
-            far: (N, 1) receives how far from the middle of the boxes rows are; see intervals.py.
-        """
+        """Return steps that clear flags (N,) of rows of X (N, F) outside; `far` (N, 1) is for intervals.py."""
         centred, projection = np.empty_like(X), np.empty_like(X)
         ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
         distances: list[Step] = []
@@ -71,9 +63,8 @@ def fit_valid_range(
 ) -> ValidRange:
     """Describe where training features (N, F) lie, and how far beyond a model may go: `margin` times their range.
 
-    Args:
-        along_axes: The margin of the box along the principal axes; `margin` when None.
-        farther: (F,) features that may go twice as far, and with any others: they count for no axis.
+    Along the principal axes it is `along_axes`, `margin` when None. Features that are `farther` (F,) may go twice as
+    far, and with any others: they count for no axis.
     """
     along_axes = margin if along_axes is None else along_axes
     mean, scale = standardisation(X)
@@ -89,16 +80,9 @@ def fit_valid_range(
     projection = (X - mean) @ axes
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
     axis_margin = along_axes * (axis_upper - axis_lower) + SMALLEST_RANGE
-    return ValidRange(
-        lower=lower - box_margin,
-        upper=upper + box_margin,
-        mean=mean,
-        axes=axes,
-        axis_lower=axis_lower - axis_margin,
-        axis_upper=axis_upper + axis_margin,
-        seen=1.0 / (1.0 + 2.0 * margin),
-        axes_seen=1.0 / (1.0 + 2.0 * along_axes),
-    )
+    box, along = (lower - box_margin, upper + box_margin), (axis_lower - axis_margin, axis_upper + axis_margin)
+    seen, axes_seen = (1.0 / (1.0 + 2.0 * each) for each in (margin, along_axes))
+    return ValidRange(*box, mean, axes, *along, seen=seen, axes_seen=axes_seen)
 
 
 def standardisation(X: Floats) -> tuple[Floats, Floats]:

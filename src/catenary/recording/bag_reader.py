@@ -3,25 +3,127 @@
 A journal or a bag may be whole, torn by a crash, or damaged; what is whole is read, what is not is counted.
 """
 
+import contextlib
 import re
-from collections import Counter
+import sqlite3
+from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.documents import cut
+from catenary.arrays import Integers
+from catenary.documents import cut, reading, shortened
 from catenary.errors import FileFormatError
-from catenary.recording.bag_records import Block
-from catenary.recording.bag_stream import BagConnection, BagStream, Hole
+from catenary.recording.bag_records import DAMAGE, Block, Unpacking
+from catenary.recording.bag_stream import BagConnection, BagFile, BagStream, Hole, about_of
 from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, LeftOff, is_journal_name
-from catenary.recording.layout import Encoding, require_topics
-from catenary.recording.sqlite_bag import SqliteBag
+from catenary.recording.layout import ABOUT_TOPIC, Encoding, require_topics
 from catenary.topics import SECOND
+
+AT_ONCE = 2048  # messages that are in memory at once
+_ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
+
+
+class SqliteBag(BagFile):
+    """Reads a SQLite file of a ROS 2 bag, in the order in which it was recorded."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the file once, to find its topics."""
+        super().__init__(path)
+        counts = Counter[str]()
+        with reading(path, "SQLite", (sqlite3.Error, *DAMAGE)):
+            self._size = path.stat().st_size
+            self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
+            self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
+            self._database.execute("PRAGMA writable_schema = ON")  # else one that was cut off is not opened at all
+            self._database.execute("PRAGMA trusted_schema = OFF")
+            for kind, name, text in self._database.execute("SELECT type, name, sql FROM sqlite_master"):
+                # nothing is worked out when it is read
+                computed = re.search(r"\bVIRTUAL\b|\bGENERATED\b|\bAS\s*\(|\bWHERE\b", str(text or ""), re.IGNORECASE)
+                if kind not in ("table", "index") or computed:
+                    raise FileFormatError(f"{path}: {kind} {shortened(name)}: expected plain tables and indices")
+            texts = dict[str, str]()
+            with contextlib.suppress(sqlite3.Error):  # older bags have none, and types of ROS's own are known
+                texts |= dict(
+                    self._database.execute("SELECT topic_type, encoded_message_definition FROM message_definitions")
+                )
+            for number, topic, kind in self._database.execute("SELECT id, name, type FROM topics"):
+                if not isinstance(topic, str) or not isinstance(kind, str):
+                    raise FileFormatError(f"{path}: topic {shortened(topic)}: expected texts for it and its type")
+                self._keep(number, BagConnection(topic, kind, "", texts.get(kind, "")))
+            for name, stamp, data in self._every_message():
+                self.first = stamp if self.first is None else self.first
+                if name != ABOUT_TOPIC:
+                    counts[name] += 1
+                elif self.about is None:
+                    self.about = about_of(path, data, self.encoding)
+        self.counts = {topic.name: counts[topic.name] for topic in self.topics}
+        if self.damage and not counts:
+            raise FileFormatError(f"{self.damage[0]}; nothing in it can be saved")
+
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages, some of every topic before more of one."""
+        messages = self.messages(topics)
+        while some := list(islice(messages, AT_ONCE)):
+            for name in dict.fromkeys(name for name, _, _ in some):
+                own = [(stamp, data) for topic, stamp, data in some if topic == name]
+                yield name, np.array([stamp for stamp, _ in own]), Block.of([data for _, data in own])
+
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, arrival stamp [ns] and bytes, but for a page around damage, which may be there in part."""
+        read, unpacking = self._database.execute, Unpacking(self.path)
+        (page,) = read("PRAGMA page_size").fetchone()
+        left, seen, skipped = self._size, -1, 0
+        waiting, held = deque[tuple[int, int, bytes]](), 0  # rows within a page of here, and their bytes
+        self.last, self.holes, self.damage, self.ends_early = None, [], [], False
+
+        def message(row: tuple[int, int, bytes]) -> Iterator[tuple[str, int, bytes]]:
+            self.last = row[1]
+            if row[0] in self._names:
+                yield self._names[row[0]], row[1], unpacking.message(row[2])
+
+        for _ in range(2):
+            try:
+                for place, number, stamp, data in read(_ROWS, (seen,)):
+                    seen, is_whole = place, isinstance(data, bytes) and isinstance(stamp, int)
+                    size = len(data) if is_whole else 0
+                    left, skipped = left - size, max(0, skipped - size - 1)
+                    if left < 0:
+                        self.damage.append(f"{self.path}: its messages take more bytes than the file has")
+                        return
+                    if not is_whole:
+                        skipped, held = page, 0
+                        waiting.clear()
+                        self._hole("a message without its bytes")
+                    elif not skipped:
+                        waiting.append((number, stamp, data))
+                        held += size
+                        while held - len(waiting[0][2]) >= page:
+                            held -= len(waiting[0][2])
+                            yield from message(waiting.popleft())
+                for row in waiting:
+                    yield from message(row)
+                return
+            except sqlite3.Error as error:
+                if self.last is None and not waiting and seen < 0:
+                    raise
+                self._hole(error)
+            waiting.clear()
+            behind, skipped, held = seen, page, 0
+            with contextlib.suppress(sqlite3.Error):
+                for (place,) in read("SELECT id FROM messages WHERE id > ? ORDER BY id DESC", (seen,)):
+                    behind = place
+            self.ends_early = behind == seen
+            seen = behind - 1
+
+    def _hole(self, why: object) -> None:
+        self.holes.append((self.last, None))
+        self.damage.append(f"{self.path}: cannot be read as SQLite: {why}; it was read around the damage")
+
 
 METADATA = "metadata.yaml"
 FILES = (".mcap", ".db3")  # that a ROS 2 bag consists of
@@ -39,8 +141,7 @@ class TopicLoss(NamedTuple):
     seconds: float  # without a message, beyond the usual interval
 
 
-@dataclass(frozen=True)
-class Rescue:
+class Rescue(NamedTuple):
     """What is there of a recording that was not whole, and what is not."""
 
     topics: tuple[TopicLoss, ...]
@@ -48,13 +149,8 @@ class Rescue:
     ends_early: bool  # it was cut off: its end is missing
 
     @classmethod
-    def of(cls, arrivals: Mapping[str, NDArray[np.int64]], holes: Sequence[Hole], *, ends_early: bool) -> Self:
-        """Compare topics with one another.
-
-        A topic goes on at its usual rate, the median of its intervals; so many messages are missing as would fit
-        between the last before a hole and the first behind it. What came behind the end of a recording nobody knows: it
-        is not counted, but for topics that end before others do. Arrivals are (M,) [ns] of each topic, in order.
-        """
+    def of(cls, arrivals: Mapping[str, Integers], holes: Sequence[Hole], *, ends_early: bool) -> Self:
+        """Compare topics, which arrived (M,) [ns]: each lost in holes what comes at its usual rate, the median."""
         there = [a for a in arrivals.values() if len(a)]
         span = max(int(a[-1]) for a in there) - min(int(a[0]) for a in there) if there else 0
         found = []
@@ -125,7 +221,7 @@ class FilesInARow:
             there = [topic.name for topic in part.topics]
             yield from part.messages([name for name in there if topics is None or name in topics])
 
-    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
         """Yield topic, arrival stamps [ns] (N,) and messages, file by file."""
         for part in self._each():
             yield from part.blocks([topic.name for topic in part.topics if topic.name in topics])
@@ -136,10 +232,7 @@ class FilesInARow:
 
 
 class JournalReader(FilesInARow):
-    """Reads a recording: its folder, or one of its files.
-
-    What was missing or damaged is known when `messages` has been read to its end.
-    """
+    """Reads a recording, its folder or one of its files; what is missing or damaged is known behind its `messages`."""
 
     parts: Sequence[BagStream]
 
@@ -166,10 +259,7 @@ class JournalReader(FilesInARow):
         self.lost = 0  # messages that are known to be missing
 
     def left_off(self, *, in_passes: bool) -> LeftOff | None:
-        """Return from where it goes on: from its last whole pass, or its last message; None where nothing is kept.
-
-        A pass is whole when the next one has begun.
-        """
+        """Return from where it goes on: from its last whole pass, behind which another began, or last message."""
         files = sorted(filter(is_journal_name, self.path.glob("*.mcap")))
         last_pass = max((part.begins for part in self.parts if part.begins is not None), default=0.0)
         kept = [part for part in self.parts if not in_passes or (part.begins is not None and part.begins < last_pass)]
@@ -313,10 +403,7 @@ def _file(path: Path) -> BagStream | SqliteBag:
 
 
 def open_recording(path: Path) -> Source:
-    """Open a journal (folder or file), a ROS 1 bag, an MCAP file, a SQLite file or a ROS 2 bag (folder).
-
-    Of one that was cut off or is damaged what is whole is read; `damage` says what is not.
-    """
+    """Open a journal (folder or file), a .bag, .mcap, .db3 or a ROS 2 bag (folder); `damage` says what is not whole."""
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
     if is_journal(path):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import RATIO, unpacked
+from catenary.arrays import Integers
 from catenary.errors import FileFormatError
 from catenary.kernels.compiled import compiled
 
@@ -30,7 +31,7 @@ _PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a messa
 DAMAGE = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
 KIND, CONNECTION, TIME, HEADER, DATA, END = range(6)  # columns of a chunk's records
 _AT_ONCE = 8192
-Records = NDArray[np.int64]
+Records = Integers
 
 
 def next_chunk(file: BinaryIO, position: int, size: int, *, is_ros1: bool) -> int | None:
@@ -162,7 +163,7 @@ def text_at(data: bytes, position: int) -> tuple[str, int]:
 class Block:
     """N messages one behind the other in one piece of memory."""
 
-    def __init__(self, data: NDArray[np.uint8], lengths: NDArray[np.int64]) -> None:
+    def __init__(self, data: NDArray[np.uint8], lengths: Integers) -> None:
         self.data, self.lengths = data, lengths
         self._ends = np.cumsum(lengths)
 
@@ -191,10 +192,10 @@ class Block:
 
 
 def chunk_records(chunk: bytes, *, is_ros1: bool) -> Records:
-    """Return the records of an unpacked chunk of a ROS 1 bag, or of MCAP, up to its last whole one, (N, 6).
+    """Return the records of an unpacked chunk up to its last whole one, (N, 6).
 
-    Columns: op, connection or channel, time [ns], where header, data and record begin, begin and end. Op is -1 of a
-    record whose header is damaged. MCAP's records but messages tell only their kind, and where they begin and end.
+    Columns: op (-1 where the header is damaged), connection or channel, time [ns], where header, data and record begin,
+    begin and end. MCAP's records but messages tell only their kind, and where they begin and end.
     """
     data = np.frombuffer(chunk, dtype=np.uint8)
     records = np.empty((len(data) // 8, 6), dtype=np.int64)
@@ -217,12 +218,10 @@ def gather(chunk: bytes, records: Records) -> Block:
 
 @compiled
 def _u32(data: NDArray[np.uint8], position: int) -> Any:
-    return (
-        np.int64(data[position])
-        | np.int64(data[position + 1]) << 8
-        | np.int64(data[position + 2]) << 16
-        | np.int64(data[position + 3]) << 24
-    )
+    value = np.int64(0)
+    for k in range(4):
+        value |= np.int64(data[position + k]) << 8 * k
+    return value
 
 
 @compiled

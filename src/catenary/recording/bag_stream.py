@@ -8,8 +8,8 @@ from typing import BinaryIO, NamedTuple, TypeVar
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
+from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import FileFormatError
 from catenary.recording.bag_records import (
@@ -112,11 +112,7 @@ class BagFile:
 
 
 class BagStream(BagFile):
-    """Reads a ROS 1 bag or an MCAP file from its beginning, in the order in which it was recorded.
-
-    It reads what is whole: up to the last message, or the last chunk where chunks are compressed, and on behind what
-    is damaged. `damage` says where that was; a bag without its index has one, too.
-    """
+    """Reads a ROS 1 bag or an MCAP file as it was recorded, and on behind damage, which `damage` tells."""
 
     def __init__(self, path: Path) -> None:
         """Read the file once, to find its topics."""
@@ -149,11 +145,8 @@ class BagStream(BagFile):
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         return self._guarded(self._messages)
 
-    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        """Yield topic, arrival stamps [ns] (N,) and messages of every chunk, no object for each.
-
-        Within a topic messages keep their order.
-        """
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages in their order, of every chunk, no object for each."""
         for chunk, name, records in self._guarded(self._by_topic):
             if name in topics:
                 block = gather(chunk, records)
@@ -227,8 +220,7 @@ class BagStream(BagFile):
                     counts = (field_of(values, key, 4) for key in (b"conn_count", b"chunk_count"))
                     missing = sum(_U32.unpack(count)[0] for count in counts)
                 elif kind == _CONNECTION:  # it says again what stands before its messages
-                    number, topic = _U32.unpack(field_of(values, b"conn", 4))[0], field_of(values, b"topic")
-                    self._connection(number, topic, header_fields(data))
+                    self._connection(_U32.unpack(field_of(values, b"conn", 4))[0], values, data)
                 chunk = None
                 if kind == _CHUNK:
                     packing = field_of(values, b"compression").decode(errors="replace")
@@ -253,19 +245,12 @@ class BagStream(BagFile):
             whole = records[: damaged[0]] if len(damaged) else records
             for row in whole[whole[:, KIND] == _CONNECTION].tolist():
                 with self._damage_told(file.tell()):
-                    about = header_fields(chunk[row[HEADER] : row[DATA] - 4])
-                    topic = field_of(about, b"topic")
-                    self._connection(row[CONNECTION], topic, header_fields(chunk[row[DATA] : row[END]]))
+                    head = header_fields(chunk[row[HEADER] : row[DATA] - 4])
+                    self._connection(row[CONNECTION], head, chunk[row[DATA] : row[END]])
             yield chunk, whole[whole[:, KIND] == _MESSAGE]
             left = len(chunk) - (int(whole[-1, END]) if len(whole) else 0)
             if left and not self.ends_early:
                 self._damaged(f"before byte {file.tell()}: the last {left} bytes of a chunk")
-
-    def _heard(self, first: int, last: int) -> None:
-        """Note when messages arrived [ns]."""
-        if self.holes and self.holes[-1][1] is None:
-            self.holes[-1] = self.holes[-1][0], first
-        self.last, self.first = last, first if self.first is None else self.first
 
     def _chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk with the records of the messages of known topics in it."""
@@ -278,7 +263,10 @@ class BagStream(BagFile):
             if self.is_journal:
                 self._numbered(chunk, messages)
             if len(messages):
-                self._heard(int(messages[0, TIME]), int(messages[-1, TIME]))
+                first = int(messages[0, TIME])
+                if self.holes and self.holes[-1][1] is None:
+                    self.holes[-1] = self.holes[-1][0], first
+                self.last, self.first = int(messages[-1, TIME]), first if self.first is None else self.first
             yield chunk, messages
 
     def _messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
@@ -304,8 +292,9 @@ class BagStream(BagFile):
             if self.is_journal:  # whose topics all stand before its first message; it is not read twice
                 return
 
-    def _connection(self, number: int, topic: bytes, about: dict[bytes, bytes]) -> None:
+    def _connection(self, number: int, head: dict[bytes, bytes], data: bytes) -> None:
         """Check and keep the type of a connection's topic."""
+        topic, about = field_of(head, b"topic"), header_fields(data)
         kind, md5 = (field_of(about, key).decode() for key in (b"type", b"md5sum"))
         text = field_of(about, b"message_definition").decode(errors="replace")
         self._keep(number, BagConnection(topic.decode(), kind, md5, text))
@@ -351,10 +340,7 @@ class BagStream(BagFile):
             self.damage.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
     def _mcap_contents(self, data: bytes, *, is_whole: bool, is_hit: bool) -> bytes:
-        """Return the records of a chunk.
-
-        Of a chunk that is hit in its middle, and not cut off at its end, nothing is read unless its checksum is right.
-        """
+        """Return a chunk's records; none of one hit in its middle, not cut off, unless its checksum is right."""
         compression, position = text_at(data, 28)
         inside, checksum, stated = data[position + 8 :], _U32.unpack_from(data, 24)[0], _U64.unpack_from(data, 16)[0]
         taken = _U64.unpack_from(data, position)[0]
@@ -416,24 +402,18 @@ class BagStream(BagFile):
             self._keep(number, found)
         elif kind == _HEADER:
             self.is_journal = text_at(data, text_at(data, 0)[1])[0] == LIBRARY
-        elif kind == _METADATA:
-            self._told(data)
-
-    def _told(self, data: bytes) -> None:
-        """Keep what a journal's metadata say."""
-        name, position = text_at(data, 0)
-        if name not in (ABOUT, NOTE, ENDED, PASS):
-            return
-        key, position = text_at(data, position + 4)
-        value = text_at(data, position)[0]
-        if (name, key) == (ABOUT, "about") and self.about is None:
-            self.about = About.from_json(value.encode(), f"{self.path}: what it is of")
-        elif name == NOTE and len(self.remarks) < _MOST_PROBLEMS:
-            self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
-        elif name == ENDED:
-            self.is_last = value == "true"
-        elif name == PASS:
-            self.begins = float(value)
+        elif kind == _METADATA and text_at(data, 0)[0] in (ABOUT, NOTE, ENDED, PASS):  # of a journal
+            name, position = text_at(data, 0)
+            key, position = text_at(data, position + 4)
+            value = text_at(data, position)[0]
+            if (name, key) == (ABOUT, "about") and self.about is None:
+                self.about = About.from_json(value.encode(), f"{self.path}: what it is of")
+            elif name == NOTE and len(self.remarks) < _MOST_PROBLEMS:
+                self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
+            elif name == ENDED:
+                self.is_last = value == "true"
+            elif name == PASS:
+                self.begins = float(value)
 
     def _missed(self, name: str, number: int, missing: int, arrival: int, before: int | None) -> None:
         """Tell of numbers that are missing before one, or come again; `before` is None of a topic's first message."""

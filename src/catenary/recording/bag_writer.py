@@ -29,8 +29,7 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
 
     They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc, with nothing in them but /ravenstate,
     measured_js and /ext_jpos [raven2_CRTK_Python_controller, r2_enc_CRTK_recorder.launch]; beside these
-    record_joint_enc, record_other, and record_about, which says of which robot they are. What is damaged in the source
-    is left out, and logged.
+    record_joint_enc, record_other, and record_about. What is damaged in the source is left out, and logged.
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:

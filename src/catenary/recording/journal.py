@@ -150,8 +150,7 @@ class _Chunk:
 class JournalWriter:
     """Writes a recording. Appending copies bytes; a thread brings them to the disk every half second.
 
-    Raises RecordingError at the next append, or when closed, if the disk is full or fails: the file then ends behind
-    its last whole message and the error says which that was.
+    If the disk is full or fails, the file ends behind its last whole message, and the next append or close says so.
     """
 
     def __init__(
@@ -300,10 +299,7 @@ class JournalWriter:
                 return
 
     def _write_waiting(self, *, end: Literal["last", "if full"] = "if full") -> None:
-        """Bring what waits onto the disk, and go on in another file if this one is full. Needs the disk.
-
-        Whoever appends waits only while the chunk is set aside. An error is kept for the next append.
-        """
+        """Bring what waits onto the disk, and go on in another file if this is full. Needs the disk."""
         with self._append_lock:
             chunks, self._waiting, self._pending = self._waiting, [], 0
             notes, self._notes = self._notes, b""

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, Integers, as_array
 from catenary.dvrk_psm import psm_topic_named
 from catenary.errors import FileFormatError, InputError
 from catenary.raven2.topics import RAVEN_TOPICS, RAVENSTATE
@@ -98,8 +98,8 @@ class _Walk:
 def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = fields) -> np.dtype[np.void]:
     """Return the structured type that reads this message and all others with strings and sequences of the same lengths.
 
-    Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored. `data` is
-    in ROS 1's encoding, or in CDR with its four bytes in front, little-endian; `fields_of` says what types hold.
+    Fields are paths such as `header.stamp.sec` or `position`, `#position` its length. `data` is in ROS 1's encoding, or
+    in CDR, little-endian, with its four bytes; `fields_of` says what types hold.
     """
 
     def size_of(path: str, offset: int) -> int:
@@ -120,11 +120,8 @@ def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = 
 
 def read_messages(
     name: str, messages: Sequence[bytes] | Block, encoding: Encoding, fields_of: FieldsOf = fields
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
-    """Yield messages as structured arrays, one for each shape that occurs, with the positions they came from.
-
-    `fields_of` as in `layout_of`.
-    """
+) -> Iterator[tuple[Integers, NDArray[np.void]]]:
+    """Yield messages as structured arrays, one for each shape that occurs, with the positions they came from."""
     block = messages if isinstance(messages, Block) else Block.of(messages)
     left = np.arange(len(block))
     while len(left):
@@ -155,10 +152,7 @@ def _blank(name: str, texts: tuple[tuple[str, str], ...], counts: tuple[tuple[st
 
 
 def blank_messages(name: str, number: int, texts: Mapping[str, str], counts: Mapping[str, int]) -> NDArray[np.void]:
-    """Return ROS 1 messages with all numbers zero, to be filled field by field.
-
-    Strings and lengths of sequences are given by path, such as `name.0`; others are empty.
-    """
+    """Return ROS 1 messages of zeros; strings and lengths of sequences by path, such as `name.0`, others are empty."""
     blank = _blank(name, tuple(texts.items()), tuple(counts.items()))
     return _records(bytearray(blank * number), layout_of(name, blank, "ros1"), number)
 
@@ -179,13 +173,8 @@ def topic_named(name: str) -> Topic | None:
     return of_raven or psm_topic_named(name)
 
 
-def encode(
-    topic: Topic, stamp: NDArray[np.int64], columns: Mapping[str, Floats], *, first_seq: int = 0
-) -> NDArray[np.void]:
-    """Return N messages of a topic, each element the bytes of one, at stamps (N,) [ns] that are not negative.
-
-    Columns are by their names, each (N, width) in SI; those not required may be missing.
-    """
+def encode(topic: Topic, stamp: Integers, columns: Mapping[str, Floats], *, first_seq: int = 0) -> NDArray[np.void]:
+    """Return N messages of a topic, each element one's bytes, at stamps (N,) [ns], from columns (N, width) in SI."""
     missing = [c.name for c in topic.columns if c.required and c.name not in columns]
     if missing:
         raise InputError(f"topic {topic.name}: telemetry lacks {', '.join(missing)}")

@@ -21,6 +21,10 @@ from catenary.units import TORQUE_UNIT
 
 if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log alone does without
     from catenary.recording.import_formats.mapping import RecordingMapping
+import os
+import tempfile
+from functools import cache
+from itertools import count
 
 FORMAT = "catenary.motion_log.1"
 
@@ -83,7 +87,12 @@ def read_log(
             f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
             f"`catenary import {path}` proposes how to read others"
         )
-    return _as_given(path, log, units, joint_names)
+    names = log.joint_names if joint_names is None else tuple(joint_names)
+    if units is not None and len(units) != len(names):
+        raise InputError(f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given")
+    own = dict(zip(log.joint_names, log.joint_units, strict=True))
+    said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
+    return log.in_order_of(Joints(names, said), of="those given are")
 
 
 def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints: Sequence[str] = ()) -> MotionLog:
@@ -92,9 +101,8 @@ def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints:
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
     `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
     base axes, where the base tilts or turns. `effort` or `current` (N, n) in place of `tau` is what the robot reports
-    raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. With `joint_names` (n,) the
-    joints are put into the robot's order; without, and without `units`, they are taken to be the robot's. Where only
-    some `joints` of it are wanted, others may be missing, and all stay in the file's order.
+    raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. Joints are put into the
+    robot's order; where only some `joints` are wanted, others may be missing, and all stay in the file's order.
     """
     ending = table_ending(path)
     if ending == ".parquet":
@@ -123,10 +131,7 @@ def read_torque_recording(
     *,
     joints: Sequence[str] = (),
 ) -> MotionLog:
-    """Read a recording of a robot for identification, by a mapping or as `read_torque_log` does, and mend it.
-
-    Where it is held against identified parameters, `trained` is how the recordings behind these were mended.
-    """
+    """Read and mend a recording of torques, by a mapping or `read_torque_log`, also as `trained` recordings were."""
     reading = reading if reading is not None else Reading()
     mapping, raw = reading.mapping, reading.currents
     if mapping is None:
@@ -152,12 +157,7 @@ def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | Non
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:
-    """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata.
-
-    Raises:
-        InputError: A further signal has the name of another column.
-        FileFormatError: The file cannot be written.
-    """
+    """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata."""
     write_pieces([log], path)
 
 
@@ -282,11 +282,30 @@ def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
     return stated
 
 
-def _as_given(path: Path, log: MotionLog, units: Sequence[str] | None, joint_names: Sequence[str] | None) -> MotionLog:
-    """Return a log that states its joints in the order of those given; refuse others, or other units."""
-    names = log.joint_names if joint_names is None else tuple(joint_names)
-    if units is not None and len(units) != len(names):
-        raise InputError(f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given")
-    own = dict(zip(log.joint_names, log.joint_units, strict=True))
-    said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
-    return log.in_order_of(Joints(names, said), of="those given are")
+_numbers = count()
+
+
+@cache
+def _folder() -> "tempfile.TemporaryDirectory[str]":
+    lasting = None if "TMPDIR" in os.environ or not os.path.isdir("/var/tmp") else "/var/tmp"
+    return tempfile.TemporaryDirectory(prefix="catenary-", dir=lasting)
+
+
+def on_disk(log: MotionLog) -> MotionLog:
+    """Return a recording with its arrays on disk, bit for bit the same."""
+
+    def kept(array: NDArray[Any]) -> NDArray[Any]:
+        path = Path(_folder().name) / f"{next(_numbers)}.npy"
+        try:
+            np.save(path, array)
+            mapped: NDArray[Any] = np.load(path, mmap_mode="r")
+        except OSError as error:
+            raise InputError(
+                f'recording "{log.name}": {path.parent} cannot hold it: {error.strerror}; name another folder by TMPDIR'
+            ) from error
+        return mapped
+
+    arrays: dict[str, Any] = {
+        name: kept(array) for name in (*JOINT_ARRAYS, "time", "ok") if (array := getattr(log, name)) is not None
+    }
+    return replace(log, **arrays, signals={name: kept(values) for name, values in log.signals.items()})

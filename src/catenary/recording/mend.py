@@ -7,9 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import TO_SI
@@ -24,35 +23,24 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1
 
 @dataclass(frozen=True)
 class Mend:
-    """What to change of recordings before they are used; texts are as the command's options.
+    """What to change of recordings before they are used; texts are as the command's options."""
 
-    Attributes:
-        units: "deg,deg,mm": a unit per joint (rad, deg, m, mm, cm, or mdeg for metres times 180/pi) of positions and
-            velocities; "q_encoder:deg,deg,mm" of one array.
-        swap: "J1,J2" each, one after the other: these columns of q_encoder change places; "tau:J1,J2" of another array.
-        sign: "J3" each: the column of q_encoder changes its sign; "tau:J3" of another array.
-        scale: "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array.
-        delay: Time by which the measurement lies behind the command [s].
-        shift: Rows by which it does, of a recording without stamps.
-        time_unit: Unit of the stamps: s, ms, us, ns, min or ks.
-        leave_out: "100:120" each: rows from the first to the one before the last are not trusted.
-    """
-
+    # "deg,deg,mm": a unit per joint (rad, deg, m, mm, cm, or mdeg for metres times 180/pi) of positions and velocities;
+    # "q_encoder:deg,deg,mm" of one array
     units: tuple[str, ...] = ()
-    swap: tuple[str, ...] = ()
-    sign: tuple[str, ...] = ()
-    scale: tuple[str, ...] = ()
-    delay: float = 0.0
-    shift: int = 0
-    time_unit: str = "s"
-    leave_out: tuple[str, ...] = ()
+    swap: tuple[str, ...] = ()  # "J1,J2" each, in turn: these columns of q_encoder; "tau:J1,J2" of another array
+    sign: tuple[str, ...] = ()  # "J3" each: the column of q_encoder changes its sign; "tau:J3" of another array
+    scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
+    delay: float = 0.0  # by which the measurement lies behind the command [s]
+    shift: int = 0  # rows by which it does, of a recording without stamps
+    time_unit: str = "s"  # of the stamps: s, ms, us, ns, min or ks
+    leave_out: tuple[str, ...] = ()  # "100:120" each: rows 100 to 119 are not trusted
 
     def __call__(self, log: MotionLog, trained: Mapping[str, Sequence[str]] | None = None) -> MotionLog:
         """Return the log, mended; its notes say how, and `settled` holds every step that was taken.
 
-        A step of `trained`, what recordings that a model was fitted to settled, is left out where this mend takes such
-        a step of the same array itself, where the log's `settled` has it (it was taken before, as before a log was
-        written, or the file or its mapping states the unit or sign), and where the log lacks the array.
+        A step of `trained`, of recordings that a model was fitted to, is left out where this mend takes such a step of
+        that array, where the log's `settled` has it (taken before, or stated), and where the log lacks the array.
         """
         own = [(step, text, False) for step, text in self._steps()]
         taken = {_settled(log, step, text)[0] for step, text, _ in own} | set(log.settled)
@@ -278,7 +266,7 @@ def _leave_out(log: MotionLog, text: str) -> MotionLog:
     return replace(log, ok=ok, q_encoder=measured)
 
 
-def left_out_rows(log: MotionLog) -> NDArray[np.bool_]:
+def left_out_rows(log: MotionLog) -> Flags:
     """Return rows that were measured, and left out as asked, (N,)."""
     rows = np.zeros(len(log), dtype=bool)
     for part in (part for text in log.settled.get("leave_out", ()) for part in text.split(",")):
@@ -288,13 +276,5 @@ def left_out_rows(log: MotionLog) -> NDArray[np.bool_]:
 
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps
-_STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {
-    "leave_out": _leave_out,
-    "units": _units,
-    "time_unit": _time_unit,
-    "swap": _swap,
-    "sign": _sign,
-    "scale": _scale,
-    "delay": _delay,
-    "shift": _shift,
-}
+_IN_ORDER = (_leave_out, _units, _time_unit, _swap, _sign, _scale, _delay, _shift)
+_STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}

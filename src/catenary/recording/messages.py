@@ -81,20 +81,12 @@ def md5_sum(name: str) -> str:
 
 @cache
 def service_md5_sum(name: str) -> str:
-    """Return the sum by which ROS 1 tells versions of a service apart."""
+    """Return the sum by which ROS 1 tells versions of a service apart; a message's type stands as its own sum."""
     if name not in SERVICES:
         raise FileFormatError(f'service type "{name}": unknown; known are {", ".join(sorted(SERVICES))}')
-    text = "".join(_with_sums(half) for half in SERVICES[name])
-    return md5(text.encode(), usedforsecurity=False).hexdigest()
-
-
-def _with_sums(definition: str) -> str:
-    """Return the fields of a definition as ROS 1 sums them up: a message's type stands as its own sum."""
-    lines = []
-    for line in definition.strip().splitlines():
-        kind, name = line.split()
-        lines.append(f"{md5_sum(kind)} {name}" if current_name(kind) in MESSAGES else line)
-    return "\n".join(lines)
+    halves = [[line.split() for line in half.strip().splitlines()] for half in SERVICES[name]]
+    sums = [[f"{md5_sum(t) if current_name(t) in MESSAGES else t} {field}" for t, field in half] for half in halves]
+    return md5("".join(map("\n".join, sums)).encode(), usedforsecurity=False).hexdigest()
 
 
 @cache

@@ -1,9 +1,8 @@
 """Turns a robot's telemetry into the messages it would publish, at each topic's rate, and writes the journal.
 
 Telemetry is a mapping from the names of the topics' columns to numbers in SI: of a RAVEN-II raven_state's fields (jpos
-and tau at least; what else is missing is published as zero), `ext_jpos` (3,), `joint_enc` (3,) and `measured_js` (7,),
-with `_velocity` and `_effort` where known. Degrees, micrometres and counts appear when the message is made. A topic
-whose columns a robot lacks altogether is left out, and `left_out` names it.
+and tau at least; others are zero where missing), `ext_jpos` (3,), `joint_enc` (3,) and `measured_js` (7,), with
+`_velocity` and `_effort` where known. A topic whose columns a robot lacks altogether is left out (`left_out`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,9 +11,8 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, Integers, as_array
 from catenary.errors import InputError
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
 from catenary.recording.layout import encode
@@ -28,8 +26,7 @@ BLOCK = 16384  # ticks that are made into messages at once
 class Throttle:
     """Chooses the ticks at which a topic's messages are due: about one a period, with jitter as over ROS.
 
-    Intervals are period (1 + JITTER N(0, 1)), at least a quarter of a period. Instants are drawn in blocks, so that
-    the same `rng` gives the same ones whether time comes tick by tick or all at once.
+    Intervals are period (1 + JITTER N(0, 1)), a quarter of it at least, drawn in blocks: in ticks or at once the same.
     """
 
     def __init__(self, rate: float, rng: np.random.Generator) -> None:
@@ -38,11 +35,8 @@ class Throttle:
         self._due: Floats = np.zeros(0)  # instants to come, ascending
         self._last: float | None = None
 
-    def pick(self, time: Floats) -> NDArray[np.int64]:
-        """Return the ticks at which a message goes out: the first at or after each instant, once.
-
-        Times (N,) [s] ascend, and come after all that were given before.
-        """
+    def pick(self, time: Floats) -> Integers:
+        """Return the ticks at which a message goes out: the first at or after each instant; times (N,) [s] ascend."""
         if self._last is None:
             self._last = float(time[0])  # the first tick is recorded
             self._due = np.array([self._last])
@@ -56,17 +50,9 @@ class Throttle:
         self._due = self._due[passed:]
         return np.unique(ticks)
 
-    @property
-    def next_due(self) -> float:
-        """The next instant at which a message is due [s]."""
-        return float(self._due[0]) if len(self._due) else -np.inf
-
 
 class Recorder:
-    """Records telemetry; an observer of the control loop, or fed with whole arrays.
-
-    Stamps are `start_ns` plus the telemetry's time. Nothing is written to the disk in the tick.
-    """
+    """Records telemetry, stamped `start_ns` plus its time, tick by tick or whole; the disk is not written in a tick."""
 
     def __init__(
         self,
@@ -79,10 +65,7 @@ class Recorder:
         start_ns: int = 0,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        """Begin a journal of those topics whose columns are `available`; `start_ns` is the stamp of time 0 [ns].
-
-        `rng` draws the instants of messages.
-        """
+        """Begin a journal of topics whose columns are `available`; `rng` draws the instants of their messages."""
         have = frozenset(available)
         self.topics = tuple(topic for topic in topics if _required(topic) <= have)
         lacks = {t.name: sorted(_required(t) - have) for t in topics if t not in self.topics}
@@ -100,17 +83,9 @@ class Recorder:
         self._sent = [0] * len(self.topics)
         self._start = start_ns
         self._last_time = -np.inf
-        self.next_due = -np.inf  # [s] no tick before it needs its telemetry collected
         self.journal = JournalWriter(
             folder, [JournalTopic(t.name, t.type) for t in self.topics], about, max_bytes=max_bytes
         )
-
-    def observe(self, time: float, telemetry: Mapping[str, Floats]) -> None:
-        """Take one tick's telemetry, each column (width,)."""
-        if self._last_time < time < self.next_due:
-            self._last_time = time  # most ticks: nothing is due
-            return
-        self.observe_many(np.array([time]), {name: np.atleast_1d(v)[None] for name, v in telemetry.items()})
 
     def observe_many(self, time: Floats, telemetry: Mapping[str, Floats]) -> None:
         """Take N ticks' telemetry, each column (N, width) or (N,), in one go; may be called again with what follows."""
@@ -124,13 +99,10 @@ class Recorder:
                 raise InputError(f'telemetry "{name}": {len(values)} rows, but {len(time)} ticks')
         self._last_time = float(time[-1])
         picked = [throttle.pick(time) for throttle in self._throttles]
-        self.next_due = min(throttle.next_due for throttle in self._throttles)
         for first in range(0, len(time), BLOCK):
             self._write(time, telemetry, picked, first)
 
-    def _write(
-        self, time: Floats, telemetry: Mapping[str, Floats], picked: list[NDArray[np.int64]], first: int
-    ) -> None:
+    def _write(self, time: Floats, telemetry: Mapping[str, Floats], picked: list[Integers], first: int) -> None:
         """Write the messages of the ticks from `first` on, in the order of ticks, within one of topics."""
         ticks, owners, parts = [], [], []
         for i, (topic, all_ticks) in enumerate(zip(self.topics, picked, strict=True)):
@@ -151,12 +123,8 @@ class Recorder:
         for message in np.lexsort((owner, tick)).tolist():
             self.journal.append(self.topics[owner[message]].name, int(stamps[message]), parts[message])
 
-    def _stamps(self, time: Floats) -> NDArray[np.int64]:
+    def _stamps(self, time: Floats) -> Integers:
         return self._start + np.rint(time * SECOND).astype(np.int64)
-
-    def close(self) -> None:
-        """Finish the recording."""
-        self.journal.close()
 
     def __enter__(self) -> Self:
         return self

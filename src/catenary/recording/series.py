@@ -1,6 +1,6 @@
 """Samples with stamps: put in order, measured for gaps, interpolated, and steps of their clock taken out.
 
-The time between two messages is the lesser of what stamps and arrivals say of it, where that is not negative. Stamps
+The time between two messages is the lesser of what stamps and arrivals say of it, where that is not negative. Integers
 that go back or forth by more than that, and stay so, are those of a clock that was set. Messages that were late, lost
 or out of order, and connections that stood still, leave the stamps alone.
 """
@@ -13,13 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.errors import InputError
 from catenary.topics import SECOND
 
 WIDE = 3.0  # intervals that a gap is long, at least; a slow topic has no gaps merely for being slow
 OFFSET = 0.005  # [s] of a clock against the arrival of messages that is worth a note
-Stamps = NDArray[np.int64]
 STEP = SECOND // 4  # [ns] the least; what is smaller costs no more than as many stamps that repeat
 SAME = SECOND // 50  # [ns] within which topics agree on one and the same step
 NEAR = 2 * SECOND  # [ns] within which they see it
@@ -79,30 +78,22 @@ class TopicReport:
 class Series:
     """Samples with stamps that strictly increase."""
 
-    stamp: NDArray[np.int64]  # (M,) [ns]
+    stamp: Integers  # (M,) [ns]
     values: Floats  # (M, k)
     report: TopicReport
 
 
 def clean_series(
     topic: str,
-    stamp: NDArray[np.int64],
+    stamp: Integers,
     values: NDArray[Any],
     *,
-    max_gap: float,
-    arrival: NDArray[np.int64] | None = None,
-    span: tuple[int, int] | None = None,
-    clock_steps: Sequence[ClockStep] = (),
+    max_gap: float,  # intervals beyond it, and beyond three median intervals, are gaps [s]
+    arrival: Integers | None = None,  # (M,) [ns]; takes the stamps' place where none is set (all are 0)
+    span: tuple[int, int] | None = None,  # of the state [ns]; what is missing at its ends counts as a gap
+    clock_steps: Sequence[ClockStep] = (),  # that other topics' clocks did
 ) -> Series:
-    """Put samples (M, k) in the order of their stamps [ns], drop stamps that repeat (the first stays), and report.
-
-    Steps of the clock that stamped them, and those that other topics' clocks did, are taken out by `without_steps`.
-
-    Args:
-        max_gap: Intervals beyond it, and beyond three median intervals, are gaps [s].
-        arrival: (M,) [ns]; takes the stamps' place where none is set (all are 0).
-        span: First and last stamp of the state [ns]; what is missing at its ends counts as a gap.
-    """
+    """Put samples (M, k) in the order of their stamps [ns], drop stamps that repeat (the first stays), and report."""
     if len(stamp) == 0:
         raise InputError(f"topic {topic}: has no messages")
     unstamped = arrival is not None and not stamp.any() and bool(arrival.any())
@@ -132,12 +123,8 @@ def clean_series(
     return Series(ordered, np.asarray(values, dtype=np.float64), report)
 
 
-def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> Floats:
-    """Return values (N, k) at other stamps, on the straight line between the two samples around each.
-
-    NaN where the neighbours lie further apart than `max_gap` [s] or one is missing. A sample at the very stamp needs no
-    neighbours.
-    """
+def interpolate(series: Series, stamp: Integers, max_gap: float) -> Floats:
+    """Return values (N, k) on the line between the samples around other stamps; NaN in gaps or where one lacks."""
     right = np.searchsorted(series.stamp, stamp, side="left")
     exact = series.stamp[np.minimum(right, len(series.stamp) - 1)] == stamp
     left = np.where(exact, right, right - 1)
@@ -151,17 +138,13 @@ def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> Flo
 
 
 def without_steps(
-    stamp: Stamps, arrival: Stamps, known: Sequence[ClockStep] = ()
-) -> tuple[Stamps, tuple[ClockStep, ...]]:
-    """Return stamps as the clock of the first message would have given them, and the steps that were taken out.
+    stamp: Integers, arrival: Integers, known: Sequence[ClockStep] = ()
+) -> tuple[Integers, tuple[ClockStep, ...]]:
+    """Return stamps (M,) [ns] as the clock of the first message would have given them, and the steps taken out.
 
     What a step was by is known as well as arrivals follow stamps (the median of their difference), and taken from
-    `known` where another topic saw the same one: so topics stay as near to one another as they were stamped.
-
-    Args:
-        stamp: (M,) [ns] in the order of arrival.
-        arrival: (M,) [ns] by any clock; where both go back, and into stamps that were there, both were set.
-        known: Steps of other topics.
+    `known` where another topic saw the same one: so topics stay as near to one another as they were stamped. Where
+    arrivals go back too, and into stamps that were there, both clocks were set.
     """
     if len(stamp) < 2 * LEAST:
         return stamp, ()
@@ -181,7 +164,7 @@ def without_steps(
     return stamp, steps
 
 
-def _elapsed(stamp: Stamps, arrival: Stamps) -> Stamps:
+def _elapsed(stamp: Integers, arrival: Integers) -> Integers:
     """Return the time between messages (M - 1,): the lesser, if one is negative the other, if both are the usual."""
     by_stamp, by_arrival = np.diff(stamp), np.diff(arrival)
     usual = int(np.median(np.abs(by_stamp)))
@@ -189,11 +172,8 @@ def _elapsed(stamp: Stamps, arrival: Stamps) -> Stamps:
     return np.where(lesser >= 0, lesser, np.where(greater >= 0, greater, usual))
 
 
-def _steady(stamp: Stamps, arrival: Stamps) -> Stamps:
-    """Return arrivals by a clock that was not set back.
-
-    Files that are read in another order than they were recorded in go back, too, but never into what was there.
-    """
+def _steady(stamp: Integers, arrival: Integers) -> Integers:
+    """Return arrivals by a clock that was not set back; files read in another order never go into what was there."""
     places = np.flatnonzero(np.diff(arrival) < -STEP) + 1
     if len(places) == 0:
         return arrival
@@ -206,7 +186,7 @@ def _steady(stamp: Stamps, arrival: Stamps) -> Stamps:
     return arrival
 
 
-def _awake(stamp: Stamps, arrival: Stamps) -> tuple[Stamps, tuple[ClockStep, ...]]:
+def _awake(stamp: Integers, arrival: Integers) -> tuple[Integers, tuple[ClockStep, ...]]:
     """Return stamps that do not stand still, as those of a program do that never lets them go back."""
     ahead = np.diff(stamp)
     creeps = (ahead > 0) & (ahead <= CRAWL) & (np.diff(arrival) > APART)

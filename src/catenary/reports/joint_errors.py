@@ -10,7 +10,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import Evaluation, Spread, Window
-from catenary.calibration.left_out import LeftOut
+from catenary.calibration.fit_recordings import LeftOut
 from catenary.calibration.model import CalibrationModel
 from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, joint_columns, picture
 from catenary.units import DISPLAY

@@ -20,15 +20,15 @@ def beyond_backlash(stretch: float, width: float) -> float:
 
 @inlined
 def tension_of(
-    stretch: float,
-    rate: float,
-    hysteresis: float,
-    slow_stretch: float,
-    stiffness: float,
-    elastic_share: float,
-    hysteresis_width: float,
-    slow_share: float,
-    damping: float,
+    stretch: float,  # s, beyond the backlash [rad or m]
+    rate: float,  # ds/dt
+    hysteresis: float,  # z, between -1 and 1
+    slow_stretch: float,  # s_v
+    stiffness: float,  # K [Nm/rad or N/m]
+    elastic_share: float,  # a
+    hysteresis_width: float,  # w, the stretch at which the hysteretic part yields [rad or m]
+    slow_share: float,  # k
+    damping: float,  # D [Nm s/rad or N s/m]
 ) -> float:
     """Return the tension of a cable [Nm or N].
 
@@ -36,17 +36,6 @@ def tension_of(
     Maxwell branch with state s_v, and a damper. The first two and the damper are the model of M. Miyasaka et
     al., "Hysteresis model of longitudinally loaded cable for cable driven robots", ICRA 2016; the Maxwell branch
     adds creep under load.
-
-    Args:
-        stretch: s, beyond the backlash [rad or m].
-        rate: ds/dt.
-        hysteresis: z, between -1 and 1.
-        slow_stretch: s_v.
-        stiffness: K [Nm/rad or N/m].
-        elastic_share: a.
-        hysteresis_width: w, the stretch at which the hysteretic part yields [rad or m].
-        slow_share: k.
-        damping: D [Nm s/rad or N s/m].
     """
     return (
         elastic_share * stiffness * stretch

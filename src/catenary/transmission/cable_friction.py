@@ -1,7 +1,25 @@
-"""The cable's friction: Coulomb friction by impulses; what would move less than it allows stands still, exactly."""
+"""The cable's friction: Coulomb friction by impulses, which stops exactly what it can, and springs with dry friction.
 
+Springs K lie between motors at x (n,) and the joints at z, without speed or time. At every step z minimises
+
+    1/2 (x - z)' K (x - z) + sum_k mu_k |a_k . (z - z_before)|
+
+The friction elements k have directions a_k in the joints' coordinates and thresholds mu_k. Their forces s_k stay within
+-mu_k and mu_k, and z = x - C A' s with the compliance C = K^-1: a joint lags by what its forces stretch. Where one
+joint's element is all there is, z is a play operator of half-width mu C [Brokate and Sprekels 1996]; an element that
+several joints share, or springs that couple them, let one joint drag another. What slips is found by projected
+Gauss-Seidel on the elements, whose mutual compliance is G = A C A' [the maximum dissipation principle; Moreau 1988].
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
 from catenary.dynamics.vectors import Numbers
-from catenary.kernels.compiled import inlined
+from catenary.errors import InputError
+from catenary.kernels.compiled import compiled, inlined
 
 
 @inlined
@@ -16,16 +34,10 @@ def coulomb(velocity: float, most: float) -> float:
 
 @inlined
 def dragged(force: float, moved: float, stiffness: float, most: float) -> float:
-    """Return the force on a spring that ends in dry friction, after its other end has moved.
+    """Return the force [Nm or N] on a spring that ends in dry friction, after its other end has moved [rad or m].
 
     A Jenkins element: it sticks and winds up, and slips at `most`. That is one element of `coupled_friction` on one
     joint, whose play operator it drives.
-
-    Args:
-        force: Before [Nm or N].
-        moved: By how much the free end moves [rad or m].
-        stiffness: Of the spring [Nm/rad or N/m].
-        most: Largest force that the friction stands.
     """
     return min(max(force + stiffness * moved, -most), most)
 
@@ -58,3 +70,138 @@ def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Number
                     velocity[i] = velocity[i] - inverse_inertia[i, j] * change
         if settled:
             break
+
+
+SWEEPS = 100  # at most, over the elements; where all stick or all slip, the first one settles them
+
+
+@inlined
+def drag(
+    moved: Numbers,  # (n,) by how much the motors move
+    parts: int,  # steps that the line is split into
+    directions: Numbers,  # A (m, n)
+    mutual: Numbers,  # G (m, m)
+    hold: Numbers,  # (m, n) forces per motion of the motors while nothing slips, G^-1 A
+    thresholds: Numbers,  # (m,) largest forces
+    forces: Numbers,  # (m,) s, overwritten
+    slip: Numbers,  # (m,) working memory
+) -> None:
+    """Let motors move along a straight line, and friction forces (m,) follow."""
+    m = len(forces)
+    for _ in range(parts):
+        for k in range(m):
+            slip[k] = 0.0
+            for j in range(len(moved)):
+                slip[k] = slip[k] + directions[k, j] * moved[j] / parts
+            for i in range(m):
+                slip[k] = slip[k] + mutual[k, i] * forces[i]
+        for k in range(m):  # the search starts where nothing slips
+            for j in range(len(moved)):
+                forces[k] = forces[k] + hold[k, j] * moved[j] / parts
+        coulomb_coupled(mutual, thresholds, slip, forces, SWEEPS)
+
+
+@inlined
+def parts_of(moved: Numbers, longest: Numbers) -> int:
+    """Return how many equal steps of a motion (n,) are none longer than `longest` (n,); none where nothing moves."""
+    share = 0.0
+    for j in range(len(moved)):
+        share = max(share, abs(moved[j]) / longest[j])
+    return int(min(max(share, 1.0), 1e6) + 0.999999) if share > 0.0 else 0
+
+
+@compiled
+def lag_of(joint: int, lever: Floats, forces: Floats) -> float:
+    """Return z - x of a joint under the friction elements' forces (m,)."""
+    lag = 0.0
+    for k in range(len(forces)):
+        lag -= lever[joint, k] * forces[k]
+    return lag
+
+
+@inlined
+def drag_state(
+    position: Floats,  # (n,) motors' positions
+    longest: Floats,  # (n,); this and the following are those of CoupledFriction
+    directions: Floats,  # (m, n)
+    mutual: Floats,  # (m, m)
+    hold: Floats,  # (m, n)
+    thresholds: Floats,  # (S, m)
+    state: Floats,  # (n + S m,) the positions before, and every system's forces
+    moved: Floats,  # (n,) working memory; also the following
+    slip: Floats,  # (m,)
+) -> None:
+    """Carry a state on to new positions (n,); one that is NaN begins there without forces."""
+    n, m = len(moved), len(slip)
+    if np.isnan(state[0]):
+        for i in range(len(state)):
+            state[i] = position[i] if i < n else 0.0
+    for j in range(n):
+        moved[j] = position[j] - state[j]
+        state[j] = position[j]
+    parts = parts_of(moved, longest)
+    for c in range(len(thresholds)):
+        drag(moved, parts, directions, mutual, hold, thresholds[c], state[n + c * m : n + c * m + m], slip)
+
+
+@compiled
+def drag_along(
+    x: Floats,
+    longest: Floats,
+    directions: Floats,
+    mutual: Floats,
+    hold: Floats,
+    lever: Floats,
+    thresholds: Floats,
+    state: Floats,
+    lag: Floats,
+) -> None:
+    """Write z - x (N, S n), system by system, along a path x (N, n) of motors; see `drag_state`."""
+    n, m = lever.shape
+    moved, slip = np.zeros(n), np.zeros(m)
+    for row in range(len(x)):
+        drag_state(x[row], longest, directions, mutual, hold, thresholds, state, moved, slip)
+        for c in range(len(thresholds)):
+            for j in range(n):
+                lag[row, c * n + j] = lag_of(j, lever, state[n + c * m : n + c * m + m])
+
+
+class CoupledFriction(NamedTuple):
+    """Springs and friction elements of n joints, in units that fit together; see `coupled_friction`."""
+
+    longest: Floats  # (n,) a longer step is split
+    directions: Floats  # A (m, n)
+    mutual: Floats  # G = A C A' (m, m)
+    hold: Floats  # (m, n) forces per motion of the motors while nothing slips: G^+ A
+    lever: Floats  # C A' (n, m) how far forces stretch the springs
+    thresholds: Floats  # (S, m) of S systems that differ in nothing else
+
+    def lag(self, x: Floats) -> Floats:
+        """Return z - x along a path x (N, n) that begins without forces, (N, S, n)."""
+        x = as_array("positions", x, (None, len(self.longest)))
+        lag = np.empty((len(x), len(self.thresholds), x.shape[1]))
+        drag_along(x, *self, np.full(x.shape[1] + self.thresholds.size, np.nan), lag.reshape(len(x), -1))
+        return lag
+
+
+def coupled_friction(
+    compliance: ArrayLike, directions: ArrayLike, thresholds: ArrayLike, longest: ArrayLike
+) -> CoupledFriction:
+    """Return springs and friction elements, their constants computed.
+
+    The compliance C = K^-1 (n, n) is symmetric and positive definite, directions A (m, n) have a row for each element,
+    thresholds (S, m) are those of S systems, `longest` (n,) is the longest step of each motor that is taken at once.
+    """
+    longest = as_array("longest", longest, (None,))
+    n = len(longest)
+    C, A = as_array("compliance", compliance, (n, n)), as_array("directions", directions, (None, n))
+    thresholds = as_array("thresholds", thresholds, (None, len(A)))
+    if not np.allclose(C, C.T, rtol=1e-9, atol=0.0) or np.linalg.eigvalsh(C).min() <= 0.0:
+        raise InputError(f"compliance: expected a symmetric, positive definite matrix, got {C.tolist()}")
+    if not A.any(axis=1).all() or not (thresholds >= 0.0).all() or not (longest > 0.0).all():
+        raise InputError(
+            "friction: expected directions other than zero, thresholds of zero or more and longest steps above zero, "
+            f"got {A.tolist()}, {thresholds.tolist()} and {longest.tolist()}"
+        )
+    mutual, lever = A @ C @ A.T, np.ascontiguousarray(C @ A.T)
+    return CoupledFriction(longest, A, mutual, np.ascontiguousarray(np.linalg.pinv(mutual) @ A), lever, thresholds)

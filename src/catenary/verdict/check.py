@@ -11,14 +11,14 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
-from catenary.side_by_side import Progress, of_each
+from catenary.side_by_side import of_each
+from catenary.units import DISPLAY
 from catenary.verdict.correspondence import correspondence_findings, joints_in_place
 from catenary.verdict.delay import Delay
-from catenary.verdict.extent import extent_findings
 from catenary.verdict.finding import Finding, judge, require_names
 from catenary.verdict.levels import leap_findings, turn_findings
 from catenary.verdict.out_of_step import delay_findings
-from catenary.verdict.pairs import Pairs, pairs_of
+from catenary.verdict.pairs import MOVED, Pairs, pairs_of, scales
 from catenary.verdict.sensors import (
     coarse_findings,
     filled_findings,
@@ -39,18 +39,11 @@ REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 def findings_of(
     log: MotionLog,
     *,
-    robot: RobotModel | None = None,
-    max_error: Floats | None = None,
-    trained: tuple[Floats, Floats] | None = None,
+    robot: RobotModel | None = None,  # whose limits positions are held against, by the names of joints
+    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out
 ) -> tuple[Finding, ...]:
-    """Return what is wrong with a recording, and what is worth knowing, the gravest first.
-
-    Args:
-        robot: Whose limits positions are held against, by the names of joints.
-        max_error: (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out.
-        trained: Least and largest positions that a model of it was trained on, each (n,) [rad|m].
-    """
-    return (*_alone(log, robot, max_error, trained), *(each for _, each in repeated_findings([log])))
+    """Return what is wrong with a recording, and what is worth knowing, the gravest first."""
+    return (*_alone(log, robot, max_error, None), *(each for _, each in repeated_findings([log])))
 
 
 def _alone(
@@ -74,10 +67,7 @@ def _alone(
 
 
 def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
-    """Find what is wrong between measurements and commands, each thing once, under its first cause.
-
-    Joints of which something is known to be `wrong` may stand still for that.
-    """
+    """Find what is wrong between measurements and commands, each under its first cause, but of joints known `wrong`."""
     turns = turn_findings(pairs)
     turned = {joint for each in turns for joint in each.joints}
     place = joints_in_place(pairs)
@@ -122,34 +112,21 @@ def verdict(
     trained: tuple[Floats, Floats] | None = None,
     done: str = "fitted",
 ) -> Passed:
-    """Refuse recordings that no model should be made from; return what is worth knowing of others.
-
-    Args:
-        testing: Nothing is learnt from them: they may be short, and their joints may rest.
-        trained: Least and largest positions that a model of them was trained on, each (n,) [rad|m].
-    """
+    """Refuse recordings that no model is to be made from, or tested on; return what is worth knowing of others."""
     require_names(accept)
 
-    def of_log(log: MotionLog, _: Progress) -> list[Finding]:
-        return _alone(log, robot, max_error, trained)
-
-    found = [
-        (log.name, each)
-        for log, findings in zip(logs, of_each(of_log, logs), strict=True)
-        for each in findings
-        if not (testing and each.name in NEEDED_TO_LEARN)
-    ]
-    found += [] if testing else repeated_findings(logs)
+    own = of_each(lambda log, _: _alone(log, robot, max_error, trained), logs)
+    found = [(log.name, each) for log, findings in zip(logs, own, strict=True) for each in findings]
+    if testing:
+        found = [(name, each) for name, each in found if each.name not in NEEDED_TO_LEARN]
+    else:
+        found += repeated_findings(logs)
     of_name = {name: each.delay for name, each in found if each.delay is not None}
     return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
 
 
 def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
-    """Refuse tests of which rows were trained on, to seven digits, whatever their file is called.
-
-    Returns:
-        Notes on those that were accepted.
-    """
+    """Refuse tests of which rows were trained on, to seven digits, whatever their file is called; note the accepted."""
     found = []
     for log in test:
         own = np.unique(log.row_hashes[log.ok])
@@ -198,3 +175,54 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
             told = f"{says[0]}: it is no test of a fit to it"
             found.append((log.name, Finding("twice", (), told, culprit, refuses=False)))
     return found
+
+
+FEWEST_ROWS = 40  # measured: fewer cannot be parted into blocks that say how well a model does on others
+SHORTEST = 5.0  # [s] in which no arm visits a workspace
+# a wrist's cables run along its other joint: moving one alone turns the other by 16 deg on a real arm
+MOVED_BY_OTHERS = {"rad": 20.0, "m": 10.0}  # [deg, mm] beyond which a measurement has a command of its own
+
+
+def extent_findings(log: MotionLog) -> list[Finding]:
+    """Find recordings with too little in them, and columns that never change."""
+    findings = []
+    measured = int(log.ok.sum()) if log.q_encoder is not None else len(log)
+    if log.q_encoder is not None and not measured:
+        return [Finding("short", (), "ok is set on no row: nothing was measured")]
+    if measured < FEWEST_ROWS:
+        says = f"{measured} measured rows, expected at least {FEWEST_ROWS}"
+        findings.append(Finding("short", (), says, "a recording that was cut off"))
+    steps = np.diff([] if log.time is None else log.time)
+    if 0.0 < (seconds := float(steps[steps > 0.0].sum())) < SHORTEST:
+        says = f"{seconds:.3g} s, expected at least {SHORTEST:g}"
+        findings.append(Finding("short", (), says, "a recording that was cut off, or stamps in another unit"))
+    scale = scales(log)
+    moved = np.ptp(scale * log.q_nominal, axis=0)
+    still = [name for name, x in zip(log.joint_names, moved, strict=True) if x == 0.0]
+    if (moved < MOVED).all():
+        says = f"no joint was moved by more than {moved.max():.3g} deg or mm; expected {MOVED:g} or more"
+        findings.append(Finding("constant", (), says, "a recording of an arm at rest"))
+    elif still:
+        says = "never moved; a model holds only where it stood"
+        findings.append(Finding("constant", tuple(still), says, refuses=False))
+    if log.q_encoder is not None and log.ok.any():
+        seen = scale * log.q_encoder[log.ok]
+        spans = np.ptp(np.percentile(seen, [1.0, 99.0], axis=0), axis=0)
+        joints = zip(log.joint_names, log.joint_units, moved, seen.T, spans, strict=True)
+        for name, unit, command, column, span in joints:
+            shown = DISPLAY[unit][0]
+            if np.ptp(column) == 0.0 and command > MOVED:
+                says = f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
+                findings.append(Finding("constant", (name,), says, "a channel without a sensor"))
+            elif command == 0.0 and span > MOVED_BY_OTHERS[unit]:
+                says = f"every command is the same, while the measurement moves by {span:.3g} {shown}"
+                findings.append(Finding("constant", (name,), says, "a channel that was not recorded"))
+    for what, values in (("torque", log.tau), ("velocity", log.qd)):
+        if values is None:
+            continue
+        flat = (np.ptp(values, axis=0) == 0.0) & (moved > MOVED)
+        names = tuple(name for name, same in zip(log.joint_names, flat, strict=True) if same)
+        if names:
+            says = f"the recorded {what} never changes, while the joint moves"
+            findings.append(Finding("constant", names, says, "a channel that was not recorded", refuses=False))
+    return findings

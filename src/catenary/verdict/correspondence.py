@@ -1,9 +1,8 @@
 """Does each measured joint follow its own command? Every measurement is correlated with every command."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import Pairs, slope_behind_slack
 
@@ -22,7 +21,7 @@ SINGLE = 1e-6  # of a position, to which single precision keeps it
 MIXED, MIXED_LESS = 0.1, 10.0
 
 
-def joints_in_place(pairs: Pairs) -> NDArray[np.int64]:
+def joints_in_place(pairs: Pairs) -> Integers:
     """Return `place`: which command each measurement follows, (n,), its own unless another fits clearly better."""
     place = np.arange(len(pairs.names))
     moving = np.flatnonzero(pairs.moved & pairs.seen_moving)
@@ -33,18 +32,16 @@ def joints_in_place(pairs: Pairs) -> NDArray[np.int64]:
     found = _assigned(unexplained)
     if (found == np.arange(len(moving))).all():
         # commands that move as one are told apart by where they stand, in the same units
-        found = _assigned(_distances(pairs)[inside], among=unexplained)
+        units = np.array(pairs.log.joint_units)
+        apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
+        distances = np.where(units[:, None] == units, np.log(np.maximum(apart, NEAR)), np.log(1e6))
+        found = _assigned(distances[inside], among=unexplained)
     place[moving] = moving[found]
     return place
 
 
-def _assigned(cost: Floats, among: Floats | None = None) -> NDArray[np.int64]:
-    """Return the assignment of least cost, with those of its cycles undone that do not clearly gain.
-
-    Args:
-        cost: (k, k) logarithms, of measurement i and command j.
-        among: (k, k) logarithms of another cost, which no exchange may make clearly worse.
-    """
+def _assigned(cost: Floats, among: Floats | None = None) -> Integers:
+    """Return the assignment of least cost (logarithms), without cycles that hardly gain, or harm `among` others."""
     from scipy.optimize import linear_sum_assignment
 
     found = np.asarray(linear_sum_assignment(cost)[1], dtype=np.int64)
@@ -56,7 +53,7 @@ def _assigned(cost: Floats, among: Floats | None = None) -> NDArray[np.int64]:
     return found
 
 
-def _cycles_of(permutation: NDArray[np.int64]) -> list[list[int]]:
+def _cycles_of(permutation: Integers) -> list[list[int]]:
     """Return the cycles of a permutation: cycle[k + 1] is where cycle[k] leads."""
     cycles, left = [], set(range(len(permutation)))
     while left:
@@ -68,15 +65,7 @@ def _cycles_of(permutation: NDArray[np.int64]) -> list[list[int]]:
     return cycles
 
 
-def _distances(pairs: Pairs) -> Floats:
-    """Return logarithms of the median distance between measurement i and command j; large in unlike units."""
-    units = np.array(pairs.log.joint_units)
-    apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
-    distances: Floats = np.where(units[:, None] == units, np.log(np.maximum(apart, NEAR)), np.log(1e6))
-    return distances
-
-
-def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[list[Finding], list[Finding]]:
+def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], list[Finding]]:
     """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing."""
     findings = [*_copied(pairs), *_mixed(pairs, place)]
     for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
@@ -111,7 +100,7 @@ def _copied(pairs: Pairs) -> list[Finding]:
     return [Finding("copied", tuple(pairs.names[i] for i in joints), says, culprit)]
 
 
-def _mixed(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+def _mixed(pairs: Pairs, place: Integers) -> list[Finding]:
     """Find measurements that are sums of several joints' commands."""
     findings = []
     moving = np.flatnonzero(pairs.moved)
@@ -140,7 +129,7 @@ def _mixed(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     return findings
 
 
-def _swaps(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+def _swaps(pairs: Pairs, place: Integers) -> list[Finding]:
     names, r, findings = pairs.names, pairs.correlation, []
     for cycle in (each for each in _cycles_of(place) if len(each) > 1):
         says = ", ".join(

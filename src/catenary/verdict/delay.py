@@ -18,17 +18,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.verdict.pairs import MOVED, play, reversals_of, scales
 
-Rows = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 PLAYS = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)  # radii, as shares of a joint's range
 LOOKS = 6.0
 CERTAIN, LIKELY = 3.0, 2.0  # deviations of the interval, and of a note
@@ -73,7 +70,7 @@ class Delay:
         return size if self.sure == "certain" else f"perhaps {size}; friction could look the same here"
 
 
-def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: float = 0.0) -> Delay:
+def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, about: float = 0.0) -> Delay:
     """Estimate a recording's delay, or return the one found of the same numbers before.
 
     Args:
@@ -96,12 +93,17 @@ def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: f
     return found
 
 
-def _estimated(log: MotionLog, place: Sequence[int] | Rows | None, about: float) -> Delay:
+def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: float) -> Delay:
     assert log.q_encoder is not None
     in_time = log.time is not None
     reach, rows = reach_of(log)
     step = reach / rows if rows else 0.0
-    t = np.arange(len(log), dtype=float) if log.time is None else _onwards(log.time, step)
+    t = np.arange(len(log), dtype=float)
+    if (
+        log.time is not None
+    ):  # stamps that never go back: what follows such a step, another recording, begins after a pause
+        steps = np.diff(log.time, prepend=log.time[:1])
+        t = np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
     inside = log.ok & _unbroken(t, step, about, reach)
     if in_time and inside.sum() < FEWEST_ROWS and log.ok.sum() >= FEWEST_ROWS:  # poses with pauses all along
         return delay_of(replace(log, time=None), place, about / step if step else 0.0)
@@ -150,12 +152,6 @@ def reach_of(log: MotionLog) -> tuple[float, float]:
     return reach, reach / step if step > 0.0 else 0.0
 
 
-def _onwards(time: Floats, step: float) -> Floats:
-    """Return stamps that never go back: what follows such a step, another recording, begins after a pause."""
-    steps = np.diff(time, prepend=time[:1])
-    return np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
-
-
 def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
     """Return rows from which every delay looked for stays between two pauses, (N,)."""
     cuts = np.flatnonzero(np.diff(t) > PAUSE * step)
@@ -170,7 +166,15 @@ class _JointLook:
     """One joint's explanation, and its rows without outliers."""
 
     def __init__(
-        self, q: Floats, seen: Floats, t: Floats, own: int, moved: list[int], inside: Flags, block: Rows, coarse: Floats
+        self,
+        q: Floats,
+        seen: Floats,
+        t: Floats,
+        own: int,
+        moved: list[int],
+        inside: Flags,
+        block: Integers,
+        coarse: Floats,
     ) -> None:
         self.t, self.y, self.block = t, seen, block
         error = seen - q[:, own]
@@ -190,7 +194,7 @@ class _JointLook:
                 break
         self.rows = rows
 
-    def unexplained(self, rows: Rows, d: float) -> Floats:
+    def unexplained(self, rows: Integers, d: float) -> Floats:
         """Return what is unexplained of some rows when commands are read a time d earlier; each block has its zero."""
         from scipy.optimize import nnls
 
@@ -237,11 +241,7 @@ class Explanation:
     """Columns that explain one joint's measurement, at rows as they are asked for: few of a long recording are."""
 
     def __init__(self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAYS) -> None:
-        """Take commands (N, n), of which those `moved` are taken in units of their ranges.
-
-        Columns of any weight are a fifteenth of the `rows` at most that they are fitted to; the joint's play states
-        have `radii`, as shares of its range.
-        """
+        """Take commands (N, n), those `moved` in units of their ranges, and plays of `radii` in that of its own."""
         self._q, self._moved, self._own, self._most = q, list(moved), own, rows // 15 - 10
         self._mean, self._range = q.mean(axis=0), np.ptp(q, axis=0)
         z = self._scaled(own, slice(None))
@@ -249,11 +249,11 @@ class Explanation:
         for k, radius in enumerate(radii):
             self._plays[:, k] = play(z, radius)
 
-    def _scaled(self, k: int, rows: Rows | slice) -> Floats:
+    def _scaled(self, k: int, rows: Integers | slice) -> Floats:
         scaled: Floats = (self._q[rows, k] - self._mean[k]) / self._range[k]
         return scaled
 
-    def at(self, rows: Rows) -> Floats:
+    def at(self, rows: Integers) -> Floats:
         """Return columns of any weight, then play states, at some rows (len(rows), p)."""
         moved, own = self._moved, self._own
         z = {k: self._scaled(k, rows) for k in moved}
@@ -276,12 +276,7 @@ def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:
 
 
 def _apart(grid: Floats, costs: Floats, least: float) -> tuple[Floats, Floats]:
-    """Return each joint's delay where it may choose between two, and what it gains by that over one of all, (joints,).
-
-    Args:
-        costs: (joints, delays).
-        least: How far the two are apart, at least.
-    """
+    """Return joints' delays of two `least` apart, and what each gains over one of all, from (joints, delays)."""
     pairs = np.minimum(costs[:, :, None], costs[:, None, :]).sum(axis=0)
     near = (np.abs(grid[:, None] - grid) < least) & ~np.eye(len(grid), dtype=bool)
     pairs = np.where(near, np.inf, pairs)  # one delay of all remains a choice
@@ -299,3 +294,60 @@ def _change(along: Floats, width: float) -> float:
     deviation = float(np.sqrt(left @ left / (len(along) - 2) / (k @ k)))
     change = slope * len(along)
     return change if abs(slope) > STEADY * deviation and abs(change) > width / 3.0 else 0.0
+
+
+RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)  # of plays, as shares of a range
+FOLLOWS = 0.5  # share of a joint's full motion from which on it counts as following its command
+
+
+class Hysteresis(NamedTuple):
+    """What one joint shows, in deg or mm; NaN where it moves too little, or was not measured."""
+
+    loop: float  # width between both ways
+    slack: float  # travel of the command after a reversal until the joint follows it
+    reversals: int  # of the command
+
+
+def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
+    """Return what each joint shows of slack and hysteresis.
+
+    A smooth function of all commands and plays of its own explain it [Prandtl-Ishlinskii]: one of radius r and weight w
+    makes a loop 2 r w wide, and lets the joint follow from 2 r behind a reversal.
+    """
+    q = scales(log) * log.q_nominal
+    moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED]
+    turns = [reversals_of(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]
+    if log.q_encoder is None or log.ok.sum() < FEWEST_ROWS:
+        return [Hysteresis(np.nan, np.nan, count) for count in turns]
+    rows = np.flatnonzero(log.ok)
+    rows = rows[:: len(rows) // MOST_ROWS + 1]
+    seen = scales(log) * log.q_encoder[rows]
+    return [
+        Hysteresis(*(_loop(q, k, moved, rows, seen[:, k]) if k in moved else (np.nan, np.nan)), turns[k])
+        for k in range(q.shape[1])
+    ]
+
+
+def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats) -> tuple[float, float]:
+    from scipy.optimize import nnls
+
+    columns = Explanation(q, own, moved, len(rows), RADII).at(rows)
+    columns, y = columns - columns.mean(axis=0), seen - seen.mean()
+    keep = np.ones(len(rows), dtype=bool)
+    size = float(np.ptp(q[:, own]))
+    weights = np.zeros(len(RADII))
+    for _ in range(3):
+        free, plays = columns[keep, : -len(RADII)], columns[keep, -len(RADII) :]
+        onto = np.linalg.qr(free)[0]
+        weights = nnls(plays - onto @ (onto.T @ plays), y[keep] - onto @ (onto.T @ y[keep]))[0]
+        rest = y - columns[:, -len(RADII) :] @ weights
+        left = np.abs(rest - columns[:, : -len(RADII)] @ np.linalg.lstsq(free, rest[keep], rcond=None)[0])
+        keep = left <= TRIM * 1.4826 * np.median(left) + 1e-9
+    command = columns[keep, moved.index(own)]
+    alone = float(command @ rest[keep] / (command @ command))  # what follows at once
+    follows = alone + np.cumsum(weights)
+    if follows[-1] <= 0.0:  # it follows another command, or the wrong way round
+        return np.nan, np.nan
+    late = int(np.argmax(follows >= FOLLOWS * follows[-1]))
+    slack = 0.0 if alone >= FOLLOWS * follows[-1] else 2.0 * RADII[late] * size
+    return float(2.0 * np.array(RADII) @ weights), slack

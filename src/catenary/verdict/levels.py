@@ -1,12 +1,10 @@
 """Does the zero of a measurement stay where it is? Errors that leap and stay, that drift, or are of whole turns."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
-from catenary.verdict.delay import TRIM, Explanation
+from catenary.arrays import Floats, Integers
+from catenary.verdict.delay import RADII, TRIM, Explanation
 from catenary.verdict.finding import Finding
-from catenary.verdict.hysteresis import RADII
 from catenary.verdict.pairs import Pairs, reversals_of, scales
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
@@ -35,11 +33,25 @@ ZEROED = "an encoder, camera or robot that was zeroed anew half-way, or a slippe
 
 def turn_findings(pairs: Pairs) -> list[Finding]:
     """Find measurements of angles that stand whole or half turns from the others of their joint."""
-    of_angles = [j for j, unit in enumerate(pairs.log.joint_units) if unit == "rad"]
-    return [turned for j in of_angles for turned in _turns(pairs.names[j], pairs.m[:, j] - pairs.q[:, j])]
+    findings = []
+    for j in [j for j, unit in enumerate(pairs.log.joint_units) if unit == "rad"]:
+        error = pairs.m[:, j] - pairs.q[:, j]
+        away = error - np.median(error)
+        halves = np.round(away / HALF_TURN)
+        near = np.abs(away - halves * HALF_TURN) < NEAR_TURN * HALF_TURN
+        turned = near & (halves != 0.0)
+        if turned.mean() <= FEW or near.mean() < MOST:
+            continue
+        sizes, counts = np.unique(halves[turned], return_counts=True)
+        most = float(sizes[np.argmax(counts)]) * HALF_TURN
+        says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
+        culprit = "an angle recorded within one turn, or a counter that lost a turn"
+        remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
+        findings.append(Finding("turns", (pairs.names[j],), f"{says} ({most:+.0f} deg most often)", culprit, remedy))
+    return findings
 
 
-def leap_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     """Find errors that leap at one row and stay; small ones, and errors that drift, are notes."""
     found = []
     for i, k in enumerate(place):
@@ -48,21 +60,6 @@ def leap_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
         found += _leap(pairs, i, error, wide, LEAST_LEAP) or _leap(pairs, i, error, SUDDEN, LEAST_SUDDEN, ALONE)
     jumped = {joint for each in found for joint in each.joints}
     return found + [d for i, k in enumerate(place) if pairs.names[i] not in jumped for d in _drift(pairs, i, int(k))]
-
-
-def _turns(name: str, error: Floats) -> list[Finding]:
-    away = error - np.median(error)
-    halves = np.round(away / HALF_TURN)
-    near = np.abs(away - halves * HALF_TURN) < NEAR_TURN * HALF_TURN
-    turned = near & (halves != 0.0)
-    if turned.mean() <= FEW or near.mean() < MOST:
-        return []
-    sizes, counts = np.unique(halves[turned], return_counts=True)
-    most = float(sizes[np.argmax(counts)]) * HALF_TURN
-    says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
-    culprit = "an angle recorded within one turn, or a counter that lost a turn"
-    remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
-    return [Finding("turns", (name,), f"{says} ({most:+.0f} deg most often)", culprit, remedy)]
 
 
 def _leap(pairs: Pairs, joint: int, error: Floats, width: int, least: float, alone: float = 0.0) -> list[Finding]:

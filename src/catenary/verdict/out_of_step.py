@@ -4,17 +4,15 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.verdict.delay import CERTAIN, LOOKS, Delay, delay_of, reach_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales
 
-# Lags beyond what `delay_of` looks at, by cross-correlation. Hysteresis looks like a lag, at most half of the
-# unexplained variance of a wrist's joint is gone a row later; rows out of step leave 3 to 9000 times as much on a real
-# arm's tight joints.
+# Lags beyond what `delay_of` looks at, by cross-correlation. Hysteresis looks like a lag: at most half of what a wrist
+# leaves unexplained is gone a row later; rows out of step leave 3 to 9000 times as much on a real arm's tight joints.
 CLEARLY = 3.0
 MOST_ROWS = 64  # that the two are moved against each other
 LONGEST = 2.0  # [s] the lag that is looked for where rows are dense: cables, filters and networks lag under one
@@ -31,7 +29,7 @@ DOUBTED, UNLIKE = 3.3, 4.0
 WORSE = 1.3  # times more unexplained variance, that rows in step may leave a joint: early rows cancel its hysteresis
 
 
-def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+def delay_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     """Find measurements that lie a time before or after their commands; there is always one finding or more."""
     log, apart = pairs.log, list[Finding]()
     if log.q_reported is not None:  # what a controller does between the two is no delay of a clock
@@ -41,25 +39,22 @@ def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
         between = f"between {own.low:+.3f} and {own.high:+.3f} {own.unit}"
         culprit = "the controller's lag; the delay is that of measurements behind what it reports"
         apart = [Finding("lag", (), f"{says}, {between}", culprit, refuses=False)] * (own.sure != "unknown")
-    return [*apart, *_delay_findings(log, place)]
-
-
-def _delay_findings(log: MotionLog, place: NDArray[np.int64]) -> list[Finding]:
     near = delay_of(log, place)
     known = None if near.sure == "unknown" else near
-    own = ", ".join(f"{seconds:+.2f}" for _, seconds in near.apart)
+    each = ", ".join(f"{seconds:+.2f}" for _, seconds in near.apart)
     all_joints = f"those of all joints together {near.seconds:+.2f}"
-    says = f"measurements lie {own} {near.unit} behind commands, {all_joints}, expected the same"
+    says = f"measurements lie {each} {near.unit} behind commands, {all_joints}, expected the same"
     culprit = "sensors with clocks of their own; or, where q_nominal is a setpoint, joints that lag unlike"
     joints = tuple(joint for joint, _ in near.apart)
     unlike = Finding("clock", joints, says, culprit, refuses=near.apart_by > UNLIKE, delay=known)
-    if unlike.refuses:
-        return [unlike]
-    return _common_findings(log, place, near, known) + [unlike] * (near.apart_by > DOUBTED)
+    others = [] if unlike.refuses else _common_findings(log, place, near, known)
+    return [*apart, *others, *[unlike] * (near.apart_by > DOUBTED)]
 
 
-def _common_findings(log: MotionLog, place: NDArray[np.int64], near: Delay, known: Delay | None) -> list[Finding]:
+def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay | None) -> list[Finding]:
     """Find one delay of all joints; there is always one finding or more."""
+    from scipy.stats import spearmanr
+
     if near.change:
         return [_clock(f"the delay changes by {near.change:+.3g} {near.unit} along the recording", near)]
     if near.sure == "certain":
@@ -70,7 +65,7 @@ def _common_findings(log: MotionLog, place: NDArray[np.int64], near: Delay, know
     edges = np.linspace(0, len(log), count + 1).astype(int)
     lags = [_lag(log, place, slice(a, b), stride) for a, b in pairwise(edges)]
     clear = [lag for lag in lags if lag]
-    if len(clear) >= FEWEST_WINDOWS and np.ptp(lags) >= APART * stride and _one_way(np.array(lags)):
+    if len(clear) >= FEWEST_WINDOWS and np.ptp(lags) >= APART * stride and abs(spearmanr(range(count), lags)[0]) > 0.8:
         along = ", ".join(str(lag) for lag in lags)
         return [_clock(f"the measurement lies {along} rows behind the command along {count} equal parts", known)]
     lag = _lag(log, place, slice(0, len(log)), stride) or (int(np.median(clear)) if len(clear) > count // 2 else 0)
@@ -102,13 +97,7 @@ def _clock(says: str, found: Delay | None) -> Finding:
     return Finding("clock", (), expected, "two clocks that run apart, or rows that one of the two lost", delay=found)
 
 
-def _one_way(lags: NDArray[np.int64]) -> bool:
-    from scipy.stats import spearmanr
-
-    return bool(abs(spearmanr(np.arange(len(lags)), lags).statistic) > 0.8)
-
-
-def _lag(log: MotionLog, place: NDArray[np.int64], part: slice, stride: int) -> int:
+def _lag(log: MotionLog, place: Integers, part: slice, stride: int) -> int:
     """Return by how many rows a part's measurement lies behind its command; 0 unless clearly, and farther than near."""
     assert log.q_encoder is not None
     scale = scales(log)
@@ -129,7 +118,7 @@ def _lag(log: MotionLog, place: NDArray[np.int64], part: slice, stride: int) -> 
     return int(lags[best])
 
 
-def _unexplained(command: Floats, measured: Floats, ok: NDArray[np.bool_], lags: NDArray[np.int64]) -> Floats:
+def _unexplained(command: Floats, measured: Floats, ok: Flags, lags: Integers) -> Floats:
     """Return logarithms of the share of a measurement's variance that commands each lag earlier leave, (lags,)."""
     apart = measured[ok] - command[ok]
     away = np.abs(apart - np.median(apart))

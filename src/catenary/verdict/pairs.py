@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
@@ -20,7 +19,7 @@ def scales(log: MotionLog) -> Floats:
     return np.array([DISPLAY[unit][1] for unit in log.joint_units])
 
 
-def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
+def outliers(errors: Floats) -> tuple[Integers, Floats]:
     """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
     deviation = np.abs(errors - np.median(errors, axis=0))
     spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
@@ -44,19 +43,16 @@ def play(command: Floats, radius: float) -> Floats:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Commands and measurements of the trusted rows, in deg and mm, and their correlations.
-
-    Correlations and slopes leave single outliers out, row by row of each measured joint.
-    """
+    """Commands and measurements of trusted rows, in deg and mm; correlations and slopes leave single outliers out."""
 
     log: MotionLog
     q: Floats  # (N, n) commands
     m: Floats  # (N, n) measurements
-    likely: NDArray[np.bool_]  # (N, n) no outlier
+    likely: Flags  # (N, n) no outlier
     correlation: Floats  # (n, n) of measurement i with command j; zero where either stands still
     slope: Floats  # (n, n) of measurement i on command j; zero where either stands still
-    moved: NDArray[np.bool_]  # (n,) joints whose command moved
-    seen_moving: NDArray[np.bool_]  # (n,) joints whose measurement moved
+    moved: Flags  # (n,) joints whose command moved
+    seen_moving: Flags  # (n,) joints whose measurement moved
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,10 +68,7 @@ SLACKS = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # radii of pla
 
 
 def slope_behind_slack(pairs: Pairs, i: int, own: int) -> tuple[float, float]:
-    """Return how far joint i moves for its command once slack is taken up, and the share of variance that explains.
-
-    In little motion cables' friction hides much of it, and other joints drag a wrist.
-    """
+    """Return how far joint i moves for its command once slack is taken up, and the share of variance that explains."""
     log, scale = pairs.log, scales(pairs.log)
     q = scale * log.q_nominal
     rows = np.flatnonzero(log.ok)[pairs.likely[:, i]]

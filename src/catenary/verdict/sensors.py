@@ -3,9 +3,8 @@
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import GAP_STEPS, MotionLog
 from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
@@ -41,9 +40,9 @@ OFF_LINE = 100.0  # times as far that the median of other rows lies off: noise-f
 FILLED, FEWEST_FILLED = 0.03, 2  # share of the rows that were filled in, and rows of a gap: one alone lies so by chance
 
 
-def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+def sensor_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     """Find measurements that stand still while their joint is moved."""
-    stuck: list[tuple[list[int], NDArray[np.bool_]]] = []  # joints that stand still on the same rows, these rows
+    stuck: list[tuple[list[int], Flags]] = []  # joints that stand still on the same rows, these rows
     for i in range(len(pairs.names)):
         command, measured = pairs.q[:, place[i]], pairs.m[:, i]
         reach = float(np.ptp(np.percentile(command, [1.0, 99.0])))
@@ -121,7 +120,7 @@ def _off_lines(x: Floats, at: Floats) -> Floats:
     return np.asarray(np.abs(x[1:-1] - (1.0 - share) * x[:-2] - share * x[2:]))
 
 
-def _stuck(pairs: Pairs, joints: list[int], still: NDArray[np.bool_]) -> Finding:
+def _stuck(pairs: Pairs, joints: list[int], still: Flags) -> Finding:
     measured_rows = np.flatnonzero(pairs.log.ok)
     stretches = [(measured_rows[a], measured_rows[b - 1] + 1) for a, b in _stretches(still)]
     shown = ", ".join(f"{a} to {b - 1}" for a, b in stretches[:MOST_SHOWN])
@@ -137,13 +136,13 @@ def _stuck(pairs: Pairs, joints: list[int], still: NDArray[np.bool_]) -> Finding
     return Finding("stuck", tuple(pairs.names[i] for i in joints), says, culprit, remedy, refuses)
 
 
-def _stretches(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _stretches(rows: Flags) -> list[tuple[int, int]]:
     """Return first rows and the ones after the last of stretches that are set."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def _repeated(command: Floats, measured: Floats, least: float) -> NDArray[np.bool_]:
+def _repeated(command: Floats, measured: Floats, least: float) -> Flags:
     """Return rows of stretches with the same measurement during which the command moved by `least`."""
     still = np.zeros(len(measured), dtype=bool)
     bounds = np.flatnonzero(np.diff(measured) != 0.0) + 1
@@ -155,7 +154,7 @@ def _repeated(command: Floats, measured: Floats, least: float) -> NDArray[np.boo
     return still
 
 
-def _frozen(command: Floats, measured: Floats, least: float) -> NDArray[np.bool_]:
+def _frozen(command: Floats, measured: Floats, least: float) -> Flags:
     """Return rows of windows in which the measurement hardly moves while the command moves by `least`."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
@@ -196,9 +195,8 @@ def coarse_findings(pairs: Pairs) -> list[Finding]:
 def missing_findings(log: MotionLog) -> list[Finding]:
     """Note rows without a measurement that are not like the others: nobody knows the errors there.
 
-    Stamps tell of single rows that somebody took out, too. The motion tells them apart, or the errors next to them; or
-    errors of the others end sharply on all joints, as where rows were cut out by their errors. Of one joint or two that
-    is not told from slack, whose errors end as sharply.
+    The motion tells them apart, or the errors next to them; or errors of the others end sharply on all joints, as where
+    rows were cut out by them, which on a joint or two slack does too. Stamps tell of rows that are absent, too.
     """
     commands, missing = _every_row(log)
     if not MISSING < missing.mean() < 1.0 - MISSING:
@@ -231,13 +229,13 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     return [Finding("missing", (), says, "a sensor that fails in some motions, or rows cut out", refuses=False)]
 
 
-def _told_apart(score: Floats, missing: NDArray[np.bool_]) -> float:
+def _told_apart(score: Floats, missing: Flags) -> float:
     """Return the share of pairs of a missing row and another in which the missing one's score is larger."""
     order = np.argsort(np.argsort(score))
     return float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share
 
 
-def _every_row(log: MotionLog) -> tuple[Floats, NDArray[np.bool_]]:
+def _every_row(log: MotionLog) -> tuple[Floats, Flags]:
     """Return commands of all rows, those that stamps show to be absent included, and which have no measurement."""
     steps = np.diff([] if log.time is None else log.time)
     q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
@@ -294,7 +292,7 @@ def outlier_findings(log: MotionLog) -> list[Finding]:
     ]
 
 
-def _max_error(log: MotionLog, rows: NDArray[np.bool_]) -> str:
+def _max_error(log: MotionLog, rows: Flags) -> str:
     """Return limits beyond which errors are no errors of these rows: OUTLIER_SPREADS about each joint's median."""
     assert log.q_encoder is not None
     if not rows.any():

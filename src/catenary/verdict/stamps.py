@@ -17,11 +17,7 @@ FEWEST_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or
 
 
 def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
-    """Find stamps that repeat or are shuffled, and stamps in ms or other units.
-
-    Args:
-        in_si: Positions are in rad and m, so that speeds mean something.
-    """
+    """Find stamps that repeat or are shuffled and, where positions are `in_si` and speeds mean something, not in s."""
     if log.time is None:
         return []
     findings = []
@@ -42,13 +38,9 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
 
 
 def arrival_findings(log: MotionLog, delay: Delay | None) -> list[Finding]:
-    """Note measurements stamped another time before their arrival than commands, and what the motion says of it.
+    """Note measurements stamped another time before their arrival than commands, and what their delay says of it.
 
-    Stamps of a clock that is behind by c lie c too early: measurements then lead by c. A longer way to the recorder
-    leaves their stamps right.
-
-    Args:
-        delay: Of the measurements, as the motion tells it; None where it is not known.
+    Stamps of a clock that is behind by c lie c too early: measurements then lead by c. A longer way leaves them right.
     """
     if not {"q_nominal", "q_encoder"} <= set(log.arrivals):
         return []

@@ -1,9 +1,8 @@
 """Are the numbers in rad and m? By slopes, by what a robot can reach, by what a model was trained on."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
@@ -34,7 +33,7 @@ BEYOND = 5.0  # times half the trained range about its middle: a test rarely goe
 WITHIN = 2.0  # the same of what it becomes in the other unit
 
 
-def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+def slope_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     """Find measurements, or commands, in another unit or of another scale."""
     wrong: dict[tuple[str, str], list[int]] = {}
     findings = []
@@ -90,10 +89,7 @@ def _units_option(log: MotionLog, units: dict[int, str], array: str | None = Non
 
 
 def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float]) -> tuple[Floats, Floats]:
-    """Return the least and largest positions of a log's joints that are believed, each (n,) [rad|m].
-
-    A joint that the robot has by the same name and unit gets its limits, MARGIN of its range wider.
-    """
+    """Return least and largest positions (n,) [rad|m] that are believed: the robot's limits by name, MARGIN wider."""
     high = np.array([largest[unit] for unit in log.joint_units])
     low = -high
     if robot is None:
@@ -138,11 +134,7 @@ def tiny_findings(log: MotionLog) -> list[Finding]:
 
 
 def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Finding]:
-    """Find positions far beyond a model's training that lie within it in another unit.
-
-    Args:
-        trained: Least and largest positions that the model was trained on, each (n,) [rad|m]; infinite where unknown.
-    """
+    """Find positions far beyond those trained on, (n,) [rad|m], infinite if unknown, but within in another unit."""
     low, high = trained
     least, most = _reached(log)
     known = np.isfinite(high - low) & (high > low)

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags
+from catenary.arrays import Flags, Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import ConfigError, InputError
 from catenary.gravity.torque import gravity_torque

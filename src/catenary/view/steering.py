@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags
+from catenary.arrays import Flags, Floats, as_array
 from catenary.control.loop import Fade, StateCorrector
 from catenary.plant import Bounded, JointState
 from catenary.robots.catalog import RAVEN_SIDES

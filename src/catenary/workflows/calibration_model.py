@@ -25,8 +25,7 @@ from catenary.errors import InputError
 from catenary.files import sha256_of, table_ending
 from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.logs import Reading, read_log, read_recording
-from catenary.recording.on_disk import on_disk
+from catenary.recording.logs import Reading, on_disk, read_log, read_recording
 from catenary.side_by_side import Progress, of_each, silent
 
 LONG = 20_000  # rows of a recording, one of several, that lies on disk until its turn comes

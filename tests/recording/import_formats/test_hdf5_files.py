@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.episodes import read_hdf5
+from catenary.recording.import_formats.sources import read_hdf5
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from gallery.containers import matlab
 
@@ -192,7 +192,7 @@ def test_a_file_that_asks_for_more_than_it_holds_is_refused(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make, words = HARMFUL[name]
-    monkeypatch.setattr("catenary.recording.import_formats.episodes.MOST_NODES", 50)
+    monkeypatch.setattr("catenary.recording.import_formats.sources.MOST_NODES", 50)
     with h5py.File(tmp_path / "lab.h5", "w") as file:
         make(file)
     with pytest.raises((FileFormatError, InputError), match=words):

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording import sqlite_bag
+from catenary.recording import bag_reader
 from catenary.recording.import_formats import csv_files, in_pieces, message_columns, sources
 from catenary.recording.logs import read_log
 from catenary.workflows.import_recording import ImportedLog, import_recording, import_to_file
@@ -154,7 +154,7 @@ def test_a_bags_log_does_not_depend_on_the_pieces(
     monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 12 * 40)
     monkeypatch.setattr(in_pieces, "OVERLAP", 15)
     monkeypatch.setattr(message_columns, "_BATCH", 20)
-    monkeypatch.setattr(sqlite_bag, "AT_ONCE", 20)
+    monkeypatch.setattr(bag_reader, "AT_ONCE", 20)
     done = import_to_file(tmp_path / "log.parquet", paths, mapping)
     log = read_log(tmp_path / "log.parquet")
     assert (done.rows, done.measured) == (len(whole), int(whole.ok.sum()))

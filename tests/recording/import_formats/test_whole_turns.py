@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
-from catenary.recording.import_formats.whole_turns import unwrapped
+from catenary.recording.import_formats.importer import unwrapped
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, Message, joint_state, write_bag
 

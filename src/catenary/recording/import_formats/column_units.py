@@ -38,7 +38,9 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         return (units * n if len(units) == 1 else units), "as given", True
     if (stated := one.stated_units()) is not None:
         return stated, "by the names of the columns", True
-    if _is_normalised(one):
+    ends = [low == -high and high in (1.0, 100.0) for low, high in one.ranges]
+    # LeRobot's `.pos` are such shares, unless somebody chose degrees: nothing in a dataset says which
+    if all(joint.endswith(".pos") for joint in one.joints) or (n > 1 and 2 * sum(ends) > n):
         return ("rad",) * n, "its numbers look like shares of each joint's range, whose ends nobody states", False
     sizes = [max(abs(low), abs(high)) for low, high in one.ranges]
     large = [size > _LARGEST_TURN for size in sizes]
@@ -55,7 +57,8 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         )
         by = "its limits" if told else "the range"
         return units, f"by the robot {model.name} and {by}", told or is_ros or not any(large)
-    slides = [_slides(joint.lower()) for joint in one.joints]
+    names = map(str.lower, one.joints)
+    slides = [any(word in n for word in _SLIDING) and not any(word in n for word in _TURNING) for n in names]
     large = [size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)]
     if not any(large):
         told_by = "ROS's JointState is in rad and m" if is_ros else "nothing says them: rad"
@@ -74,25 +77,8 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     return units, why, is_ros and named
 
 
-def _slides(joint: str) -> bool:
-    return any(word in joint for word in _SLIDING) and not any(word in joint for word in _TURNING)
-
-
-def _is_normalised(one: Candidate) -> bool:
-    """Return whether columns seem to be shares of a range: LeRobot's own arms', or most of them from -1 to 1 exactly.
-
-    Its `.pos` are -100 to 100 % of what each joint was moved through when it was calibrated, unless somebody chose
-    degrees; nothing in a dataset says which.
-    """
-    ends = [low == -high and high in (1.0, 100.0) for low, high in one.ranges]
-    return all(joint.endswith(".pos") for joint in one.joints) or (len(ends) > 1 and 2 * sum(ends) > len(ends))
-
-
 def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> str | None:
-    """Return the unit in which a joint's range lies within its limits, SI's where both do; None where none does.
-
-    Numbers that SI's limits are merely a little short for are not of the smaller unit, where anything would lie within.
-    """
+    """Return the unit in which a joint's range lies within its limits, SI's first; None where SI is hardly beyond."""
     lower, upper = model.lower[joint], model.upper[joint]
     if not (math.isfinite(lower) and math.isfinite(upper)):
         return None
@@ -138,10 +124,7 @@ def _is_in_si(one: Candidate) -> bool:
 def joint_units_of(
     mapping: RecordingMapping, one: Candidate, model: RobotModel | None, names: Sequence[str]
 ) -> tuple[Units, Units | None, bool, list[str]]:
-    """Return the joints' SI units, the units of q_nominal's columns, whether any were assumed, and what to say of it.
-
-    `one` holds the columns of q_nominal, with some of their numbers.
-    """
+    """Return joints' SI units, those of q_nominal's columns, whether any were assumed, and what to say of it."""
     n = len(names)
     given: tuple[str, ...] | None = mapping.joint_units or None
     if model is not None and given is None:
@@ -171,10 +154,7 @@ def joint_units_of(
 def factors(
     name: str, quantity: Quantity, joint_units: Sequence[str] | None, n: int
 ) -> tuple[tuple[str, ...] | None, Floats]:
-    """Return the units of joints that a quantity's units stand for, or None, and what turns its numbers into SI, (n,).
-
-    `joint_units` are "rad" or "m" for each joint, where they are known.
-    """
+    """Return which of the joints' units a quantity's stand for, or None, and what makes its numbers SI, (n,)."""
     units = _each(f"{name}: units", quantity.units, n)
     scale = np.array(_each(f"{name}: scale", quantity.scale, n) or (1.0,) * n)
     scale = scale * np.array(_each(f"{name}: sign", quantity.sign, n) or (1.0,) * n)

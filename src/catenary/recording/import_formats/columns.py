@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import InputError
 
@@ -29,8 +30,8 @@ class Stream:
     columns: Mapping[str, NDArray[Any]]  # each (M,) numbers; elements of arrays as "position[0]"
     rows: int  # M, or as many as there are where this is a sample of them
     # (M,) [ns] of headers, 0 where a message has none; None in a table, whose time is one of its columns
-    stamp: NDArray[np.int64] | None = None
-    arrival: NDArray[np.int64] | None = None  # (M,) [ns] at the recorder; None where nobody knows
+    stamp: Integers | None = None
+    arrival: Integers | None = None  # (M,) [ns] at the recorder; None where nobody knows
     # joints, in the order of the first message, of arrays beside a list of names; their columns are "position[yaw]"
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
@@ -61,7 +62,7 @@ def joined(parts: Sequence[Stream]) -> Stream:
         pairs = zip(parts, lengths, strict=True)
         return np.concatenate([part.columns[name] if name in part.columns else np.full(n, np.nan) for part, n in pairs])
 
-    def stamps(name: str) -> NDArray[np.int64] | None:
+    def stamps(name: str) -> Integers | None:
         each = [getattr(part, name) for part in parts]
         return None if each[0] is None else np.concatenate(each)
 
@@ -174,10 +175,7 @@ def _choices(reference: str, streams: Sequence[Stream]) -> str:
 
 
 def not_used(streams: Sequence[Stream], used: Mapping[str, Collection[str]]) -> tuple[str, ...]:
-    """Return what of a recording is not among the columns that are used of each stream: topics, arrays, columns.
-
-    Of a topic that is used, arrays beside names of joints; columns that differ in a number are one, `tau1 ... tau7`.
-    """
+    """Return what of a recording is unused: topics, arrays beside joints' names, columns (`tau1 ... tau7` as one)."""
     found: list[str] = []
     for stream in streams:
         mine = set(used.get(stream.name, ()))

@@ -1,13 +1,17 @@
-"""Tables of text, with a line of names or without, as spreadsheets, MATLAB, NumPy, ROS and PlotJuggler write them.
+"""Tables of text, as spreadsheets, MATLAB, NumPy, ROS and PlotJuggler write them: what their first lines say, and rows.
 
 Read in pieces, so that the memory that a table takes is that of the columns that are kept.
 """
 
+import csv
+import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -15,14 +19,287 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from catenary.documents import reading
+from catenary.documents import cut, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, joined
-from catenary.recording.import_formats.text_dates import since_midnight
-from catenary.recording.import_formats.text_head import NOTHING, TextColumn, TextHead, read_head
+from catenary.recording.import_formats.text_dates import DateFormat, date_format, since_midnight
 from catenary.recording.journal import About
-from catenary.recording.parquet_files import ARROW
+from catenary.recording.parquet_files import ARROW, MOST_COLUMNS
 from catenary.topics import SECOND
+
+NOTHING = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "None", "none", "#N/A")
+TRUTHS = {"true", "false"}
+ARRAY = "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
+_EXACT = 2.0**53  # from which on a float64 has not every whole number
+COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
+_UNIT = re.compile(
+    r"[\[(]?\s*(|-|1|s|sec|ms|us|µs|ns|rad|deg|°|m|mm|cm|um|nm|n|a|ma|v|hz|counts?|ticks?"
+    r"|(rad|deg|m|mm|n\*?m|°)(/|\*)s(\^?[23]|²)?|[mck]?n([*.·]?[mc]?m)?)\s*[\])]?",
+    re.IGNORECASE,
+)
+_FEWEST = 20  # numbers that tell with how many digits a column is written
+_SECONDS = (946_684_800, 4_200_000_000)  # [s] since 1970 that a stamp of ROS has: the years 2000 to 2100
+
+Kind = Literal["number", "whole", "truth", "date", "text"]
+
+
+class TextDialect(NamedTuple):
+    """What separates columns, and whole numbers from their decimals."""
+
+    separator: str  # " " for any number of blanks
+    decimal: str
+
+    def split(self, line: str) -> list[str]:
+        """Return the cells of a line."""
+        if self.separator == " ":
+            return [cell.strip('"') for cell in line.split()]
+        return [cell.strip() for cell in next(csv.reader(islice([line], 1), delimiter=self.separator), [])]
+
+    def is_value(self, cell: str) -> bool:
+        """Return whether a cell may stand in a column of numbers, an empty one too; 20260311_235958 may not."""
+        with suppress(ValueError):
+            float(cell.replace(",", ".") if self.decimal == "," else cell)
+            return "_" not in cell
+        return cell in NOTHING
+
+
+class TextColumn(NamedTuple):
+    """A column of a text table, and how its cells are read."""
+
+    name: str
+    kind: Kind
+    places: tuple[int, ...]  # of its cells in a row: two of a date and its time of day, or of seconds and nanoseconds
+    date: DateFormat | None = None
+    odd: str = ""  # the first cell of a column of text, where others are numbers, and its line
+
+
+class TextHead(NamedTuple):
+    """How a text table is read."""
+
+    dialect: TextDialect
+    width: int  # cells of a row, empty ones at the end included
+    begins: int  # lines before the first row
+    columns: tuple[TextColumn, ...]
+    is_named: bool
+    joints: dict[str, tuple[str, ...]]
+    heads: tuple[str, ...]  # lines above the rows that are no comments: behind them they begin another recording
+    torn: str  # the last line, where it was not written to its end
+    notes: tuple[str, ...]
+
+
+def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unended: str = "") -> TextHead:
+    """Tell how a text table is read, by its first lines, its last ones if not among them, and a last one `unended`.
+
+    Comment lines begin with #, % or //. Rows begin where a line has the usual number of cells, and none that is text
+    above numbers. The line of names is the last line before them, or the last comment, that has a cell for each
+    column; a line of units behind it goes into the names. A table without names has `data[0]`, `data[1]`, ...
+    """
+    lines = [*lines, unended] if len(lines) < 2 and unended else lines  # a head and one row
+    lines = [lines[0].lstrip("\ufeff"), *lines[1:]] if lines else []
+    plain = [k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
+    if not plain:
+        raise FileFormatError(f"{where}: expected a line of names, if any, and lines of numbers, got no line")
+    body = [*(lines[k] for k in plain[len(plain) // 2 :]), *(line for line in last if not COMMENT.match(line))]
+    dialect = _dialect(body)
+    widths = Counter(len(dialect.split(line)) for line in body)
+    width = max(widths, key=lambda each: (widths[each], each))
+    if width > MOST_COLUMNS:
+        raise FileFormatError(f"{where}: {width} columns, expected {MOST_COLUMNS} at most")
+    tail = [cells for line in body if len(cells := dialect.split(line)) == width]
+    begins = next((k for k in plain if _is_row(dialect.split(lines[k]), tail, dialect)), None)
+    heads = [line for line in lines[:begins] if line.strip()]
+    if begins is None:
+        raise FileFormatError(f"{where}: no column of numbers among {', '.join(map(cut, tail[0][:10]))}")
+    counted = [*map(str, range(width))]
+    if not heads and width > 2 and dialect.split(lines[begins]) in (counted, ["", *counted[:-1]]):
+        begins += 1  # pandas' names of columns that have none
+    names_above = tuple(line.strip() for line in heads if not COMMENT.match(line))
+    rows = [(k + 1, dialect.split(lines[k])) for k in plain if k >= begins and lines[k].strip() not in names_above]
+    rows += [(0, dialect.split(line)) for line in last if not COMMENT.match(line) and line.strip() not in names_above]
+    used = width
+    named = {len(cells) for line in heads if (cells := dialect.split(line))[-1:] != [""]}
+    while used > 1 and used not in named and all(len(row) < used or not row[used - 1] for _, row in rows):
+        used -= 1  # a separator at the end of each line
+    names, notes = _names(heads, used, rows, dialect)
+    unique, twice = _unique(names or [f"{ARRAY}[{i}]" for i in range(used)])
+    columns = [_column(unique[i], (i,), [(k, row[i]) for k, row in rows if i < len(row)], dialect) for i in range(used)]
+    joints: dict[str, tuple[str, ...]] = {}
+    if not names:
+        columns, joints = _as_echoed(columns, rows)
+    columns = _dates_with_clocks(columns, [row for _, row in rows])
+    if names and not names[0] and columns[0].kind == "date" and "time" not in unique:
+        columns[0] = TextColumn("time", "date", columns[0].places, columns[0].date)
+    if all(column.kind == "text" for column in columns):
+        raise FileFormatError(f"{where}: no column of numbers among {', '.join(map(cut, unique[:10]))}")
+    notes += twice
+    if not names:
+        called = f"{columns[0].name} to {columns[-1].name}" if len(columns) > 1 else columns[0].name
+        echoed = ", and its rows begin with seconds and nanoseconds as ros2 topic echo --csv prints them"
+        own = echoed if len(columns[0].places) == 2 and columns[0].kind == "whole" else ""
+        notes.append(f"has no line of names{own}: its columns are called {called}")
+    texts = [f"{cut(c.name)}{f' ({c.odd})' if c.odd else ''}" for c in columns if c.kind == "text"]
+    notes += [f"columns of text were left out: {', '.join(texts[:10])}"] * bool(texts)
+    notes += [column.date.said(cut(column.name)) for column in columns if column.date is not None]
+    if dialect != (",", "."):
+        separator = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f'"{dialect.separator}"')
+        notes.append(f'columns are separated by {separator}, decimals by "{dialect.decimal}"')
+    above = [row for _, row in rows if len(row) == width]
+    torn = unended if _is_torn(dialect.split(unended), columns, above, dialect) else ""
+    return TextHead(dialect, width, begins, tuple(columns), bool(names), joints, names_above, torn, tuple(notes))
+
+
+def _dialect(lines: Sequence[str]) -> TextDialect:
+    """Tell what separates columns: that by which most cells are numbers."""
+    found: list[tuple[float, TextDialect]] = []
+    for dialect in (TextDialect(*signs) for signs in (";.", "\t.", ",.", " .", ";,", "\t,", " ,")):
+        rows = [dialect.split(line) for line in lines[: max(3, min(50, 100_000 // len(max(lines, key=len))))]]
+        if sorted(map(len, rows))[len(rows) // 2] < 2:
+            continue
+        cells = [cell for row in rows for cell in row]
+        good = sum(dialect.is_value(cell) or date_format([cell]) is not None for cell in cells) / len(cells)
+        ragged = len({len(row) for row in rows}) > 1
+        found.append((good - 0.5 * ragged, dialect))
+    return max(found, key=lambda each: each[0])[1] if found else TextDialect(",", ".")
+
+
+def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDialect) -> bool:
+    """Return whether a line is of the table: as wide, and no text where most of the last lines have a value."""
+    if len(cells) != len(tail[0]):
+        return False
+
+    def is_value(cell: str) -> bool:
+        return bool(cell) and (dialect.is_value(cell) or date_format([cell]) is not None or cell.lower() in TRUTHS)
+
+    below = [sum(is_value(row[i]) for row in tail) > len(tail) / 2 for i in range(len(cells))]
+    return any(below) and all(is_value(cell) or not cell for cell, number in zip(cells, below, strict=True) if number)
+
+
+def _is_torn(
+    cells: Sequence[str], columns: Sequence[TextColumn], above: Sequence[Sequence[str]], dialect: TextDialect
+) -> bool:
+    """Return whether a line lacks cells of those above, has one that is none of its column, or ends in fewer digits."""
+    numbers = [place for column in columns if column.kind in ("number", "whole") for place in column.places]
+    if not above or len(cells) != len(above[0]) or not all(dialect.is_value(cells[place]) for place in numbers):
+        return True
+
+    def digits(cell: str) -> int:
+        return sum(map(str.isdigit, cell.partition(dialect.decimal)[2] or cell))
+
+    written = [digits(row[-1]) for row in above if row[-1] not in NOTHING]
+    is_number = len(cells) - 1 in numbers and cells[-1] not in NOTHING
+    return is_number and len(written) >= _FEWEST and digits(cells[-1]) < min(written)
+
+
+def _names(
+    heads: Sequence[str], used: int, rows: Sequence[tuple[int, list[str]]], dialect: TextDialect
+) -> tuple[list[str], list[str]]:
+    """Return a name for each column, and what there is to say; no names where no line has one for each."""
+    said = [line for line in heads if re.search(r"\w", line)][-2:]
+    told = [_words(COMMENT.sub("", line, count=1), used, dialect) for line in said]
+    if not told:
+        return [], []
+    *above, cells = told
+    units = [""] * used
+    if used > 1 and len(cells) == used and all(map(_UNIT.fullmatch, cells)) and above and len(above[0]) == used:
+        cells, units = above[0], [cell.strip("[]() ") for cell in cells]
+    texts = [cell for cell in cells if cell and not dialect.is_value(cell)]
+    if len(cells) == used and len(texts) >= used / 2:
+        behind = [f" [{unit}]" * (unit not in ("", "-", "1")) for unit in units]
+        return [name + unit * (not set(name) & set("[(")) for name, unit in zip(cells, behind, strict=True)], []
+    is_merged = cells[:1] == texts[:1] and 1 < len(texts) < len(cells) <= used  # cells of a spreadsheet
+    if is_merged and not any(text[-1].isdigit() for text in texts):  # q3 is of one column
+        begins = [i for i, cell in enumerate(cells) if cell] + [used]
+        return [f"{cells[a]}[{i}]" if b > a + 1 else cells[a] for a, b in pairwise(begins) for i in range(b - a)], []
+    cells = [cell for cell in cells if cell]
+    few = f"{len(cells)} names for {used} columns ({', '.join(map(cut, cells[:5]))}, ...): none was taken"
+    is_prose = COMMENT.match(said[-1]) and len(cells) < used / 2
+    return [], [few] * (len(cells) > 1 and len(texts) == len(cells) and not is_prose)
+
+
+def _words(line: str, used: int, dialect: TextDialect) -> list[str]:
+    """Return the cells of a line above the rows, by the separator that makes as many as a row has."""
+    ways = (dialect.separator, ",", ";", "\t", " ") if dialect.separator != " " else (",", ";", "\t", " ")
+    split = [TextDialect(separator, ".").split(line) for separator in ways]
+    split.append(re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line))  # q1 [rad] q2 [rad]
+    found = [cells[:used] if not any(cells[used:]) else cells for cells in split]
+    return next((cells for cells in found if len(cells) == used), dialect.split(line))
+
+
+def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return names that differ, and a note on those that did not."""
+    seen, unique, taken = Counter[str](), list[str](), set(names)
+    for new in (name or f"column{i + 1}" for i, name in enumerate(names)):
+        name = new
+        seen[name] += 1
+        while seen[name] > 1 and (new := f"{name}#{seen[name]}") in taken:
+            seen[name] += 1
+        taken.add(new)
+        unique.append(new)
+    twice = [name for name, count in seen.items() if count > 1]
+    note = f"names that are there more than once are numbered, such as {cut(twice[0])}#2" if twice else ""
+    return unique, [note] * bool(twice)
+
+
+def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]], dialect: TextDialect) -> TextColumn:
+    """Return how a column is read, by some of its cells and their lines."""
+    values = [(line, text) for line, cell in cells if (text := cell.strip('"')) not in NOTHING]
+    texts = [text for _, text in values]
+    if texts and {text.lower() for text in texts} <= TRUTHS:
+        return TextColumn(name, "truth", places)
+    form = date_format(texts)
+    if form is not None:
+        return TextColumn(name, "date", places, form)
+    strange = [(line, text) for line, text in values if not dialect.is_value(text)]
+    if strange:
+        line, text = strange[0]
+        odd = f'{f"line {line}" if line else "in its last lines"}: "{cut(text)}"' if len(strange) < len(values) else ""
+        return TextColumn(name, "text", places, odd=odd)
+    numbers = [text.replace(",", ".") if dialect.decimal == "," else text for text in texts]
+    if numbers and all(n.lstrip("-").isdigit() for n in numbers) and max(abs(float(n)) for n in numbers) > _EXACT:
+        return TextColumn(name, "whole", places)
+    return TextColumn(name, "number", places)
+
+
+def _dates_with_clocks(columns: Sequence[TextColumn], rows: Sequence[Sequence[str]]) -> list[TextColumn]:
+    """Return columns with a day and the time of day behind it as one."""
+    found: list[TextColumn] = []
+    for column in columns:
+        day, clock, both = (found[-1].date if found else None), column.date, None
+        if day is not None and clock is not None and day.order and not day.has_clock and not clock.order:
+            places = (*found[-1].places, *column.places)
+            whole = [row for row in rows if all(i < len(row) and row[i] for i in places)]
+            both = date_format([" ".join(row[i] for i in places) for row in whole])
+        if both is None:  # of a day and a time that no row has, too
+            found.append(column)
+        else:
+            found[-1] = TextColumn(found[-1].name, "date", places, both)
+    return found
+
+
+def _as_echoed(
+    columns: Sequence[TextColumn], rows: Sequence[tuple[int, list[str]]]
+) -> tuple[list[TextColumn], dict[str, tuple[str, ...]]]:
+    """Return columns by a message's names, where rows are those of `ros2 topic echo --csv`, a JointState's by joint."""
+    first = [row for _, row in rows if len(row) >= len(columns)]
+    stamps = [row[:2] for row in first]
+    if len(columns) < 4 or not all(
+        a.isdigit() and b.isdigit() and _SECONDS[0] < int(a) < _SECONDS[1] and int(b) < 10**9 for a, b in stamps
+    ):
+        return list(columns), {}
+    stamp = TextColumn("stamp", "whole", (0, 1))
+    names = [i for i in range(3, len(columns)) if columns[i].kind == "text"]
+    n, behind = len(names), len(columns) - 3 - len(names)
+    constant = all(len({row[i] for row in first}) == 1 for i in names)
+    if n < 1 or names != list(range(3, 3 + n)) or not constant or behind not in (n, 3 * n):
+        frame = [] if columns[2].kind == "text" or not any(row[2] for row in first) else [columns[2]]
+        return [stamp, *frame, *columns[3:]], {}
+    joints = tuple(first[0][i] for i in names)
+    arrays = ("position", "velocity", "effort")[: behind // n]
+    found = [stamp]
+    for k, array in enumerate(arrays):
+        found += [TextColumn(f"{array}[{joint}]", "number", (3 + (k + 1) * n + j,)) for j, joint in enumerate(joints)]
+    return found, dict.fromkeys(arrays, joints)
+
 
 MOST_LINE = 1_000_000  # characters
 SAMPLED_NUMBERS = 4_000_000  # of a table that is not held whole that are looked at

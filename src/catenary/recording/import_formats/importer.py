@@ -1,12 +1,12 @@
 """A recording of any make into a MotionLog, by a mapping."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.plant import Joints, MotionLog, joints_text, nameless
@@ -27,7 +27,6 @@ from catenary.recording.import_formats.tracked_pose import (
     tip_columns,
     tip_said,
 )
-from catenary.recording.import_formats.whole_turns import in_one_turn, unwrap_columns
 from catenary.recording.series import Series, TopicReport, interpolate
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -38,8 +37,7 @@ _SIGNED = "-"
 _BESIDE = 10_000_000  # [ns] before and after a pose, between which a speed is taken
 
 
-@dataclass(frozen=True)
-class _Found:
+class _Found(NamedTuple):
     """Where the columns of a quantity are, and the sign of each."""
 
     places: list[Place]
@@ -108,14 +106,13 @@ class _Columns:
             self.wanted.setdefault(place.stream, {})[place.column] = None
 
 
-@dataclass(frozen=True)
-class Synchronisation:
+class Synchronisation(NamedTuple):
     """A motion log, with reports on the streams that it was made from."""
 
     log: MotionLog
     topics: tuple[TopicReport, ...]
     without_encoder: int  # rows whose `ok` is not set
-    rows: NDArray[np.int64]  # (N,) of q_nominal's stream that each row of the log is
+    rows: Integers  # (N,) of q_nominal's stream that each row of the log is
 
 
 class NoRowError(InputError):
@@ -130,13 +127,11 @@ def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, 
 def synchronise(
     sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None, is_piece: bool = False
 ) -> Synchronisation:
-    """Read a recording by a mapping, on one clock.
+    """Read a recording by a mapping, on one clock; `model` is the mapping's robot when None.
 
     Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
     `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out.
-
-    `model` is the mapping's robot when None. On a piece of a longer recording q_encoder may be on no row, and whether
-    what is optional is there at all is told by the sample.
+    On a piece of a longer recording q_encoder may be on no row, and the sample tells whether what is optional is there.
     """
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:
@@ -152,7 +147,10 @@ def synchronise(
     units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
     streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
-    streams = _truth_values(streams, found["ok"].places if "ok" in found else ())
+    for place in found["ok"].places if "ok" in found else ():  # 1 where it is not 0, NaN where it has no number
+        values = streams[place.stream].columns[place.column].astype(np.float64)
+        truths = np.where(np.isfinite(values), values != 0.0, np.nan)
+        streams[place.stream] = streams[place.stream].with_column(place.column, truths)
     for stream in streams.values():
         notes += [f"{stream.name}: {note}" for note in stream.notes]
     scaled, jumped = {}, set[str]()
@@ -198,7 +196,12 @@ def synchronise(
     )
     notes += said
     rows |= {} if measured is None else {"q_encoder": measured}
-    ok = _trusted(where, clock, measured, len(whole), has_ok="ok" in found, is_piece=is_piece)
+    is_there = np.ones(len(whole), dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
+    # 1 where both samples around a row are: what lies between a good one and another is made of both
+    ok = np.asarray(is_there & (clock.rows("ok") == 1.0).all(axis=1) if "ok" in found else is_there)
+    if measured is not None and not ok.any() and not is_piece:
+        why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
+        raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))
     lost = int((~ok[whole]).sum())
     unseen = "" if measured is None else _by_joint(~np.isfinite(measured[whole]), names)
     notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder{unseen}"] * bool(lost)
@@ -262,29 +265,6 @@ def _scale(
         own, why = (own, why) if is_sure and not mapping.q_nominal.scale else (units, "as the joints'")
         notes.append(f"q_encoder: its units were not stated; taken in {', '.join(own)}: {why}")
     return factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
-
-
-def _truth_values(streams: dict[str, Stream], places: Sequence[Place]) -> dict[str, Stream]:
-    """Return streams with 1 in these columns where they are not 0, else 0, and NaN where they have no number."""
-    changed = dict(streams)
-    for place in places:
-        values = changed[place.stream].columns[place.column].astype(np.float64)
-        truths = np.where(np.isfinite(values), values != 0.0, np.nan)
-        changed[place.stream] = changed[place.stream].with_column(place.column, truths)
-    return changed
-
-
-def _trusted(
-    where: str, clock: OneClock, measured: Floats | None, rows: int, *, has_ok: bool, is_piece: bool
-) -> NDArray[np.bool_]:
-    """Return the rows whose q_encoder can be trusted."""
-    is_there = np.ones(rows, dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
-    # 1 where both samples around a row are: what lies between a good one and another is made of both
-    ok = np.asarray(is_there & (clock.rows("ok") == 1.0).all(axis=1) if has_ok else is_there)
-    if measured is not None and not ok.any() and not is_piece:
-        why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
-        raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))
-    return ok
 
 
 def _with_texts(
@@ -401,7 +381,7 @@ def _ordered_by_name(
     return notes
 
 
-def _by_joint(missing: NDArray[np.bool_], names: Sequence[str]) -> str:
+def _by_joint(missing: Flags, names: Sequence[str]) -> str:
     """Return how many rows lack which joint, " (J2 4)"; empty where they lack all of them."""
     counts = missing.sum(axis=0).tolist()
     if len(counts) != len(names) or len(set(counts)) == 1:
@@ -409,7 +389,7 @@ def _by_joint(missing: NDArray[np.bool_], names: Sequence[str]) -> str:
     return f" ({', '.join(f'{name} {count}' for name, count in zip(names, counts, strict=True) if count)})"
 
 
-def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str]) -> NDArray[np.bool_]:
+def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str]) -> Flags:
     """Return the rows that have all that a log must have on each; say what others lack."""
     whole = np.ones(len(rows["q_nominal"]), dtype=bool)
     for key, values in rows.items():
@@ -483,3 +463,96 @@ def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: b
         settled += [f"units:{key}"] * bool(quantity.units) + [f"scale:{key}"] * bool(quantity.scale)
         settled += [f"sign:{key}"] * bool(quantity.sign or (columns.sign < 0.0).any())
     return dict.fromkeys(settled, ())
+
+
+TURN = 2.0 * np.pi
+NEAR = 0.1  # of a turn by which a step from end to end differs from a whole turn at most
+SMALL = 0.1  # of a turn: nearly all other steps are smaller, or poses are too far apart to tell how they were reached
+ALIKE = 0.8  # mean resultant length of errors from which on measurement and command are of one angle
+MOST = 2  # turns that are taken off: more are rather degrees
+FAR = 1.0  # [rad] from the others of a measurement that is no matter of turns
+
+
+def unwrap_columns(
+    streams: Mapping[str, Stream], places: Sequence[Place], scale: Floats, units: Sequence[str], names: Sequence[str]
+) -> tuple[dict[str, Stream], dict[str, int]]:
+    """Make angles at `places` continuous, which `scale` (n,) makes rad; say how often each joint jumped by a turn."""
+    changed, jumped = dict(streams), dict[str, int]()
+    for place, factor, unit, name in zip(places, scale, units, names, strict=True):
+        if unit != "rad":
+            continue
+        stream = changed[place.stream]
+        values = np.asarray(stream.columns[place.column], dtype=np.float64)
+        found, jumps = unwrapped(values, TURN / abs(float(factor)))
+        if jumps:
+            changed[place.stream] = stream.with_column(place.column, found)
+            jumped[name] = jumps
+    return changed, jumped
+
+
+def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
+    """Return values (M,) without jumps from one end of a turn to the other, and how many there were."""
+    found = values.copy()
+    finite = np.isfinite(values)
+    x = values[finite]
+    if len(x) < 3 or np.ptp(x) > turn * (1.0 + 1e-3):
+        return found, 0
+    steps = np.diff(x)
+    jumps = np.abs(np.abs(steps) - turn) < NEAR * turn
+    if not jumps.any() or jumps.all() or np.quantile(np.abs(steps[~jumps]), 0.99) > SMALL * turn:
+        return found, 0
+    found[np.flatnonzero(finite)[1:]] -= turn * np.cumsum(np.where(jumps, np.sign(steps), 0.0))
+    return found, int(jumps.sum())
+
+
+def in_one_turn(
+    q_nominal: Floats,
+    q_encoder: Floats | None,
+    units: Sequence[str],
+    names: Sequence[str],
+    model: RobotModel | None,
+    jumped: Collection[str],
+) -> tuple[Floats, Floats | None, list[str]]:
+    """Bring measurements into the commands' turn, and what `jumped` into the robot's limits, by whole turns; say so."""
+    q, measured = q_nominal.copy(), None if q_encoder is None else q_encoder.copy()
+    notes = []
+    for j in [j for j, unit in enumerate(units) if unit == "rad"]:
+        if measured is not None:
+            away = _turns_away(measured[:, j] - q[:, j])
+            measured[:, j] -= TURN * away
+            if away.any():
+                notes.append(f"q_encoder of {names[j]}: {np.count_nonzero(away)} rows were a turn away")
+        outside = 0
+        if model is not None and names[j] in jumped and names[j] in model.joint_names:
+            k = model.joint_names.index(names[j])
+            outside = _turns_outside(q[:, j], float(model.lower[k]), float(model.upper[k]))
+        if outside:
+            q[:, j] -= TURN * outside
+            if measured is not None:
+                measured[:, j] -= TURN * outside
+            notes.append(f"{names[j]}: brought within the robot's limits by {-outside:+d} turn(s)")
+    return q, measured, notes
+
+
+def _turns_away(error: Floats) -> Floats:
+    """Return by how many turns each of N errors lies away from the others (N,); 0 where that is no matter of turns."""
+    turns = np.zeros(len(error))
+    rows = np.isfinite(error)
+    mean = np.mean(np.exp(1j * error[rows])) if rows.any() else 0.0
+    if abs(mean) < ALIKE:
+        return turns
+    away = error[rows] - np.angle(mean)
+    whole = np.round(away / TURN)
+    if np.abs(whole).max() <= MOST:
+        turns[rows] = np.where(np.abs(away - TURN * whole) < FAR, whole, 0.0)
+    return turns
+
+
+def _turns_outside(q: Floats, low: float, high: float) -> int:
+    """Return the whole turns that bring a joint within its limits; 0 where it is there, or none do."""
+    slack = 0.1 * (high - low)
+    if not np.isfinite(slack) or (q.min() >= low - slack and q.max() <= high + slack):
+        return 0
+    turns = round((0.5 * (q.min() + q.max()) - 0.5 * (low + high)) / TURN)
+    moved = q - TURN * turns
+    return turns if moved.min() >= low - slack and moved.max() <= high + slack else 0

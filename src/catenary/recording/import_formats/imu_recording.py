@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.columns import WORDS, Stream, listed, places_of
@@ -46,21 +45,15 @@ class ImuRecording:
 def read_imu(
     path: Path,
     *,
-    topic: str | None = None,
+    topic: str | None = None,  # of a bag with several Imu topics
+    # of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without
     columns: Sequence[str] = (),
-    time: str | None = None,
+    time: str | None = None,  # of a table, t_us@us: column and unit; told by names and steps when None
+    # (3, 3) each, that accelerometer and gyroscope are multiplied by, to order their axes
     matrices: tuple[Floats, Floats] | None = None,
-    has_units: bool = False,
+    has_units: bool = False,  # the matrices make SI of units too; those in names do not count then
 ) -> ImuRecording:
-    """Read the readings of an inertial unit.
-
-    Args:
-        topic: Of a bag with several Imu topics.
-        columns: Of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without.
-        time: Of a table: the column of time, and its unit behind an @ (t_us@us); told by names and steps when None.
-        matrices: What accelerometer and gyroscope are multiplied by (3, 3), to order their axes.
-        has_units: The matrices make SI of units too; those in names do not count then.
-    """
+    """Read the readings of an inertial unit."""
     sources = Sources([path])
     stream = _stream(path, sources.streams, topic)
     names = [place.column for name in columns for place in places_of(name, [stream])]
@@ -112,7 +105,7 @@ def read_imu(
     return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
 
 
-def _measured(stream: Stream, name: str, rows: int) -> NDArray[np.bool_]:
+def _measured(stream: Stream, name: str, rows: int) -> Flags:
     """Return which rows measured a quantity: an Imu says by a covariance of -1 if not."""
     column = stream.columns.get(f"{name}_covariance[0]")
     return np.ones(rows, dtype=bool) if column is None else np.asarray(column, dtype=float) != -1.0

@@ -12,9 +12,8 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import Stream, joined
@@ -30,10 +29,7 @@ OVERLAP = 10_000  # rows before and behind a piece: of an encoder at a hundredth
 
 
 def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | None = None) -> Iterator[MotionLog]:
-    """Yield the log of a recording, piece after piece; whole where it is short, or neither bags nor a long text.
-
-    Notes of a piece are those of all before it, too. Whole turns and time go on from one piece to the next.
-    """
+    """Yield a recording's log piece after piece, with all notes so far; whole where short, or no bags nor long text."""
     pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
     registers = pose is not None and None in (pose.T_base_tracker, pose.T_marker_frame)
     if registers or not sources.is_in_parts:  # a piece would be registered elsewhere than another
@@ -50,7 +46,7 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
         if time is not None:
             told = f"{sample.name}: time is "
             said[told] = {f"{sample.name}: {time.said}": None}
-    before: tuple[MotionLog, NDArray[np.int64]] | None = None
+    before: tuple[MotionLog, Integers] | None = None
     measured = repeated = 0
     for first, last, begin, streams in _windows(sources.parts(wanted), wanted):
         piece = sources.holding(streams)
@@ -82,11 +78,7 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
 def _windows(
     parts: Iterator[list[Stream]], wanted: Mapping[str, Collection[str]]
 ) -> Iterator[tuple[int, int | None, int, list[Stream]]]:
-    """Yield pieces: their first and last row of q_nominal, None of the last piece, and streams from some rows before.
-
-    The third number is the row that the streams begin with; q_nominal's comes first. Of others it has what arrived
-    meanwhile.
-    """
+    """Yield a piece's first and last row (None of the last piece), the row that its streams begin with, and these."""
     held: dict[str, list[Stream]] = {name: [] for name in wanted}
     base, width = next(iter(wanted)), max(1, sum(map(len, wanted.values())))
     size, first, begin, count = max(2 * OVERLAP, MOST_NUMBERS // width), 0, 0, 0
@@ -107,10 +99,7 @@ def _windows(
 def _between(
     held: Mapping[str, list[Stream]], wanted: Mapping[str, Collection[str]], first: int, last: int | None
 ) -> list[Stream]:
-    """Return rows of q_nominal's stream, and what of others arrived from the first to the last of them.
-
-    Of what did not come it has a row without a number.
-    """
+    """Return rows of q_nominal's stream, and what of others arrived meanwhile, or a row without a number."""
     name, *others = wanted
     (base,) = held[name]
     base = base.part(first, base.rows if last is None else last)
@@ -131,7 +120,7 @@ def _between(
     return found
 
 
-def _going_on(log: MotionLog, rows: NDArray[np.int64], before: MotionLog, its: NDArray[np.int64]) -> MotionLog:
+def _going_on(log: MotionLog, rows: Integers, before: MotionLog, its: Integers) -> MotionLog:
     """Return a piece whose time and whole turns go on from those of the piece before, by a row that both have."""
     shared, here, there = np.intersect1d(rows, its, return_indices=True)
     if not len(shared):

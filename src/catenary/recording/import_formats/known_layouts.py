@@ -1,7 +1,5 @@
 """Layouts that need no mapping from their reader: each is a mapping in TOML, recognised by the files it is of.
 
-RAVEN-II's topics and its 252 columns, a PSM's topics, command logs, positions and torques, RAVEN-II's recorded state.
-
 A row of RAVEN-II's CSV is a raven_state message with the samples of ext_jpos and measured_js nearest to it in time,
 each with its own stamp. Degrees trap: everything from raven_state is as published, positions and velocities times
 180/pi, metres of insertion too; ext_jpos and measured_js are rad and m. raven2/data/columns.toml says which is which.
@@ -10,7 +8,6 @@ each with its own stamp. Degrees trap: everything from raven_state is as publish
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -46,6 +43,8 @@ from catenary.recording.parquet_files import open_parquet
 from catenary.robots.model import RobotModel
 from catenary.topics import SECOND
 
+# topics that stand one behind the other in a row of the published CSV, and `widths`
+RAVEN_TABLE: dict[str, Any] = tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text())
 _STATE_ARRAYS = {"t", "jpos", "jpos_d", "pos", "pos_d"}
 
 
@@ -58,10 +57,7 @@ RAVEN_STATE = "RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)"
 
 
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
-    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js; `namespace` is such as /PSM1.
-
-    A row is a message of measured_js: `q_nominal`, `qd` and `tau` are its positions, velocities and efforts.
-    """
+    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js, below such as /PSM1."""
     psm_topic(namespace, "measured_js")  # refuses a namespace that no PSM has
     return synchronise(Sources(paths), layout_mapping("recording/dvrk_psm", namespace=f"/{namespace.strip('/')}"))
 
@@ -83,7 +79,7 @@ def layout_of_files(paths: Sequence[Path]) -> str | None:
     if ending == ".csv":
         with path.open("rb") as file:
             width = file.readline(100_000).count(b",") + 1
-        return RAVEN_CSV if width in raven_table()["widths"] else None
+        return RAVEN_CSV if width in RAVEN_TABLE["widths"] else None
     names = set(read_arrays(path)) if ending == ".npz" else set[str]()
     if {"q_des", "q_act", "ok"} <= names:
         return COMMAND_LOG
@@ -95,10 +91,7 @@ def layout_of_files(paths: Sequence[Path]) -> str | None:
 def read_layout(
     paths: Sequence[Path], layout: str, *, model: RobotModel | None = None, units: Sequence[str] | None = None
 ) -> MotionLog:
-    """Read a recording of a known layout, but a motion log.
-
-    `units` ("rad" or "m" per joint) are for a file that does not state them.
-    """
+    """Read a recording of a known layout, but a motion log; `units` ("rad" or "m") are for files without."""
     path = paths[0]
     if layout in (RAVEN_BAG, RAVEN_CSV):
         arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
@@ -116,15 +109,12 @@ def read_layout(
 def read_commands(
     path: Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
 ) -> MotionLog:
-    """Read a `.npz` of commanded and measured joint positions.
+    """Read a `.npz` of commanded and measured joint positions, in the layout of Hwang et al. (RA-L 2020).
 
-    Arrays: `q_des` (N, n), `q_act` (N, n) in rad and m, `ok` (N,) bool, and, if there, `t` (N,) in s,
-    `tau` (N, n), `dq` (N, n), `units`, `joint_names` (n,) strings. A time stamp that goes back begins another
-    recording. The layout is that of Hwang et al. (RA-L 2020).
-
-    `units` are "rad" or "m" for each of `joint_names`, as the file's if it states them. Where neither says, three and
-    six joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad, rad, rad), and the
-    log says so; joints that nobody names are J1, J2, ...
+    Arrays: `q_des` (N, n), `q_act` (N, n) in rad and m, `ok` (N,) bool, and, if there, `t` (N,) in s, `tau` (N, n),
+    `dq` (N, n), `units`, `joint_names` (n,) strings. A time stamp that goes back begins another recording. Units of
+    `joint_names` are as given or the file's; where neither says, three and six joints are taken to be in the order of
+    the RAVEN-II and the da Vinci PSM (rad, rad, m, rad, rad, rad), and the log says so.
     """
     content = read_arrays(path)
     missing = next((key for key in ("q_des", "q_act", "ok") if key not in content), None)
@@ -204,19 +194,12 @@ def _require_rows(
             raise FileFormatError(f"{path}: {name}: expected shape {shape}, got {content[name].shape}")
 
 
-@cache
-def raven_table() -> dict[str, Any]:
-    """Return the layout: `widths`, and the topics that stand one behind the other in a row."""
-    return tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text())
-
-
 def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = ()) -> Synchronisation:
     """Bring a RAVEN-II's encoders onto the stamps of its raven_state.
 
-    A row is a raven_state message: `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
-    joint, `q_encoder` ext_jpos. Signals are q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel,
-    and the further columns that are asked for, such as ("mpos", "encVals"), or ("all",). measured_js, which repeats
-    jpos, is only reported on.
+    `q_nominal` and `qd` are jpos and jvel, `tau` the commanded torque at the joint, `q_encoder` ext_jpos; signals are
+    q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel, and further columns that are asked for, such
+    as ("mpos", "encVals"), or ("all",). measured_js, which repeats jpos, is only reported on.
     """
     further = further_columns(columns, arm)
     is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
@@ -248,7 +231,7 @@ def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[st
 def raven_columns(path: Path) -> Sources:
     """Open RAVEN-II's published CSV as the topics that it was made from, in SI."""
     (read,) = read_table_file(path)
-    widths = raven_table()["widths"]
+    widths = RAVEN_TABLE["widths"]
     if len(read.columns) not in widths:
         raise FileFormatError(
             f"{path}: {len(read.columns)} columns of numbers, expected RAVEN-II's {widths[0]}, or {widths[1]} with "
@@ -256,7 +239,7 @@ def raven_columns(path: Path) -> Sources:
         )
     table = np.column_stack(list(read.columns.values())).astype(np.float64)
     parts, first = {}, 0
-    for topic in raven_table()["topics"]:
+    for topic in RAVEN_TABLE["topics"]:
         width = 1 + sum(count for _, count in topic["columns"])
         parts[topic["name"]] = topic, table[:, first : first + width]
         first += width

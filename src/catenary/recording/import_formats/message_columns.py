@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, get_typestore
 
+from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import FileFormatError
 from catenary.recording.bag_reader import open_recording
@@ -34,7 +35,7 @@ _BATCH = 4096
 _MOST_JOINTS = 1000
 _NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
 _SAME = {"octet": "uint8"}  # ROS 2's words for ROS 1's
-_Blocks = Iterator[tuple[str, NDArray[np.int64], Block]]
+_Blocks = Iterator[tuple[str, Integers, Block]]
 
 
 class Bag:
@@ -45,15 +46,10 @@ class Bag:
         self.path, self._progress = path, progress
         self._reader = open_recording(path)
         self.encoding: Encoding = self._reader.encoding
-        self._known: dict[str, FieldsOf] = {}  # by topic
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
         self.counts = {name: count for name, count in self._reader.counts.items() if count}
         self.about = self._reader.about
-
-    @property
-    def first_arrival(self) -> int:
-        """When its first message arrived [ns]."""
-        return 2**63 if self._reader.first is None else self._reader.first
+        self.first_arrival = 2**63 if self._reader.first is None else self._reader.first  # [ns]
 
     @property
     def problems(self) -> list[str]:
@@ -109,13 +105,11 @@ class Bag:
 
     def _columns(self, topic: str, wanted: Collection[str] | None) -> "_TopicColumns":
         connection = self._reader.connections[topic]
-        if topic not in self._known:
-            key = (connection.type, connection.definition)
-            if key not in self._parsed:
-                self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
-            self._known[topic] = self._parsed[key]
+        key = (connection.type, connection.definition)
+        if key not in self._parsed:
+            self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
         where = f"{self.path}: topic {cut(topic)}"
-        return _TopicColumns(topic, connection.type, self.encoding, self._known[topic], wanted, where)
+        return _TopicColumns(topic, connection.type, self.encoding, self._parsed[key], wanted, where)
 
     def _unread(self, name: str, error: FileFormatError) -> Stream:
         return Stream(name, self._reader.connections[name].type, {}, self.counts[name], notes=(str(error),))
@@ -132,7 +126,7 @@ class _TopicColumns:
     wanted: Collection[str] | None  # all when None
     where: str  # of the topic, for errors
     waiting: int = 0  # messages
-    _blocks: list[tuple[NDArray[np.int64], Block]] = field(default_factory=list)
+    _blocks: list[tuple[Integers, Block]] = field(default_factory=list)
     _joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
     _notes: dict[str, None] = field(default_factory=dict)
 
@@ -140,7 +134,7 @@ class _TopicColumns:
         self._own: Mapping[str, TopicColumn] = columns_of_type(current_name(self.type))
         self._joints |= {path: own.labels for path, own in self._own.items() if own.width > 1}
 
-    def add(self, arrivals: NDArray[np.int64], block: Block) -> None:
+    def add(self, arrivals: Integers, block: Block) -> None:
         self._blocks.append((arrivals, block))
         self.waiting += len(block)
 
@@ -148,8 +142,8 @@ class _TopicColumns:
         """Return the messages that wait as columns, in the order in which they arrived; those wanted that none has."""
         arrivals = np.concatenate([np.zeros(0, dtype=np.int64), *(came for came, _ in self._blocks)])
         waiting, self._blocks, self.waiting = Block.joined([block for _, block in self._blocks]), [], 0
-        pieces: dict[str, list[tuple[NDArray[np.int64], NDArray[Any]]]] = {}
-        of, count = list[NDArray[np.int64]](), 0  # the message that each row is of
+        pieces: dict[str, list[tuple[Integers, NDArray[Any]]]] = {}
+        of, count = list[Integers](), 0  # the message that each row is of
         try:
             for messages, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
                 for own, part_of in _by_child(messages, records):
@@ -176,7 +170,7 @@ class _TopicColumns:
         joints, notes = dict(self._joints), tuple(self._notes)
         return Stream(self.name, self.type, columns, count, stamp, arrivals[rows[order]], joints, notes=notes)
 
-    def _numbers(self, records: NDArray[np.void]) -> Iterator[tuple[NDArray[np.int64], str, NDArray[Any]]]:
+    def _numbers(self, records: NDArray[np.void]) -> Iterator[tuple[Integers, str, NDArray[Any]]]:
         """Yield rows, column and numbers; the stamp of the header as the column "" [ns]."""
         every = np.arange(len(records))
         kinds: Mapping[str, Any] = records.dtype.fields or {}
@@ -228,9 +222,7 @@ class _TopicColumns:
         return [f"{array}[{joint}]" for joint in joints]
 
 
-def _by_child(
-    messages: NDArray[np.int64], records: NDArray[np.void]
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
+def _by_child(messages: Integers, records: NDArray[np.void]) -> Iterator[tuple[Integers, NDArray[np.void]]]:
     """Yield messages with their records; of transforms in a row (/tf) each alone, its fields by the child's name."""
     kinds: Mapping[str, Any] = records.dtype.fields or {}
     places = [found[1] for path in kinds if (found := re.fullmatch(r"(\w+\.\d+)\.child_frame_id", path))]
@@ -271,9 +263,7 @@ def _named_arrays(kinds: Mapping[str, Any]) -> dict[str, str]:
     return named
 
 
-def _orders(
-    records: NDArray[np.void], kinds: Mapping[str, Any], names: str
-) -> list[tuple[NDArray[np.int64], list[str]]]:
+def _orders(records: NDArray[np.void], kinds: Mapping[str, Any], names: str) -> list[tuple[Integers, list[str]]]:
     """Return the orders of joints that occur, each with its rows."""
     fields: list[str] = []
     while f"{names}.{len(fields)}" in kinds and len(fields) < _MOST_JOINTS:

@@ -9,9 +9,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, Integers
 from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Place, Stream
 from catenary.recording.import_formats.mapping import RecordingMapping
@@ -31,8 +30,8 @@ _BETWEEN = 10 * 24 * 3600  # [s] between recordings that stand one behind the ot
 class _Stamps(NamedTuple):
     """Stamps of streams on one clock."""
 
-    stamp: dict[str, NDArray[np.int64]]  # [ns]
-    arrival: dict[str, NDArray[np.int64] | None]
+    stamp: dict[str, Integers]  # [ns]
+    arrival: dict[str, Integers | None]
     table: dict[str, TableTime]
     by_header: set[str]  # topics whose messages carry stamps
     notes: list[str]
@@ -41,9 +40,8 @@ class _Stamps(NamedTuple):
 class OneClock:
     """Quantities of a recording at the stamps of q_nominal.
 
-    Headers are left for arrivals in all topics when the headers of two differ by more than a second from the arrivals,
-    each by another time: they are then of clocks that nobody set. Rows of one table in which time goes back begin
-    another recording. A table without time keeps its rows.
+    Where headers of two topics lie behind arrivals by times more than a second apart, nobody set the clocks, and all
+    topics take arrivals. Rows of one table in which time goes back begin another recording.
     """
 
     def __init__(
@@ -94,10 +92,9 @@ class OneClock:
         self.is_timed = table is None or table.column is not None
         self.reports = tuple(one.report for one in found.values())
         self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
+        used = {place.stream for places in quantities.values() for place in places}
         for (name, _), one in found.items():
-            if one.stamp[-1] < self.stamp[0] or one.stamp[0] > self.stamp[-1]:
-                if not any(place.stream == name for places in quantities.values() for place in places):
-                    continue
+            if name in used and (one.stamp[-1] < self.stamp[0] or one.stamp[0] > self.stamp[-1]):
                 raise InputError(
                     f"{name}: is of another time than {self.base}: {_seconds(one, self.stamp[0])} after its first, "
                     f"{_seconds(series, self.stamp[0])}; are the clocks or units of time different?"
@@ -105,10 +102,7 @@ class OneClock:
 
     @property
     def arrivals(self) -> dict[str, tuple[float, float]]:
-        """How long before arrival messages of each quantity were stamped, and how far they are apart [s].
-
-        None where stamp and arrival are the same, which says nothing of either.
-        """
+        """How long before arrival a quantity was stamped, and its step [s]; no stamps that are the arrival."""
         found = {}
         for key, where in self._where.items():
             one = self._series[where[0][0]]
@@ -117,7 +111,7 @@ class OneClock:
                 found["q_encoder" if key == "pose" else key] = (one.report.clock_offset, step)
         return found
 
-    def time(self, whole: NDArray[np.bool_]) -> tuple[Floats | None, float]:
+    def time(self, whole: Flags) -> tuple[Floats | None, float]:
         """Return the time of rows (N,) [s], from the first one on, and what its own clock said then [s]."""
         if not self.is_timed:
             return None, 0.0
@@ -186,7 +180,7 @@ class OneClock:
                     span, steps = (int(series.stamp[0]), int(series.stamp[-1])), series.report.clock_steps
         return found
 
-    def _parts(self, stream: Stream, stamps: _Stamps) -> dict[str, tuple[list[str], NDArray[np.bool_]]]:
+    def _parts(self, stream: Stream, stamps: _Stamps) -> dict[str, tuple[list[str], Flags]]:
         """Return the columns of a stream and their rows; those of a table at other rates apart, by quantity."""
         every = np.ones(len(stamps.stamp[stream.name]), dtype=bool)
         of: dict[str, list[str]] = {}
@@ -207,7 +201,7 @@ class OneClock:
             return parts or {"": (together, every)}
         base = there[BASE]
 
-        def lacks(some: NDArray[np.bool_], others: NDArray[np.bool_]) -> bool:
+        def lacks(some: Flags, others: Flags) -> bool:
             return bool((some & ~others).sum() > OTHER_RATE * some.sum())
 
         apart = [key for key, rows in there.items() if rows.any() and (lacks(base, rows) or lacks(rows, base))]
@@ -219,9 +213,7 @@ class OneClock:
         left = list(dict.fromkeys(column for key, columns in of.items() if key not in apart for column in columns))
         return {"": (left, base), **{key: (of[key], there[key]) for key in apart}}
 
-    def _in_a_row(
-        self, stream: Stream, stamp: NDArray[np.int64], timed: NDArray[np.bool_], notes: list[str]
-    ) -> NDArray[np.int64]:
+    def _in_a_row(self, stream: Stream, stamp: Integers, timed: Flags, notes: list[str]) -> Integers:
         """Return stamps that rise where those of a table go back, far apart from the recording before."""
         known = stamp[timed]
         back = np.flatnonzero(np.diff(known) < 0) + 1

@@ -3,17 +3,25 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import InputError
-from catenary.recording.import_formats.column_groups import Candidate, Role, candidates_of, moving_columns, ok_columns
+from catenary.recording.import_formats.column_groups import (
+    Candidate,
+    PoseColumns,
+    Role,
+    candidates_of,
+    moving_columns,
+    ok_columns,
+    poses_of,
+)
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
 from catenary.recording.import_formats.columns import Stream, ends, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import SI, RecordingMapping, words_of
-from catenary.recording.import_formats.pose_columns import PoseColumns, poses_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import UNITS, CoarseTimeError, time_columns, time_of, times_among
 from catenary.robots.catalog import load_robot
@@ -23,8 +31,7 @@ from catenary.visible import visible
 _JOINTS_SHOWN = 8
 
 
-@dataclass(frozen=True)
-class Proposal:
+class Proposal(NamedTuple):
     """A mapping as TOML, what was decided in it, what is left to the reader, and what of the recording it leaves."""
 
     toml: str
@@ -54,10 +61,7 @@ class _Draft:
     used: dict[str, set[str]] = field(default_factory=dict)  # columns of streams
 
     def ask(self, about: str, text: str, choices: Mapping[str, str], *, is_free: bool = False) -> str | None:
-        """Return the answer, one of the choices or, where they are examples, any; None where there is none yet.
-
-        An answer may be a part of a choice that is in no other: cam for cam_yaw.
-        """
+        """Return the answer: a choice or a part of one alone, or where they are examples, any; None without."""
         if about not in self.answers:
             self.questions[about] = (text, dict(choices))
             return None
@@ -75,11 +79,7 @@ class _Draft:
 def propose(
     sources: Sources, *, robot: str | None = None, units: str | None = None, answers: Mapping[str, str] | None = None
 ) -> Proposal:
-    """Propose which columns are which quantity: by type, name, rate and range.
-
-    `units` are of q_nominal, and of q_encoder where the names of its columns say none; answers to questions that were
-    left open stand by what they are about.
-    """
+    """Propose which columns are which quantity; `units` are of q_nominal, and of q_encoder if it states none."""
     draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
     found = candidates_of(sources.streams)
@@ -121,11 +121,19 @@ def propose(
     left = not_used(sources.streams, draft.used)
     draft.decisions += [f"not used: {listed(left)}"] * bool(left)
     unheard = [about for about in draft.answers if about not in draft.heard]
-    questions = tuple(_in_words(*each) for each in draft.questions.items())
+    questions = tuple(
+        f"{text}: " + " or ".join(f"--answer {about}={visible(choice)}" for choice in choices)
+        for about, (text, choices) in draft.questions.items()
+    )
     if unheard:
         none = "nothing is open: leave --answer out and say --yes, or name columns and units by --map"
         raise InputError(f"--answer {unheard[0]}: the proposal does not ask this: {'; '.join(questions) or none}")
-    return Proposal(_toml(draft), tuple(draft.decisions), questions, left)
+    said = [f"# {line}" for line in draft.decisions]
+    for about, (text, choices) in draft.questions.items():
+        said += [f"# OPEN: {text}", *(f"#   --answer {about}={choice}   {words}" for choice, words in choices.items())]
+    lines = map(visible, [*said, *draft.top, *draft.tables])
+    toml = "".join(line.replace("\n", "\\n").replace("\t", " ") + "\n" for line in lines)  # no comment has line feeds
+    return Proposal(toml, tuple(draft.decisions), questions, left)
 
 
 def answers_of(options: Sequence[str]) -> dict[str, str]:
@@ -135,11 +143,6 @@ def answers_of(options: Sequence[str]) -> dict[str, str]:
         if not about.strip() or not answer.strip():
             raise InputError(f"--answer {option}: expected QUESTION=ANSWER, such as q_encoder=cam")
     return {about.strip(): answer.strip() for about, _, answer in parted.values()}
-
-
-def _in_words(about: str, question: tuple[str, Mapping[str, str]]) -> str:
-    text, choices = question
-    return f"{text}: " + " or ".join(f"--answer {about}={visible(choice)}" for choice in choices)
 
 
 def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -> tuple[tuple[str, ...], str]:
@@ -407,15 +410,6 @@ def _write(
         draft.tables.append(f"{what} = [{', '.join(values)}]  # {visible(why)}")
     else:
         draft.tables.append(f"# {visible(why)}")
-
-
-def _toml(draft: _Draft) -> str:
-    """Return the text; a comment has no line feeds, whatever the names in it hold."""
-    said = [f"# {line}" for line in draft.decisions]
-    for about, (text, choices) in draft.questions.items():
-        said += [f"# OPEN: {text}", *(f"#   --answer {about}={choice}   {words}" for choice, words in choices.items())]
-    lines = [*said, *draft.top, *draft.tables]
-    return "\n".join(visible(line).replace("\n", "\\n").replace("\t", " ") for line in lines) + "\n"
 
 
 def _text(value: str) -> str:

@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
@@ -79,7 +79,7 @@ class TrackerRegistration:
     offset_error: Floats  # (k,)
     late_error: float
     joint_error: Floats  # (k,) of joints that follow from a pose by the transforms, beside offsets that are not told
-    is_told: NDArray[np.bool_]  # (k,) whether motion tells the joint's offset from the transforms
+    is_told: Flags  # (k,) whether motion tells the joint's offset from the transforms
     middle: Floats  # (3,) of the marker's motion, in the base [m]
     left: Floats  # (1 or 2,) root mean square of an axis' distance from the fit [m], [rad]
     reach: float  # of the motion [m]
@@ -276,10 +276,7 @@ class _Problem:
         return at
 
     def starts(self, base: Pose | None, marker: Pose | None) -> list[Estimate]:
-        """Return estimates to begin from: of 4,000 directions that the tracker may look from, a few that fit best.
-
-        With the turn of X known its place and the marker's are linear.
-        """
+        """Return a few of 4,000 looks of a tracker that fit best, its place and the marker's following linearly."""
         from scipy.spatial.transform import Rotation
 
         t, M = self.tracked, len(self.tracked.q)
@@ -326,7 +323,7 @@ class _Problem:
             q[:, i] = np.clip(q[:, i] + rng.uniform(-by[j], by[j], len(q)), self.model.lower[i], self.model.upper[i])
         return q
 
-    def without_what_no_motion_tells(self, at: Estimate) -> tuple["_Problem", NDArray[np.bool_]]:
+    def without_what_no_motion_tells(self, at: Estimate) -> tuple["_Problem", Flags]:
         """Hold offsets that no motion of the robot tells from the transforms, and say which are told, (k,)."""
         from scipy.linalg import qr
 
@@ -374,7 +371,7 @@ class _Problem:
             f"registration: the poses leave open {worst}: move {motion} too, or give T_base_tracker and T_marker_frame"
         )
 
-    def with_errors(self, found: Estimate, is_told: NDArray[np.bool_], outliers: int) -> TrackerRegistration:
+    def with_errors(self, found: Estimate, is_told: Flags, outliers: int) -> TrackerRegistration:
         """Return the fit with its errors, from fits that each leave out one stretch of time.
 
         The jackknife of clusters holds where errors of a moment are alike; a length's error is that of a sum of squares

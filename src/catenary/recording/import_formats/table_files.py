@@ -52,10 +52,7 @@ def read_rows(path: Path, names: Sequence[str]) -> Floats:
 
 
 def read_table_file(path: Path) -> list[Stream]:
-    """Read a file as streams without stamps: which column holds the time is for the mapping to say.
-
-    Arrays of another number of rows are streams of their own, called `FILE#ROWS`.
-    """
+    """Read a file as streams without stamps; arrays of another number of rows are streams called `FILE#ROWS`."""
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     ending = path.suffix.lower()
@@ -121,10 +118,7 @@ def _table(path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[s
 
 
 def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bool = False) -> list[Stream]:
-    """Return arrays by their number of rows, that of most numbers first; wide ones as `name[0]`, `name[1]`, ...
-
-    With `rows_first`, arrays are (rows, columns) and never turned.
-    """
+    """Return arrays by their number of rows, that of most numbers first; with `rows_first` none is turned."""
     for name, a in arrays.items():
         width = 0 if a.ndim != 2 else a.shape[1] if rows_first else min(a.shape)
         if width > MOST_COLUMNS:  # before as many names are made

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Stream, places_of
@@ -42,7 +43,7 @@ class CoarseTimeError(InputError):
 class TableTime(NamedTuple):
     """Stamps of a table's rows."""
 
-    stamp: NDArray[np.int64]  # (M,) [ns], as in the file; NaN's rows hold the least number
+    stamp: Integers  # (M,) [ns], as in the file; NaN's rows hold the least number
     column: str | None  # "" where rows are evenly apart; None where they have no time
     unit: str
     said: str  # how it was found, for the reader
@@ -50,11 +51,7 @@ class TableTime(NamedTuple):
 
 
 def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None) -> TableTime | None:
-    """Return the stamps of a table's rows; None where it has none.
-
-    `columns` hold the time, one for each table; without, it is told by its name. Its unit, where it is None, is told by
-    its name, by being a time since 1970, or by the rate of rows. `rate` is of a table without time [Hz].
-    """
+    """Return the stamps of a table's rows by `columns`, a name or the rate; None where it has none."""
     if rate is not None:
         if columns:
             raise InputError("time and rate_hz: expected one of them")
@@ -192,7 +189,7 @@ def _unit(stream: Stream, column: str, values: NDArray[np.generic]) -> tuple[str
     )
 
 
-def _nanoseconds(values: NDArray[np.float64], unit: int) -> NDArray[np.int64]:
+def _nanoseconds(values: NDArray[np.float64], unit: int) -> Integers:
     """Return stamps [ns]; counted from the first, so that seconds since 1970 keep what a float64 has of them."""
     with np.errstate(invalid="ignore"):
         lost = ~(np.abs(values) < 9e18 / unit)

@@ -65,7 +65,7 @@ def date_format(texts: Sequence[str]) -> DateFormat | None:
     """Return how all of some texts are written; None where they are no dates.
 
     The order of day and month is told by a year that comes first, a month by name, points (day first), a number above
-    12, or the shorter of the two times that would have passed. What tells nothing is a doubt.
+    12, or the shorter of the two times that would have passed.
     """
     found = [
         match for text in texts if (match := _WRITTEN.fullmatch(text.strip())) and (match["date"] or match["clock"])

@@ -8,16 +8,15 @@ from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.documents import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import Configuration, jacobian
 from catenary.errors import InputError
+from catenary.recording.import_formats.column_groups import PARTS, poses_by_parts, poses_of
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
-from catenary.recording.import_formats.pose_columns import PARTS, poses_by_parts, poses_of
 from catenary.recording.import_formats.registration import PosesAt, TrackedPoses, register_in_time
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
@@ -62,10 +61,7 @@ def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
 
 
 def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Floats, Floats | None]:
-    """Return positions (M, 3) [m] and R_tracker_marker (M, 3, 3), None where columns tell none.
-
-    Rows are NaN where a pose is missing: a number is, the quaternion has no length of 1, or all of it is 0.
-    """
+    """Return positions (M, 3) [m] and R_tracker_marker (M, 3, 3) or None; NaN where no pose was seen."""
     from scipy.spatial.transform import Rotation
 
     position, angles = SI[tracked.unit][1] * values[:, :3], values[:, 3:]
@@ -86,14 +82,8 @@ def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Float
     return np.where(seen[:, None], position, np.nan), rotation
 
 
-def open_joints(
-    model: RobotModel, q: Floats, frame: str | None, match: str, chosen: Sequence[int]
-) -> NDArray[np.bool_]:
-    """Return which of the chosen joints the pose of a frame, or its position, does not determine, (len(chosen),).
-
-    They take part in a motion of the joints that moves the frame by less than OPEN of what the others do. Metres and
-    radians are put on one scale by the frame's longest lever.
-    """
+def open_joints(model: RobotModel, q: Floats, frame: str | None, match: str, chosen: Sequence[int]) -> Flags:
+    """Return which chosen joints a frame's pose leaves open: they move it OPEN times as far as others, on one scale."""
     J = jacobian(model, q, frame)
     sliding = np.array([unit == "m" for unit in model.joint_units])
     lever = float(np.linalg.norm(J[:3, ~sliding], axis=0).max(initial=0.0)) or 1.0
@@ -103,7 +93,7 @@ def open_joints(
     return np.asarray(np.abs(free[:, list(chosen)]).max(axis=0, initial=0.0) > OPEN)
 
 
-def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]) -> NDArray[np.bool_]:
+def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]) -> Flags:
     """Return the rows of q (M, n) at which all chosen joints are determined, (M,)."""
     short = np.array([open_joints(model, row, tracked.frame, tracked.match, chosen) for row in q])
     if short.any(axis=1).mean() <= 0.5:
@@ -122,10 +112,7 @@ def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequ
 def registered(
     model: RobotModel, tracked: TrackedPose, values: Floats, poses_at: PosesAt, chosen: Sequence[int]
 ) -> tuple[Pose, Pose, list[str]]:
-    """Return T_base_tracker and T_frame_marker, given or found from the recording, and what is to be said of that.
-
-    `values` are the numbers of the poses as recorded.
-    """
+    """Return T_base_tracker and T_frame_marker, given or found from the poses as recorded, and what to say of that."""
     base = None if tracked.T_base_tracker is None else tracked.T_base_tracker.pose()
     marker = None if tracked.T_marker_frame is None else tracked.T_marker_frame.pose().inverse()
     if base is not None and marker is not None:
@@ -143,10 +130,7 @@ def registered(
 
 
 def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Floats) -> None:
-    """Refuse orientations that do not turn with the robot's frame, and say as which others they would.
-
-    `frame_tracker` is R_frame_tracker (M, 3, 3), by which the marker's turn in the frame is the same at all poses.
-    """
+    """Refuse orientations that do not turn with R_frame_tracker (M, 3, 3), and say as which others they would."""
     from scipy.spatial.transform import Rotation
 
     orders = ["vector", *map("".join, [*permutations("xyz"), *permutations("XYZ")])]
@@ -171,13 +155,11 @@ def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Flo
 def joints_from_poses(
     model: RobotModel, tracked: TrackedPose, poses: TrackedPoses, base: Pose, marker: Pose, chosen: Sequence[int]
 ) -> Floats:
-    """Return the joint positions at which the robot's frame is nearest to where the marker says.
+    """Return the joint positions (M, n) [rad|m] at which the robot's frame is nearest to where the marker says.
 
-    T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the point of the
-    frame where it sits is nearest.
-
-    Returns (M, n) [rad|m]; NaN where the pose is not finite, no joints within the limits come as near as `within_mm`
-    and `within_deg`, or the arm is singular, so that the pose does not tell where the chosen joints are.
+    T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the frame's point
+    where it sits. NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
+    `within_deg`, or the pose does not determine the chosen joints.
     """
     seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)
     if poses.rotation is None:

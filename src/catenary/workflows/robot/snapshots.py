@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Flags
+from catenary.arrays import Flags, Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model
