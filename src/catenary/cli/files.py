@@ -13,6 +13,7 @@ from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingO
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
 from catenary.errors import InputError
+from catenary.reports.page import Column, Table, write_picture
 
 if TYPE_CHECKING:
     from catenary.robots.model import RobotModel
@@ -40,8 +41,6 @@ def check(
         typed = recordings.typed(robot)
         found = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
     if picture is not None:
-        from catenary.reports.page import write_picture
-
         if found.draw is None:
             raise InputError("--picture: is of a recording with measured joint positions")
         write_picture(found.draw(), picture, PICTURE.endings)
@@ -67,8 +66,6 @@ def recover(
     from catenary.workflows.recover import recover as recover_recording
 
     found = recover_recording(recording, out)
-    from catenary.reports.page import Column, Table
-
     columns: list[Column] = ["topic", "kept", ("lost, about", "lost"), ("without messages [s]", "seconds:.2f")]
     table = Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s")
     early = "cut off: the last 0.5 s or so before the end are lost"

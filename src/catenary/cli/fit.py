@@ -25,12 +25,13 @@ from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelR
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
+from catenary.reports.page import Block, Heading, Table
+from catenary.side_by_side import on_workers
 
 if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation
     from catenary.calibration.fit_options import FitOptions, FitRun
     from catenary.calibration.fit_recordings import FitResult
-    from catenary.reports.page import Table
     from catenary.robots.model import RobotModel
     from catenary.workflows.calibration_model import HeldAgainst
 
@@ -124,7 +125,6 @@ def fit(
     """
     from catenary.calibration.model_file import save_model
     from catenary.robots.catalog import load_robot
-    from catenary.side_by_side import on_workers
     from catenary.workflows.calibration_model import fit_calibration
 
     options = fitting.options(seed)
@@ -292,8 +292,7 @@ def _write_fit_report(path: Path, result: "FitResult", robot: "RobotModel | None
     from catenary.recording.mend import retimed_by
     from catenary.reports.calibration import write_calibration_report
     from catenary.reports.joint_errors import left_out_table
-    from catenary.reports.overlay import overlay_picture
-    from catenary.reports.page import Block, Heading
+    from catenary.reports.model_figure import overlay_picture
 
     further: list[Block] = [Heading("Delay"), *(overlay_picture(log, retimed_by(log)) for log in result.logs)]
     if result.left_out:

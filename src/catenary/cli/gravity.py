@@ -8,9 +8,9 @@ import typer
 
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GivenGravity, SensingOptions
 from catenary.cli.options import AS_JSON, REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
-from catenary.cli.robot_choice import SIMULATED_SEED
 from catenary.cli.robot_options import (
     ROBOT,
+    SIMULATED_SEED,
     DescriptionOptions,
     JointOptions,
     PayloadOptions,
@@ -19,6 +19,8 @@ from catenary.cli.robot_options import (
 )
 from catenary.cli.terminal import print_notes, print_result
 from catenary.errors import InputError
+from catenary.reports.page import Column, Table
+from catenary.units import TORQUE_UNIT
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
@@ -145,7 +147,6 @@ def gravity(
     from catenary.gravity.torque import gravity_delta, gravity_torque, unseen_torque
     from catenary.gravity.vendors import in_controller_base, vendor_command, vendor_of
     from catenary.spatial import LEVEL
-    from catenary.units import TORQUE_UNIT
 
     model = carried.on(description.load(robot))
     model.require_masses()
@@ -171,8 +172,6 @@ def gravity(
         "delta": gravity_delta(model, values, gravity),  # for firmware that knows a level base only
         "base": model.base, **({} if told is None else {"vendor": told}),
     }  # fmt: skip
-    from catenary.reports.page import Column, Table
-
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
     columns: list[Column] = ["joint", ("torque", ":.4f"), ("level base", ":.4f"), ("difference", ":+.4f"), "unit"]
@@ -187,8 +186,6 @@ def gravity(
 
 def _unseen(model: "RobotModel", open_to: "Floats") -> list[str]:
     """Return a note on torques that the recordings of an identified robot did not show, with their size."""
-    from catenary.units import TORQUE_UNIT
-
     sizes = [
         f"{name} by up to {size:.2g} {TORQUE_UNIT[unit]}"
         for name, unit, size in zip(model.joint_names, model.joint_units, open_to, strict=True)

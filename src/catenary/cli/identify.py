@@ -30,6 +30,7 @@ from catenary.cli.robot_options import DescriptionOptions, PayloadOptions
 from catenary.cli.terminal import print_notes, print_page, print_result
 from catenary.errors import InputError
 from catenary.files import card_path
+from catenary.reports.page import Column, Table
 
 if TYPE_CHECKING:
     from catenary.recording.logs import Reading
@@ -53,14 +54,6 @@ def gravity_vector(vector: Triple | None, reading: Triple | None) -> Triple:
     return vector or NOMINAL_GRAVITY
 
 
-def _rows(text: str) -> tuple[int, int]:
-    first, _, last = text.partition(":")
-    try:
-        return int(first), int(last)
-    except ValueError:
-        raise typer.BadParameter(f"expected FIRST:LAST, such as 921:6791, got {text!r}") from None
-
-
 def identify(
     recordings: RecordingOptions,
     data: Sequence[Path] = LOGS,
@@ -82,7 +75,6 @@ def identify(
     joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
     currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
     load: tuple[float, Path] | None = option("KG LOG", "Mass at the tip, recording with it.", goes_with="currents"),
-    rows: tuple[int, int] | None = option("A:B", "Rows of LOG to fit. [default: all]", read=_rows),
     gravity: Triple | None = GRAVITY,
     imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
     accept: Sequence[str] = ACCEPT,
@@ -114,9 +106,7 @@ def identify(
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     reading = replace(recordings.reading(), currents=currents)
-    result = identify_files(
-        data, robot, options, tests=test, rows=rows, reading=reading, load=load, joints=joints, accept=accept
-    )
+    result = identify_files(data, robot, options, tests=test, reading=reading, load=load, joints=joints, accept=accept)
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:
@@ -152,7 +142,6 @@ def identify_cable(
     """
     from catenary.identification.cable_loops import CableLoop, cable_loops
     from catenary.recording.logs import read_recording
-    from catenary.reports.page import Column, Table
     from catenary.verdict.check import verdict
     from catenary.verdict.finding import judge
 
@@ -231,8 +220,6 @@ def payload(
         moment, off = (", ".join(f"{v:.4f}" for v in each) for each in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
-        from catenary.reports.page import Column, Table
-
         title = "Links that could carry it, and what it would explain of the residual there"
         likely: list[Column] = ["link", ("probability", "probability:.2f"), ("explained", "explained:.1f %")]
         parts.append(Table(likely, [best, *result.candidates], title))
@@ -249,7 +236,6 @@ def _external(
     out: Path,
     as_json: bool,
 ) -> None:
-    from catenary.reports.page import Column, Table
     from catenary.workflows.identify import external_torques_of_file
 
     if len(data) != 1:

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 import typer
 
 from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option, require_one
-from catenary.cli.robot_choice import MovedRobot, PacedRobot, chosen_robot
-from catenary.cli.robot_options import some_joint_values
+from catenary.cli.robot_options import MovedRobot, PacedRobot, chosen_robot, some_joint_values
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import LimitError
+from catenary.reports.page import Table
+from catenary.teleop.terminal import RawTerminal
 from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.reports.page import Table
     from catenary.workflows.robot.homing import Homing
     from catenary.workflows.robot.operator_motion import MotionSummary
 
@@ -130,7 +130,6 @@ def teleop(
     paused.
     """
     from catenary.teleop.session import TeleopSession
-    from catenary.teleop.terminal import RawTerminal
 
     terminal = RawTerminal()
     announce("preparing the robot ...")
@@ -170,8 +169,6 @@ def joints_table(
     of: "MotionSummary | Homing", columns: "Mapping[str, Floats]", title: str, digits: int, *, si: bool = False
 ) -> "Table":
     """Return columns of numbers [rad|m] of a robot's joints, or of its first, in deg and mm or, with `si`, as such."""
-    from catenary.reports.page import Table
-
     rows = [
         [name, *("" if v is None else f"{v:.4f} {unit}" if si else in_words(v, unit, digits) for v in values)]
         for name, unit, *values in zip_longest(of.joint_names, of.joint_units, *columns.values())

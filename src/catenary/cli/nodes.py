@@ -12,7 +12,7 @@ import typer
 
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one
-from catenary.cli.robot_choice import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
+from catenary.cli.robot_options import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_json_line, print_notes, print_result
 from catenary.errors import InputError
 

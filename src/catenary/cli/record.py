@@ -13,7 +13,7 @@ from catenary.cli import projects
 from catenary.cli.motion import joints_table
 from catenary.cli.options import AS_JSON, argument, option
 from catenary.cli.out_files import EXCITATION
-from catenary.cli.robot_choice import DIALECT, PacedRobot, TerminalGuide, chosen_robot
+from catenary.cli.robot_options import DIALECT, PacedRobot, TerminalGuide, chosen_robot
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import InputError

@@ -14,7 +14,7 @@ import typer
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import Names, group, option, require_one, values_of
 from catenary.cli.out_files import MOUNTING, refuse_outputs
-from catenary.cli.robot_choice import BAUD
+from catenary.cli.robot_options import BAUD
 from catenary.cli.terminal import print_notes, print_result
 from catenary.errors import InputError
 
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
     from catenary.simulation.sensors import SensorModel
-    from catenary.workflows.sense import Feed, SenseSummary, StillReading
-    from catenary.workflows.tumble import Attitude, TumbleOutcome
+    from catenary.workflows.sense import Attitude, Feed, SenseSummary, StillReading, TumbleOutcome
 
 _SHOWN_EVERY = 0.1  # [s] on a terminal
 _LINE_EVERY = 1.0  # [s] in a file or pipe
@@ -95,8 +94,15 @@ def sense(
     from catenary.sensing.vector import MAILBOX, Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SimulatedSensor
-    from catenary.workflows.sense import SETTLE, replay_feed, serial_feed, simulated_feed
-    from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
+    from catenary.workflows.sense import (
+        ATTITUDES,
+        SETTLE,
+        replay_feed,
+        run_tumble,
+        serial_feed,
+        simulated_feed,
+        simulated_reader,
+    )
 
     require_one(port=port, simulated=simulated, replay=replaying.replay)
     out = out or Path("mounting.toml")
@@ -224,7 +230,7 @@ def _in_words(summary: "SenseSummary") -> list[Any]:
 
 def _calibrated(recording: "ImuRecording", options: ReplayOptions, told: "Mounting") -> "TumbleOutcome":
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.tumble import calibrate_replay, read_orientations
+    from catenary.workflows.sense import calibrate_replay, read_orientations
 
     model = None if options.robot is None else load_robot(options.robot)
     if model is not None:
@@ -235,8 +241,7 @@ def _calibrated(recording: "ImuRecording", options: ReplayOptions, told: "Mounti
 
 
 def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
-    from catenary.workflows.sense import read_still
-    from catenary.workflows.tumble import ATTITUDES
+    from catenary.workflows.sense import ATTITUDES, read_still
 
     def read(attitude: "Attitude") -> "StillReading":
         which = f"{ATTITUDES.index(attitude) + 1}/{len(ATTITUDES)}"

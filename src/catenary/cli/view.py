@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, option
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_choice import MovedRobot, RobotPlace, WatchedRobot, chosen_robot
+from catenary.cli.robot_options import MovedRobot, RobotPlace, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
+from catenary.teleop.terminal import RawTerminal
 
 if TYPE_CHECKING:
     from catenary.calibration.model import CalibrationModel
     from catenary.monitor import Snapshot
     from catenary.plant import MotionLog
-    from catenary.teleop.terminal import RawTerminal
 
 
 def view(
@@ -172,7 +172,6 @@ def monitor(
     Example: catenary monitor --log demo/test.parquet --model demo/models/neural_best.npz
     """
     from catenary.monitor import plain_line
-    from catenary.teleop.terminal import RawTerminal
 
     on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0

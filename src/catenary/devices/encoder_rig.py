@@ -50,8 +50,7 @@ class EncoderRig:
 
     def positions(self, counts: Floats, zero: Floats) -> Floats:
         """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
-        positions: Floats = self.stop + (counts - zero) / self.counts
-        return positions
+        return self.stop + (counts - zero) / self.counts
 
 
 Flags = NDArray[np.bool_]

@@ -36,17 +36,12 @@ REACH = 0.5  # [m] from a link's frame to its centre of mass, at most, where no 
 
 
 def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = LEAST_PRIOR) -> Floats:
-    """Return all parameters phi (k,) that minimise ||Y phi - tau|| among the physically consistent ones.
-
-    Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken.
-    With a prior J0 of the links, weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared
+    """Return all parameters phi (k,) that minimise ||Y phi - tau||, of R of [Y_b | tau], among the consistent ones.
+    Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken. With
+    a prior J0 of the links (k,), weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared
     torque: the distance that does not depend on the choice of units and frames (Lee, Wensing, Park, "Geometric robot
-    dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020).
-
-    Args:
-        R: (b + 1, b + 1) triangle of the weighted [Y_b | tau].
-        prior: (k,) parameters; of links with no mass there nothing is expected. None where nothing is known.
-        weight: Of the prior, at least LEAST_PRIOR.
+    dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020). Of links with no mass in
+    it nothing is expected.
     """
     b, k = base.combination.shape
     scale = parameter_scale(base)
@@ -210,11 +205,7 @@ ROWS = 60
 
 
 def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
-    """Return what the base parameters leave open that gravity from another direction would show.
-
-    Args:
-        phi: (k,) parameters of bodies that were fitted.
-    """
+    """Return what base parameters, and bodies' phi (k,) as fitted, leave open under gravity from elsewhere."""
     parameters = base.parameters
     rng = np.random.default_rng(0)
     q = random_configurations(parameters.model, ROWS, rng)

@@ -354,20 +354,13 @@ def fourier_motion(
     rate: float = 200.0,
     trials: int = 300,
 ) -> Excitation:
-    """Design one period of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
+    """Design one period [s] of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
 
     Coefficients by random search from the best of `trials`, a third of them anywhere, the others around the best so
     far. Each joint is scaled to the larger part of its range that its velocity limit allows; the share of it, and the
     place of its centre, are part of the search. Motions drawn anywhere are shrunk until they keep torques,
     accelerations and distances; around the best, what shows more is taken if it keeps them. At last the best is checked
-    at every instant; where it fails, the best before it is.
-
-    Args:
-        limits: What to keep, of which robot; it needs no inertia.
-        period: [s].
-        harmonics: Three or more: with fewer nothing begins at rest.
-        rate: Rows per second.
-        trials: How many motions are looked at.
+    at every instant; where it fails, the best before it is. `rate` is rows per second.
     """
     if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * ROWS):
         raise InputError(

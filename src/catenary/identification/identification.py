@@ -101,16 +101,9 @@ class Identification:
     def predict(
         self, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None, gravity: ArrayLike | None = None
     ) -> Floats:
-        """Predict the torques of a motion, known ones included: Y_b beta + known, friction as in steady sliding.
+        """Predict the torques (n,) or (N, n) [Nm or N] of a motion: Y_b beta + known, friction as in steady sliding.
 
-        Args:
-            q: (n,) or (N, n) [rad or m].
-            qd: The same shape; at rest when None.
-            qdd: The same shape; none when None.
-            gravity: (3,) in base axes [m/s2]; the recordings' when None.
-
-        Returns:
-            (n,) or (N, n) [Nm or N].
+        Rates of the shape of q [rad or m] are zero when None; gravity (3,) [m/s2] in base axes is the recordings' then.
         """
         motion, single = motion_rows(self.model, q, qd=qd, qdd=qdd)
         if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):

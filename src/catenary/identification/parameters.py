@@ -120,12 +120,9 @@ class Parameters:
         base: BaseMotion | None = None,
         loads: Floats | None = None,
     ) -> Floats:
-        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n).
+        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n), gravity (3,) or (N, 3) [m/s2] in base axes.
 
-        Args:
-            q: (N, n), and so are its rates.
-            gravity: (3,) or (N, 3) [m/s2] in base axes.
-            loads: (N, t) of the actuation's terms, per unit; as in steady sliding, without load, when None.
+        Loads (N, t) of the actuation's terms are per unit; as in steady sliding, without load, when None.
         """
         whole = torque_regressor(self.model, q, qd, qdd, gravity, base)
         wanted = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]

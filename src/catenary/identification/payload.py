@@ -365,12 +365,7 @@ def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Equ
 
 
 def _spread(result: Identification, rows: _Equations, inverse: Floats, left: Floats, rate: float) -> Floats:
-    """Return the covariance (k, k) of sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
-
-    Args:
-        inverse: (k, N, n) what the estimate takes of every residual.
-        left: (N, n) residuals.
-    """
+    """Return the covariance (k, k) of sum_t inverse[:, t] left[t], correlated in time (Newey, West 1987)."""
     terms = np.einsum("kta,ta->tk", inverse, left)
     count = len(terms)
     lags = _lags(result, count, rate)

@@ -73,8 +73,7 @@ def judge(test: LogResidual, axes: Collection[int], telling: Collection[int]) ->
 
 def rms(values: Floats) -> Floats:
     """Return the RMS of each column."""
-    result: Floats = np.sqrt(np.mean(values**2, axis=0))
-    return result
+    return np.sqrt(np.mean(values**2, axis=0))
 
 
 def relative(error: Floats, of: Floats) -> Floats:
@@ -112,11 +111,7 @@ def motion_of(samples: Sequence[Samples]) -> MovedRange:
 def reason_of(
     model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None
 ) -> tuple[str, bool]:
-    """Return why an axis of a recording is not predicted, and whether it moved enough, and there, to tell of the arm.
-
-    Args:
-        predicted: (N, n) what was predicted of its torques.
-    """
+    """Return why an axis of a recording is not as predicted (N, n), and whether it moved enough, and there, to tell."""
     name, unit = model.joint_names[axis], model.joint_units[axis]
     left = samples.tau[:, axis] - predicted[:, axis]
     if seen is not None and (moved := _motion_reason(name, unit, axis, samples, left, seen)) is not None:

@@ -62,8 +62,7 @@ class FrictionHistory:
                 step = term._replace(kind="coulomb") if term.kind == "load" else term
                 load = sosfiltfilt(self.sections, term_load(step, q, qd, qd, coulomb_velocity))
             parts.append(load[self.cut : len(load) - self.cut])
-        whole: Floats = np.concatenate(parts)[self.kept]
-        return whole
+        return np.concatenate(parts)[self.kept]
 
 
 def presliding(s: Floats, distance: float) -> Floats:
@@ -113,12 +112,7 @@ def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
 
 
 def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> tuple[str, ...]:
-    """Refuse velocities that are not those of the positions; note those that are all faster or slower by one factor.
-
-    Args:
-        derivative: (N, n) derivative of the positions.
-        qd: (N, n) recorded velocities, filtered in the same way.
-    """
+    """Refuse velocities that are not the derivative of the positions, (N, n) each; note one factor of all."""
     own = derivative - derivative.mean(axis=0)
     given = qd - qd.mean(axis=0)
     size, given_size = np.linalg.norm(own, axis=0), np.linalg.norm(given, axis=0)

@@ -78,8 +78,7 @@ def plot(
         draw_torque_bars(bars, model, rows[0], gravity_torque(model, rows, down))
         over = f"; lines: over all {len(rows)} poses" if len(rows) > 1 else ""
         bars[0].set_title(f"torques that hold it still{over}", fontsize=9, loc="left")
-    figure: Figure = axes.get_figure(root=True)
-    return figure
+    return axes.get_figure(root=True)
 
 
 def robot_picture(model: RobotModel, q: ArrayLike, caption: str, *, gravity: ArrayLike = LEVEL) -> Picture:
@@ -243,8 +242,7 @@ def draw_links(axes: Any, model: RobotModel, q: Floats, *, width: float = 2.5, a
         axes.plot(*line.T, color=LINK, linewidth=width, alpha=alpha, solid_capstyle="round", **dot)
     axes.plot(*np.zeros((3, 1)), "s", color=LINK, markersize=2.4 * width, alpha=alpha)
     axes.plot(*segments[links:, 1].T, "o", color=TIP, markersize=2.4 * width, alpha=alpha)
-    points: Floats = np.vstack([np.zeros((1, 3)), segments.reshape(-1, 3)])
-    return points
+    return np.vstack([np.zeros((1, 3)), segments.reshape(-1, 3)])
 
 
 def equal_axes(axes: Any, points: Floats) -> tuple[Floats, float]:

@@ -38,8 +38,7 @@ class TipErrors(NamedTuple):
 
     def distances(self, tip: Floats) -> Floats:
         """Return the tip's distances (N,) from where it is [m]."""
-        apart: Floats = np.linalg.norm(tip - self.true, axis=1)
-        return apart
+        return np.linalg.norm(tip - self.true, axis=1)
 
 
 def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | None:

@@ -323,8 +323,7 @@ def _left_by(found: Floats, free: slice, cost: Floats) -> Floats:
     """Return what is left of products (10, 10) of turning and gravity once some columns explain what they can."""
     kept = np.r_[0:9, _GRAVITY]
     A, B = found[free, free] + np.diag(cost), found[free][:, kept]
-    left: Floats = found[np.ix_(kept, kept)] - B.T @ np.linalg.solve(A, B)
-    return left
+    return found[np.ix_(kept, kept)] - B.T @ np.linalg.solve(A, B)
 
 
 def _mended(way: Floats, unit: float) -> tuple[Fault, str]:

@@ -126,8 +126,7 @@ def tilted_gravity(roll: float, pitch: float) -> Floats:
     R_world_base = Rx(roll) Ry(pitch), so gravity is R_world_base^T (0, 0, -g).
     """
     r, p = as_array("roll and pitch", [roll, pitch], (2,))
-    vector: Floats = STANDARD_GRAVITY * np.array([np.cos(r) * np.sin(p), -np.sin(r), -np.cos(r) * np.cos(p)])
-    return vector
+    return STANDARD_GRAVITY * np.array([np.cos(r) * np.sin(p), -np.sin(r), -np.cos(r) * np.cos(p)])
 
 
 def tilt_of(gravity: ArrayLike) -> tuple[float, float]:

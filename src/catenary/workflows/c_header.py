@@ -46,20 +46,13 @@ def c_header(
     loads: ActuationLoads | None = None,
 ) -> Header:
     """Write a robot's law of motion, regressors of gravity and joint correction as one self-contained C99 header.
-
-    No memory is allocated, nothing but math.h is called, and it is valid C++11. Where links have masses but no
-    possible inertia the law is that of gravity alone.
+    No memory is allocated, nothing but math.h is called, and it is valid C++11. Where links have masses but no possible
+    inertia the law is that of gravity alone; without a robot, or inertia, the header holds the correction alone.
 
     Args:
-        model: The robot; the correction alone when None, or where links have no inertia.
-        calibration: Its calibration model; no correction when None.
         rate_hz: Of the loop that the correction will run in; matters where it is slower than the training rows.
-        loads: Its friction, rotors, springs and known torques, which the feedforward then includes; those that it
-            brings, as an identified robot does, when None.
-
-    Raises:
-        MissingInertiaError: Links without inertia, and no calibration model, or loads that would be left out.
-        InputError: Neither is given, the calibration model cannot run at that rate, or has a predictor that has no C.
+        loads: Friction, rotors, springs and known torques, which the feedforward then includes; those that the robot
+            brings, as an identified one does, when None.
     """
     known: CalibrationModel | RobotModel | None = model if model is not None else calibration
     if known is None:

@@ -135,14 +135,9 @@ def held_against(
     accept: Sequence[str] = (),
     max_error: tuple[float, ...] | None = None,
 ) -> HeldAgainst:
-    """Read a model and recordings, third-party ones by their mapping.
-
-    Recordings that do not state their joints' names or units are read with the model's.
-
-    Args:
-        reading: Mapping of third-party recordings, and what to change of them.
-        accept: Findings about them to go on with, by name.
-        max_error: Per joint, deg and mm; rows with larger errors are left out; as in the model's fit when None.
+    """Read a model and recordings, third-party ones by their mapping; what states no names or units has the model's.
+    `accept` names findings to go on with. Rows beyond `max_error`, per joint in deg and mm, are left out; as in the
+    model's fit when None.
     """
     model, card = load_model(model_path)
     logs = recordings_for(model, paths, reading)

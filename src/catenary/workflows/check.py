@@ -40,10 +40,9 @@ from catenary.units import DISPLAY
 from catenary.verdict.check import repeated_findings
 from catenary.verdict.finding import Finding
 from catenary.verdict.stamps import stamp_findings
-from catenary.workflows.file_report import FileReport, Line
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
 from catenary.workflows.project.folder import SETTINGS
-from catenary.workflows.recording_screen import TypedRecording, check_recording, recording_report
+from catenary.workflows.recording_screen import FileReport, Line, TypedRecording, check_recording, recording_report
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".json")
 REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
@@ -59,12 +58,9 @@ def check_file(
     typed: tuple[str, ...] = (),
 ) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
-
-    Args:
-        reading: What a recording does not say of itself, and how it is mended.
-        robot: Catalogue name or file of the robot that a recording is of; its own when None.
-        max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.
-        typed: Options that say how a recording is read, for the command to use next.
+    `reading` is what a recording does not say of itself, and how it is mended; `robot` its robot's name or file, its
+    own when None. Rows beyond `max_error`, per joint in deg and mm, are left out. `typed` goes into the command to use
+    next.
     """
     path = Path(source)
     reading = reading if reading is not None else Reading()

@@ -6,7 +6,7 @@ Also the tool behind a wrist's force/torque sensor, and the sensor's biases, fro
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,17 +53,6 @@ PAUSE = 3.0  # usual steps of time: after a longer one the observer begins anew
 WRENCH = (*(f"force:{axis} [N]" for axis in "xyz"), *(f"moment:{axis} [Nm]" for axis in "xyz"))
 
 
-class JointPush(NamedTuple):
-    """What one joint felt."""
-
-    joint: str
-    unit: str
-    largest: float  # [Nm or N]
-    time: float  # [s] when
-    half_width: float
-    beyond: float  # share of the rows outside of the interval about zero
-
-
 @dataclass(frozen=True)
 class ExternalTorques:
     """External torques of one recording, and the wrench on the tip that asks for them, in base axes."""
@@ -79,23 +68,22 @@ class ExternalTorques:
     notes: tuple[str, ...]
 
     @property
-    def joints(self) -> list[JointPush]:
-        """What each joint felt."""
-        rows, size = np.abs(self.torque).argmax(axis=0), np.abs(self.torque)
-        return [
-            JointPush(
-                name, TORQUE_UNIT[unit], float(self.torque[rows[k], k]), float(self.time[rows[k]]),
-                float(self.half_width[k]), float(np.mean(size[:, k] > self.half_width[k])),
-            )
-            for k, (name, unit) in enumerate(zip(self.model.joint_names, self.model.joint_units, strict=True))
-        ]  # fmt: skip
+    def joints(self) -> list[dict[str, Any]]:
+        """The largest torque that each joint felt [Nm or N], when, and the share of rows beyond its interval."""
+        size, units = np.abs(self.torque), [TORQUE_UNIT[unit] for unit in self.model.joint_units]
+        rows, beyond = size.argmax(axis=0), np.mean(size > self.half_width, axis=0)
+        largest = np.take_along_axis(self.torque, rows[None], axis=0)[0]
+        numbers = (each.tolist() for each in (largest, self.time[rows], self.half_width, beyond))
+        keys = ("joint", "unit", "largest", "time", "half_width", "beyond")
+        columns = zip(self.model.joint_names, units, *numbers, strict=True)
+        return [dict(zip(keys, row, strict=True)) for row in columns]
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         return {
             "log": self.log,
             "rows": len(self.time),
-            "joints": [joint._asdict() for joint in self.joints],
+            "joints": self.joints,
             "frame": self.model.tip,
             "largest_wrench": self.strongest(),
             "notes": list(self.notes),
@@ -218,7 +206,6 @@ def identify_files(
     options: IdentifyOptions,
     *,
     tests: Sequence[Path] = (),
-    rows: tuple[int, int] | None = None,
     reading: Reading | None = None,
     load: tuple[float, Path] | None = None,
     joints: Sequence[str] = (),
@@ -227,16 +214,12 @@ def identify_files(
     """Identify a robot from recordings, and judge it on others.
 
     Args:
-        options: What to choose otherwise than the robot's file.
-        rows: First row, and the one after the last, of the recordings to fit; all when None.
         joints: To identify, of a longer arm that holds the others; all when empty.
         load: Of currents: a mass [kg] on the robot's tip, and the recording with it, which tell the drives' gains.
         accept: Findings about them to go on with, by name.
 
     Raises:
         DataError: Torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
-        FileFormatError: A file is missing, damaged or of another kind.
-        InputError: A recording is not of this robot, in other units, or too short; or currents without a known load.
         ExcitationError: The recordings do not show all base parameters.
     """
     model, held = load_robot(robot), dict[str, float]()
@@ -249,8 +232,6 @@ def identify_files(
         read, read_tests, with_loads = (
             [of_joints(log, model) for log in part] for part in (read, read_tests, with_loads)
         )
-    if rows is not None:
-        read = [part_of(log, rows) for log in read]
     require_names(accept)
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
     stamps += repeated_findings((*read, *read_tests))
@@ -326,12 +307,6 @@ def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
         f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "
         f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
     ]
-
-
-def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
-    """Return some rows of a recording."""
-    first, last = rows
-    return replace(log.part(first, last), notes=(*log.notes, f"rows {first} to {last} of {len(log)}"))
 
 
 def choice_notes(result: Identification) -> list[str]:
@@ -414,18 +389,8 @@ def payload_of_files(
     accept: Sequence[str] = (),
 ) -> PayloadResult:
     """Estimate the payload of an arm from recordings and the parameters identified without it.
-
-    Recordings are judged first: torques of another sign or unit than those identified are no payload.
-
-    Args:
-        at: Frame and place in it (3,) [m], if known.
-        cutoff_hz: Of the filter, when it shall not be that of the identification.
-        accept: Findings about them to go on with, by name.
-
-    Raises:
-        DataError: Stamps, or torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
-        FileFormatError: A file is missing, damaged or of another kind.
-        InputError: A recording is not of this robot, in other units, or too short; or an unknown frame.
+    Recordings are judged first: torques of another sign or unit than those identified are no payload, unless `accept`
+    names the finding (DataError). `at` is its frame and place in it (3,) [m], if known.
     """
     result, samples, notes = _read_for(model, (*logs, *unloaded), cutoff_hz, reading, accept)
     loaded, empty = samples[: len(logs)], samples[len(logs) :]

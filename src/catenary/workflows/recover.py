@@ -37,18 +37,10 @@ class Recovery:
 
 
 def recover(path: Path, out: Path | None = None) -> Recovery:
-    """Write what is whole of a damaged recording as a recording of the same kind, in the same order.
+    """Write what is whole of a damaged recording as one of the same kind, in the same order; `path` stays as it is.
 
-    Args:
-        path: Journal (its folder, or one of its files), ROS 1 bag (.bag), ROS 2 bag (its folder, or one of its
-            files). Not changed.
-        out: What to write: a folder for journals and ROS 2 bags, whose messages it holds in MCAP, a .bag for a ROS 1
-            bag; None for NAME.recovered beside it.
-
-    Raises:
-        InputError: `out` exists, lies in the recording itself, or has another ending.
-        FileFormatError: No such recording, or no whole message is in it.
-        RecordingError: It cannot be written.
+    Journals and ROS 2 bags are folders, or one of their files, and become a folder `out`, a ROS 1 bag a .bag;
+    NAME.recovered beside it when None.
     """
     source = _opened(path)
     is_bag = isinstance(source, BagStream) and source.is_ros1

@@ -50,8 +50,7 @@ class RegressorReport:
 
     def base_values(self, name: str) -> Floats:
         """Return the values of a base's parameters, NaN where links have no inertia."""
-        values: Floats = self.bases[name].combination @ self.standard_values[self.unknown]
-        return values
+        return self.bases[name].combination @ self.standard_values[self.unknown]
 
     def added_by_tilting(self) -> tuple[str, ...]:
         """Return the base parameters that only a tilted base adds to those of a level one."""

@@ -63,8 +63,7 @@ class Increments:
     @property
     def total(self) -> Floats:
         """Sum of all that waits (n,) [rad|m]."""
-        total: Floats = np.sum([dq for dq, _ in self._waiting], axis=0)
-        return total
+        return np.sum([dq for dq, _ in self._waiting], axis=0)
 
     def clear(self) -> None:
         """Forget what waits."""
@@ -100,8 +99,7 @@ class Goal:
         self._steps -= 1
         if self._steps <= 0 or (step == way).all():
             self._q, self._steps = None, 0
-        moved: Floats = setpoint + step
-        return moved
+        return setpoint + step
 
     def clear(self) -> None:
         """Forget the goal."""
@@ -343,8 +341,7 @@ class ServedArm:
     def _beyond_weight(self) -> Floats:
         """Return the measured joint torques (n,) less those that hold the arm's own weight."""
         measured = self.measured
-        torques: Floats = measured.tau - self.gravity_torque(measured.q, measured.gravity)
-        return torques
+        return measured.tau - self.gravity_torque(measured.q, measured.gravity)
 
     def _step_velocity(self) -> Floats:
         """Return how fast the setpoint goes (n,); where control has just begun, it has not gone anywhere."""

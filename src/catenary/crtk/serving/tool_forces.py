@@ -47,8 +47,7 @@ class ToolState:
     @cached_property
     def twist(self) -> Floats:
         """Velocity [m/s] over angular velocity [rad/s] in base axes, (6,)."""
-        twist: Floats = self.jacobian @ self._qd
-        return twist
+        return self.jacobian @ self._qd
 
     @cached_property
     def wrench(self) -> Floats:
@@ -73,8 +72,7 @@ def jacobian(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_
     """Return the Jacobian (6, n) at the measured joints: velocity over angular velocity, per joint speed."""
     if frame is FrameOfForces.TOOL_IN_BASE_AXES:
         return tool.jacobian
-    found: Floats = _twist_map(tool.pose, frame) @ tool.jacobian
-    return found
+    return _twist_map(tool.pose, frame) @ tool.jacobian
 
 
 def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:

@@ -55,13 +55,11 @@ class ToolPose:
 
     def of_robot(self, jacobian: Floats) -> Floats:
         """Return the Jacobian (6, n) of the robot's joints out of that of the model's, (6, m)."""
-        found: Floats = jacobian @ self._to_model
-        return found
+        return jacobian @ self._to_model
 
     def model_torques(self, tau: Floats) -> Floats:
         """Return torques of the model's joints (m,) that do the work of the robot's (n,), the jaws' opening aside."""
-        torques: Floats = tau @ self._from_model
-        return torques
+        return tau @ self._from_model
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws."""
@@ -102,8 +100,7 @@ class ToolPose:
     def _with_jaws(self, found: Floats, near: Floats) -> Floats:
         """Return the robot's joints (..., n) at the model's, with the opening of the jaws as in `near`."""
         opening = near - self._from_model @ (self._to_model @ near)
-        joints: Floats = found @ self._from_model.T + opening
-        return joints
+        return found @ self._from_model.T + opening
 
     def in_frame_0(self, pose: Pose) -> Pose:
         """Return a pose of the base in the mechanism's frame 0; the same where it has none."""
@@ -111,8 +108,7 @@ class ToolPose:
 
     def from_frame_0(self, vectors: Floats) -> Floats:
         """Return directions (3,) or rotations' columns of frame 0 in base axes."""
-        turned: Floats = self._frame_0.rotation @ vectors
-        return turned
+        return self._frame_0.rotation @ vectors
 
 
 def _reach(model: RobotModel) -> float:
