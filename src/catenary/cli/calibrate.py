@@ -129,15 +129,7 @@ def demo(
         result = calibrate_robot(Project(out, settings), progress=progress)
     _conclude(result, as_json)
     if not as_json:
-        print(f"see it: {_this_command()} view {out}")
-
-
-def _this_command() -> str:
-    """Return what a shell calls this command: its path where it is not on the search path."""
-    import shutil
-    import sys
-
-    return "catenary" if shutil.which("catenary") else sys.argv[0]
+        print(f"see it: catenary view {out}")
 
 
 def _conclude(result: "CalibrationResult", as_json: bool) -> None:

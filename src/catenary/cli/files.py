@@ -3,20 +3,19 @@
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
+import catenary
 from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one
 from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
 from catenary.errors import InputError
+from catenary.files import write_atomically
 from catenary.reports.page import Column, Table, write_picture
-
-if TYPE_CHECKING:
-    from catenary.robots.model import RobotModel
 
 
 def check(
@@ -110,7 +109,7 @@ def export(
 
 
 def _c(
-    known: "RobotModel | None",
+    known: "catenary.RobotModel | None",
     out: Path,
     model: Path | None,
     rate_hz: float,
@@ -119,7 +118,7 @@ def _c(
 ) -> None:
     from catenary.calibration.model_file import load_model
     from catenary.dynamics.actuation_loads import joint_friction
-    from catenary.workflows.c_header import c_header, write_header
+    from catenary.workflows.c_header import c_header
 
     calibration = None if model is None else load_model(model)[0]
     loads = None
@@ -127,7 +126,7 @@ def _c(
         friction, viscous = (one_or_each(forces[name] or (0.0,)) for name in ("friction", "viscous"))
         loads = joint_friction(known, friction, viscous)
     header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
-    write_header(header, out)
+    write_atomically(out, header.text.encode("ascii"))
     facts = [("written", str(out)), ("functions", ", ".join(header.functions))]
     print_notes(header.notes)
     print_result(as_json, {"file": str(out), "functions": header.functions}, facts)

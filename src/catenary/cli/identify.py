@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
+import catenary
 from catenary.cli.gravity_options import GRAVITY, IMU_READING, gravity_of_reading
 from catenary.cli.options import (
     AS_JSON,
@@ -33,8 +34,6 @@ from catenary.files import card_path
 from catenary.reports.page import Column, Table
 
 if TYPE_CHECKING:
-    from catenary.recording.logs import Reading
-    from catenary.robots.model import RobotModel
     from catenary.workflows.excitation import MotionSurroundings
 
 Place = tuple[str, float, float, float]
@@ -196,13 +195,12 @@ def payload(
     if model is None:
         _wrist_tool(data, wrist_sensor or "", sensor_frame, gravity_vector(gravity, None), as_json)
         return
+    reading = recordings.reading()
+    how: dict[str, Any] = {"unloaded": unloaded, "cutoff_hz": cutoff_hz, "reading": reading, "accept": accept}
     if external is not None:
-        _external(data, model, unloaded, cutoff_hz, recordings.reading(), accept, external, as_json)
+        _external(data, model, external, as_json, **how)
         return
-    place = None if at is None else (at[0], at[1:])
-    result = payload_of_files(
-        data, model, at=place, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=recordings.reading(), accept=accept
-    )
+    result = payload_of_files(data, model, at=None if at is None else (at[0], at[1:]), **how)
     best, parts = result.payload, list[Any]()
     if best.detected:
         sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
@@ -226,23 +224,12 @@ def payload(
     print_result(as_json, result.summary(), *parts, notes=result.notes)
 
 
-def _external(
-    data: Sequence[Path],
-    model: Path,
-    unloaded: Sequence[Path],
-    cutoff_hz: float | None,
-    reading: "Reading",
-    accept: Sequence[str],
-    out: Path,
-    as_json: bool,
-) -> None:
+def _external(data: Sequence[Path], model: Path, out: Path, as_json: bool, **how: Any) -> None:
     from catenary.workflows.identify import external_torques_of_file
 
     if len(data) != 1:
         raise InputError(f"--external: expected one recording, got {len(data)}")
-    found = external_torques_of_file(
-        data[0], model, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=reading, accept=accept
-    )
+    found = external_torques_of_file(data[0], model, **how)
     found.write(out)
     columns: list[Column] = ["joint", ("largest", "largest:.3g"), ("at [s]", "time:.2f")]
     columns += [("95 % within", "half_width:.3g"), "unit", ("beyond", "beyond:.1f %")]
@@ -259,12 +246,11 @@ def _external(
 
 
 def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Triple, as_json: bool) -> None:
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.identify import wrist_tool_of_file
 
     if len(data) != 1:
         raise InputError(f"--wrist-sensor: expected one table of poses, got {len(data)} files")
-    tool, notes = wrist_tool_of_file(data[0], load_robot(robot), frame, gravity)
+    tool, notes = wrist_tool_of_file(data[0], catenary.load_robot(robot), frame, gravity)
     facts = [("mass", f"{tool.mass:.4f} kg, standard deviation {tool.mass_deviation:.4f} kg")]
     told = (
         ("centre", tool.center, tool.center_deviation, "m in the sensor's axes"),
@@ -308,7 +294,7 @@ class CollisionOptions:
     may_touch: Sequence[Touching] = option("A:B", "Pair of links or obstacles to ignore; repeatable.", read=_pair)
     no_collision_check: bool = option(None, "Design without a collision check.", False)
 
-    def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":
+    def around(self, robot: str, model: "catenary.RobotModel") -> "MotionSurroundings":
         """Return what a robot must not hit."""
         from catenary.collision.scene import box_at, floor_at, mesh_at
         from catenary.robots.shapes import load_geometry
@@ -377,9 +363,9 @@ def excitation(
     from catenary.workflows.excitation import design_excitation, write_motion, write_trajectory
 
     model = carried.on(description.load(robot))
-    given = vars(limits).copy()
-    if static is not None and given["velocity"] is None:
-        given["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
+    given = {name: values for name, values in vars(limits).items() if values is not None}
+    if static is not None:  # poses are held: how fast they are reached is the robot's
+        given.setdefault("velocity", (1.0,) * model.n)
     room = room_of(model, **given)
     around = collisions.around(robot, model)
     result = design_excitation(

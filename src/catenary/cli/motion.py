@@ -1,5 +1,6 @@
 """catenary goto, random, follow, teleop: a robot moved by hand, simulated or on ROS."""
 
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -99,15 +100,13 @@ def follow(
     far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
     one begins at the beginning. However it ends, the robot holds and is paused.
     """
-    import numpy as np
-
     from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY, read_followed_file
     from catenary.workflows.robot.operator_motion import follow as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
     print_notes(motion.notes)
     fastest = dict(LARGEST_VELOCITY)
-    for unit, typed, scale in (("rad", largest_deg_s, np.pi / 180.0), ("m", largest_mm_s, 1e-3)):
+    for unit, typed, scale in (("rad", largest_deg_s, math.pi / 180.0), ("m", largest_mm_s, 1e-3)):
         if typed is not None:
             fastest[unit] = typed * scale
     away = motion.leaves_rows(motion.trajectory(blend), blend)
@@ -158,8 +157,15 @@ def _say(
     columns = {"now": summary.q, "largest error": summary.max_error, "rms error": summary.rms_error}
     columns |= {} if summary.true_error is None else {"true error": summary.true_error}
     joints = joints_table(summary, columns, "Joints: errors against what was commanded, as reported", 3, si=si)
-    parts = title, joints, *_tip(summary, si=si, asked=asked)
-    print_result(as_json, summary.as_data(), *parts, notes=[late] if summary.late_ticks else [])
+    digits, scale, unit = (4, 1.0, "m") if si else (1, 1000.0, "mm")
+    x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
+    lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
+    if asked is not None:
+        lines.append(f"distance from the goal: {1000.0 * math.dist(summary.tip, asked):.2f} mm")
+    if summary.tip_error is not None:
+        error = f"{1000.0 * summary.tip_error:.2f} mm"
+        lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
+    print_result(as_json, summary.as_data(), title, joints, *lines, notes=[late] if summary.late_ticks else [])
     if summary.ended_by is not None:
         sys.stdout.flush()
         raise typer.Exit(exit_code(summary.ended_by))
@@ -174,17 +180,3 @@ def joints_table(
         for name, unit, *values in zip_longest(of.joint_names, of.joint_units, *columns.values())
     ]
     return Table(["joint", *columns], rows, title)
-
-
-def _tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> list[str]:
-    import numpy as np
-
-    digits, scale, unit = (4, 1.0, "m") if si else (1, 1000.0, "mm")
-    x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
-    lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
-    if asked is not None:
-        lines.append(f"distance from the goal: {1000.0 * float(np.linalg.norm(summary.tip - asked)):.2f} mm")
-    if summary.tip_error is not None:
-        error = f"{1000.0 * summary.tip_error:.2f} mm"
-        lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
-    return lines

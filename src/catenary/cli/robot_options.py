@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
+import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE
 from catenary.cli.options import Names, Numbers, Six, Triple, argument, group, option
 from catenary.cli.terminal import announce
@@ -17,7 +18,7 @@ from catenary.errors import InputError
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.plant import Jointed
-    from catenary.robots.model import Massless, RobotModel
+    from catenary.robots.model import Massless
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
 
@@ -35,11 +36,9 @@ class DescriptionOptions:
         """Return which links are declared massless."""
         return "all" if self.massless == ("all",) else self.massless or ()
 
-    def load(self, robot: str) -> "RobotModel":
+    def load(self, robot: str) -> "catenary.RobotModel":
         """Return the robot of a name or a file."""
-        from catenary.robots.catalog import load_robot
-
-        return load_robot(robot, massless=self.declared(), strict=self.strict)
+        return catenary.load_robot(robot, massless=self.declared(), strict=self.strict)
 
 
 @group
@@ -53,7 +52,7 @@ class PayloadOptions:
         "XX,XY,XZ,YY,YZ,ZZ", "Its inertia about that point, in kg m2. [default: a point mass]", goes_with="payload"
     )
 
-    def on(self, model: "RobotModel") -> "RobotModel":
+    def on(self, model: "catenary.RobotModel") -> "catenary.RobotModel":
         """Return the robot with it; the same robot without."""
         from catenary.gravity.payload import Payload
 
@@ -69,7 +68,7 @@ class JointOptions:
     q: Numbers | None = option("Q,Q,...", "Joint coordinates in rad and m.")
     q_deg: Numbers | None = option("Q,Q,...", "The same in deg and mm.")
 
-    def of(self, model: "RobotModel") -> "Floats":
+    def of(self, model: "catenary.RobotModel") -> "Floats":
         """Return them, (n,) in rad and m."""
         if (self.q is None) == (self.q_deg is None):
             from catenary.plant import joints_text
@@ -80,7 +79,7 @@ class JointOptions:
             )
         return some_joint_values(model, self.q, self.q_deg, model.joint_names)[0]
 
-    def given(self, model: "RobotModel") -> "Floats | None":
+    def given(self, model: "catenary.RobotModel") -> "Floats | None":
         """Return them; None where neither option is given."""
         return None if self == JointOptions() else self.of(model)
 
@@ -116,7 +115,7 @@ def some_joint_values(
     return values, chosen
 
 
-def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
+def beyond_limits(model: "catenary.RobotModel", values: "Floats") -> list[str]:
     """Return a remark on each joint that is beyond its limits, or on one."""
     return [
         f"{name}: {value:g} {unit} is {'on a limit' if low <= value <= high else 'outside its limits'}, "
@@ -130,7 +129,6 @@ def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
 
 NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
 CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
-BAUD = option(None, "Speed of the serial line.", 115200, least=300)
 DIALECT = option("raven|crtk", "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
 NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)

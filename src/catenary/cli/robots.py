@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import catenary
 from catenary.cli.gravity_options import GivenGravity
 from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option
 from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
@@ -16,7 +17,6 @@ from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
-    from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
     from catenary.workflows.regressor_report import RegressorReport
 
@@ -28,23 +28,23 @@ IN_FRAME = option("FRAME", "Frame that the pose is expressed in. [default: base]
 
 def robots(as_json: bool = AS_JSON) -> None:
     """List the robots that come with the package."""
-    from catenary.robots.catalog import load_robot, robot_names
+    from catenary.robots.catalog import robot_names
 
     with without_notes(True):  # those that a robot has when it is named
-        models = [load_robot(name) for name in robot_names()]
+        models = [catenary.load_robot(name) for name in robot_names()]
     found = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
     columns: list[Column] = ["name", ("joints", _kinds), "tip", ("joint names", _names_in_brief)]
     legend = "R: revolute, P: prismatic; catenary check ROBOT names joints with their limits"
     print_result(as_json, found, Table(columns, models, "Robots", left=4), legend)
 
 
-def _kinds(model: "RobotModel") -> str:
+def _kinds(model: "catenary.RobotModel") -> str:
     turning = model.joint_units.count("rad")
     counts = ((turning, "R"), (model.n - turning, "P"))
     return " ".join(f"{count}{kind}" for count, kind in counts if count)
 
 
-def _names_in_brief(model: "RobotModel") -> str:
+def _names_in_brief(model: "catenary.RobotModel") -> str:
     names = ", ".join(model.joint_names)
     return names if len(names) <= ROOM_FOR_NAMES else f"{model.joint_names[0]} ... {model.joint_names[-1]}"
 
@@ -61,9 +61,8 @@ def fk(
     Example: catenary fk raven2_full --q-deg 30,90,400,0,0,0
     """
     from catenary.dynamics.kinematics import relative_pose
-    from catenary.robots.catalog import load_robot
 
-    model = load_robot(robot)
+    model = catenary.load_robot(robot)
     values = joints.of(model)
     print_notes(beyond_limits(model, values))
     name, in_frame = frame or model.tip, in_frame or model.base
@@ -99,9 +98,8 @@ def ik(
 
     from catenary.dynamics.inverse_kinematics import inverse_kinematics
     from catenary.dynamics.kinematics import relative_pose
-    from catenary.robots.catalog import load_robot
 
-    model = load_robot(robot)
+    model = catenary.load_robot(robot)
     name, in_frame = frame or model.tip, in_frame or model.base
     start = joints.given(model)
     if position_mm is None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, frozen
 from catenary.devices.encoder_rig import JOINTS, EncoderRig, Registration
-from catenary.devices.serial_board import BAUD, SerialBoard
+from catenary.devices.serial_board import SerialBoard
 from catenary.errors import InputError, SensorError
 
 # [s] by which a line may be late; Linux's serial drivers gather what USB brings for 16 ms
@@ -192,7 +192,7 @@ class EncoderBoard(SerialBoard):
     """
 
     def __init__(
-        self, port: str, rig: EncoderRig | None = None, *, baud: int = BAUD, clock: Callable[[], float] = time.monotonic
+        self, port: str, rig: EncoderRig | None = None, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Open the port and begin to read, with the calibration rig when None, on a clock [s] that never goes back."""
         self.rig = EncoderRig() if rig is None else rig
@@ -204,7 +204,7 @@ class EncoderBoard(SerialBoard):
         self._period = math.nan  # [s] between rows, as they come
         self._fresh = True  # the next line is the first since the port was opened
         self._lock = threading.Lock()
-        super().__init__(port, baud=baud, clock=clock)
+        super().__init__(port, clock=clock)
 
     def now(self) -> float:
         """Return the time [s] on the clock that samples are stamped with."""

@@ -24,7 +24,7 @@ from catenary.errors import InputError
 from catenary.identification.base_parameters import BaseParameters, random_configurations, random_gravity
 from catenary.identification.least_squares import joined, triangles
 from catenary.identification.parameters import FIRST_MOMENTS, Parameters
-from catenary.identification.samples import Samples, folds_of
+from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
 
@@ -183,7 +183,9 @@ def weight_of_prior(
     base: BaseParameters, gravity: Floats, samples: Sequence[Samples], weights: Floats, prior: Floats
 ) -> float:
     """Return the weight of a prior with which blocks that were not fitted are predicted best."""
-    reduced = [triangles(base, gravity, fold) for fold in folds_of(samples) if fold]
+    folds = [[part.rows(fold_of_rows(part) == f, part.name) for part in samples] for f in range(FOLDS)]
+    used = [[part for part in fold if len(part)] for fold in folds]  # one may lack a recording that is too short
+    reduced = [triangles(base, gravity, fold) for fold in used if fold]
     if len(reduced) < 2:
         return LEAST_PRIOR
     best, least = LEAST_PRIOR, np.inf
@@ -206,6 +208,8 @@ ROWS = 60
 
 def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
     """Return what base parameters, and bodies' phi (k,) as fitted, leave open under gravity from elsewhere."""
+    from scipy.linalg import qr
+
     parameters = base.parameters
     rng = np.random.default_rng(0)
     q = random_configurations(parameters.model, ROWS, rng)
@@ -223,7 +227,12 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
     if count == 0:
         return ()
     D = hidden @ directions_of[:count].T
-    columns = _counted_in(D, parameters.per_link, links)
+    # as many first moments and masses as there are directions, which tell them apart best; of equals, the link that is
+    # next to the base
+    eligible = [c for c in range(links) if c % parameters.per_link < FIRST_MOMENTS]
+    nearest = np.linspace(1.0, 0.99, len(eligible))
+    pivots = qr((D[eligible] * nearest[:, None]).T, mode="r", pivoting=True)[1][: D.shape[1]]
+    columns = sorted(eligible[int(p)] for p in pivots)
     D = D @ np.linalg.inv(D[columns])
     along = np.linalg.pinv(Y @ D) @ Y  # what any change of parameters has of each
     out = []
@@ -236,16 +245,6 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
         unit = float(scale[column])
         out.append(Unseen(parameters.names[column], change, min(0.0, low * unit), max(0.0, high * unit)))
     return tuple(out)
-
-
-def _counted_in(D: Floats, per_link: int, links: int) -> list[int]:
-    """Return as many first moments and masses as there are directions, which tell them apart best."""
-    from scipy.linalg import qr
-
-    eligible = [c for c in range(links) if c % per_link < FIRST_MOMENTS]
-    nearest = np.linspace(1.0, 0.99, len(eligible))  # of equals, the link next to the base
-    pivots = qr((D[eligible] * nearest[:, None]).T, mode="r", pivoting=True)[1][: D.shape[1]]
-    return sorted(eligible[int(p)] for p in pivots)
 
 
 def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:

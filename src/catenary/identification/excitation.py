@@ -1,6 +1,6 @@
 """Poses and Fourier motions that show a robot's parameters; what they keep: limits, and distances from obstacles."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -106,24 +106,13 @@ class Room:
         return self.lower + slack, self.upper - slack
 
 
-def room_of(
-    model: RobotModel,
-    *,
-    lower: ArrayLike | None = None,
-    upper: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    acceleration: ArrayLike | None = None,
-    effort: ArrayLike | None = None,
-) -> Room:
-    """Return the limits to stay within: the robot's own, or narrower ones (n,) [rad, m, rad/s, m/s, ..., Nm, N]."""
-    limits: tuple[tuple[str, ArrayLike], ...] = (
-        ("lower", model.lower if lower is None else lower),
-        ("upper", model.upper if upper is None else upper),
-        ("velocity", model.velocity_limit if velocity is None else velocity),
-        ("acceleration", np.full(model.n, np.inf) if acceleration is None else acceleration),
-        ("effort", model.effort_limit if effort is None else effort),
-    )
-    room = {key: as_array(key, values, (model.n,), finite=False) for key, values in limits}
+def room_of(model: RobotModel, **narrower: ArrayLike) -> Room:
+    """Return the limits to stay within: the robot's own, or by their names in `Room` narrower ones (n,)."""
+    own = (model.lower, model.upper, model.velocity_limit, np.full(model.n, np.inf), model.effort_limit)
+    room = {
+        each.name: as_array(each.name, narrower.get(each.name, limit), (model.n,), finite=False)
+        for each, limit in zip(fields(Room), own, strict=True)
+    }
     low, high, fastest, accelerated, strongest = room.values()
     beyond = (low < model.lower) | (high > model.upper) | (fastest > model.velocity_limit)
     beyond |= strongest > model.effort_limit

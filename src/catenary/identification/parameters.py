@@ -10,7 +10,7 @@ from catenary.dynamics.actuation_loads import NEVER_NEGATIVE, SLIDING, term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
 from catenary.identification.identify_options import Terms, actuation_of
-from catenary.identification.samples import HELD_OUT, Samples
+from catenary.identification.samples import HELD_OUT, STEPS, Samples
 from catenary.robots.actuation import ActuationTerm, actuation_terms
 from catenary.robots.model import RobotModel
 
@@ -145,7 +145,7 @@ def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float
     """Return the load (N,) of a term on a recording's rows, per unit, as friction remembers the motion."""
     if term.recording and samples.name.removesuffix(HELD_OUT) != term.recording:
         return np.zeros(len(samples))
-    if samples.history is None or not samples.history.remembers(term):
+    if samples.history is None or term.kind not in (*STEPS, "presliding"):
         return term_load(term, samples.q, samples.qd, samples.qdd, coulomb_velocity, samples.carried)
     load = samples.history.load(term, coulomb_velocity)
     if term.kind == "load":

@@ -51,7 +51,9 @@ def torque_findings(
         fitted: It is one of those that were fitted.
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """
-    rows = _some_rows(samples)
+    count = len(samples)
+    some = np.isin(np.arange(count), np.linspace(0, count - 1, min(count, ROWS)).astype(np.int64))
+    rows = samples.rows(some, samples.name)
     if fitted and (mounting := mounting_finding(result.model, rows, result.gravity)) is not None:
         return [mounting]
     own = result.training if fitted else result.tests
@@ -206,12 +208,6 @@ def _swapped(rows: Samples) -> Iterator[tuple[tuple[int, int], Samples]]:
         for keys in (("q", "qd", "qdd", "tau"), ("tau",)):
             exchanged: dict[str, Any] = {key: getattr(rows, key)[:, order] for key in keys}
             yield (i, j), replace(rows, **exchanged)
-
-
-def _some_rows(samples: Samples) -> Samples:
-    some = np.zeros(len(samples), dtype=bool)
-    some[np.unique(np.linspace(0, len(samples) - 1, min(len(samples), ROWS)).astype(np.int64))] = True
-    return samples.rows(some, samples.name)
 
 
 def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:

@@ -14,7 +14,6 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.reports import joint_errors
 from catenary.reports.joint_errors import MODEL, OFFSET
-from catenary.reports.page import Picture, picture
 from catenary.units import DISPLAY
 from catenary.verdict.delay import delay_of
 
@@ -47,11 +46,6 @@ def overlay(log: MotionLog, before: float = 0.0, after: float = 0.0) -> "Figure"
     axes.set_xlabel(f"time [{in_unit}]")
     figure.axes[0].legend(frameon=False, ncols=2, loc="best")
     return figure
-
-
-def overlay_picture(log: MotionLog, before: float = 0.0) -> Picture:
-    """Return it for a page, of a log whose measurements were re-timed by `before` [s|rows]."""
-    return picture(overlay(log, before), f"{log.name}. {CAPTION}")
 
 
 def draw_overlay(axes: "Axes", log: MotionLog, t: Floats, j: int, rows: slice, shift: float = 0.0) -> None:

@@ -139,17 +139,11 @@ def _draw_robot(axes: Any, model: RobotModel, rows: Floats, gravity: Floats, hid
     if "gravity" not in hide:
         _draw_gravity(axes, gravity, middle, half)
     axes.set_title(model.name, fontsize=10)
-    _draw_legend(axes)
-
-
-def _draw_legend(axes: Any) -> None:
-    """Name what is drawn, below it."""
-    if not axes.get_legend_handles_labels()[0]:
-        return
-    legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, frameon=False, fontsize=8)
-    for handle in legend.legend_handles:
-        if hasattr(handle, "set_sizes"):
-            handle.set_sizes([60.0])
+    if axes.get_legend_handles_labels()[0]:  # what is drawn, named below it
+        legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, frameon=False, fontsize=8)
+        for handle in legend.legend_handles:
+            if hasattr(handle, "set_sizes"):
+                handle.set_sizes([60.0])
 
 
 def _draw_triad(axes: Any, rotation: Floats, origin: Floats, size: float) -> None:

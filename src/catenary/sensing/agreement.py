@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.sensing.bases import CHEAP_NOISE
-from catenary.sensing.checks import Fault, SensorRules
+from catenary.sensing.checks import CHEAP_NOISE, Fault, SensorRules
 
 HIGH_PASS = 0.5  # [s] over which what is slower than turning is forgotten, of gravity and of what rates make of it
 _RATE_HZ = 50.0  # rows of a comparison a second, at most

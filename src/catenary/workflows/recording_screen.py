@@ -76,16 +76,9 @@ class FileReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
-        return {
-            "format": FORMAT,
-            "kind": self.kind,
-            "facts": self.facts,
-            "faults": self.faults,
-            "remarks": self.remarks,
-            "findings": [asdict(finding) for finding in self.findings],
-            "verdict": self.verdict,
-            "next": self.next,
-        }
+        told = {key: getattr(self, key) for key in ("kind", "facts", "faults", "remarks")}
+        findings = [asdict(finding) for finding in self.findings]
+        return {"format": FORMAT, **told, "findings": findings, "verdict": self.verdict, "next": self.next}
 
 
 LONG_GAP = 10.0  # times the median step between stamps
@@ -142,7 +135,9 @@ def check_recording(
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
         found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
-        found.next = _without_measurement(log, source)
+        robot_of_it = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
+        found.next = "measure the joints by a camera or encoders, and import that too: --map q_encoder=COLUMNS"
+        found.next = found.next if log.tau is None else source.command("identify", robot_of_it, "_arm.npz")
     else:
         found.next = (
             f"no option corrects {', '.join(left)}: bring in the right columns (catenary import), or record again"
@@ -198,13 +193,6 @@ def _cured(
         except InputError:  # such as a shift that leaves no row
             break
     return mend, mend(log), limits, [each.name for each in findings if each.refuses]
-
-
-def _without_measurement(log: MotionLog, source: TypedRecording) -> str:
-    robot = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
-    if log.tau is None:
-        return "measure the joints by a camera or encoders, and import that too: --map q_encoder=COLUMNS"
-    return source.command("identify", robot, "_arm.npz")
 
 
 def recording_report(

@@ -1,7 +1,7 @@
 """Write a whole recording from a damaged one: a journal from a journal, a bag from a bag; the damaged one stays."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -60,7 +60,10 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
                 _write_bag(source, part)
             else:
                 _write_mcap(source, part)
-            _sync(part.rglob("*") if part.is_dir() else [part])
+            for written in part.rglob("*") if part.is_dir() else [part]:
+                if written.is_file():
+                    with written.open("rb") as file:
+                        os.fsync(file.fileno())  # the disk keeps it before it gets its name
             if place.exists():
                 raise InputError(f"{place}: exists already, and is never overwritten")
             part.rename(place)
@@ -135,11 +138,3 @@ def _copy(source: Source, bag: Any, to: Mapping[str, Any], as_message: Callable[
         if place == 0 and source.about is not None and ABOUT_TOPIC in to:
             bag.write(to[ABOUT_TOPIC], arrival, as_message(source.about.as_json()))
         bag.write(to[topic], arrival, data)
-
-
-def _sync(paths: Iterable[Path]) -> None:
-    """Have the disk keep what was written before it gets its name."""
-    for path in paths:
-        if path.is_file():
-            with path.open("rb") as file:
-                os.fsync(file.fileno())

@@ -1,7 +1,7 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -9,8 +9,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
-from catenary.crtk.serving.tool_forces import ToolState
-from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.crtk.serving.tool_pose import ToolPose, ToolState
 from catenary.crtk.topic_names import DialectName
 from catenary.errors import CatenaryError, InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant
@@ -226,13 +225,6 @@ class ServedArm:
         """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
         self._do(self._follow_planned(plan))
         self._is_moving = True
-
-    def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
-        """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off."""
-        switch = getattr(self.plant, "switch_own_gravity", None)
-        if switch is None:
-            raise InputError("the arm has no gravity compensation of its own")
-        switch(grav_dir)
 
     def hold(self) -> None:
         """Forget all commands and stay."""

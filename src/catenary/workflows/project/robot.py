@@ -394,7 +394,9 @@ class RosRobot(ProjectRobot):
             raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
         kind = kind_of(project.settings)
         if not client.operating_state().is_homed:
-            self._have(kind.encoders, lambda: self._no_encoders(kind))  # their readings count from the homing on
+            topic = kind.required[-1].name  # whose readings count from the homing on
+            absent = f"nobody publishes {topic}"
+            self._have(kind.encoders, lambda: None if topic in self._transport.topics() else absent)
             homing.home_client(client, self._guide, patience=self._homing_patience)
         if not self._comes(lambda: _not_registered(client, kind)):
             self._have(kind.encoders, lambda: _not_registered(client, kind))
@@ -420,10 +422,6 @@ class RosRobot(ProjectRobot):
                 return True
             self._transport.sleep(homing.LOOK)
         return missing() is None
-
-    def _no_encoders(self, kind: ProjectKind) -> str | None:
-        topic = kind.required[-1].name
-        return None if topic in self._transport.topics() else f"nobody publishes {topic}"
 
 
 def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:
