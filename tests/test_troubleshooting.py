@@ -10,7 +10,7 @@ import pytest
 from catenary import errors
 from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.plant import OperatingState, require_ready
-from catenary.workflows.project.lock import FolderLock
+from catenary.workflows.project.folder import FolderLock
 from command_line import catenary, in_its_own_process
 
 PAGE = (Path(__file__).parents[1] / "docs" / "troubleshooting.md").read_text()

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catenary.cli.robot_choice import TerminalGuide
+from catenary.cli.robot_options import TerminalGuide
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.logs import read_log
 from catenary.workflows.project import kinds

@@ -84,8 +84,6 @@ REFUSALS = {
         for length in ("0", "-1", "nan", "inf")
     },
     f"{IDENTIFY} --terms half": "expected full or static",
-    f"{IDENTIFY} --rows 5": "'--rows': expected FIRST:LAST",
-    **{f"{IDENTIFY} --rows={rows}": "has rows 0 to 800" for rows in ("-1:5", "5:5", "0:9000")},
     f"{IDENTIFY} --free --urdf a.urdf": "leave --free out",
     f"{IDENTIFY} --test none.npz": "none.npz: no such file",
     "payload {run} --model {run}": "written by catenary identify",

@@ -2,8 +2,8 @@
 
 import pytest
 
+from catenary.crtk.client import press_button
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from catenary.crtk.start_button import press_button
 from catenary.errors import TransportError
 from oracles.ticking_clock import SetClock
 from served_robot import ServedRobot, homing_plant

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import pose_of
-from catenary.crtk.serving.tool_forces import FrameOfForces as Frame
-from catenary.crtk.serving.tool_forces import exerted, torques_for, wrench_of
+from catenary.crtk.serving.tool_pose import FrameOfForces as Frame
+from catenary.crtk.serving.tool_pose import exerted, torques_for, wrench_of
 from catenary.spatial import rotation_vector
 from oracles.cable_arms import ROBOTS, homed_plant
 from served_robot import JointState, ServedRobot

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from catenary.devices.encoder_counts import CONFIRM, CountTracker, Verdict, parse_counts
+from catenary.devices.encoder_board import CONFIRM, CountTracker, Verdict, parse_counts
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.errors import InputError
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.devices.serial_board import BAUD, SerialBoard
+from catenary.devices.serial_board import SerialBoard
 from oracles.simulated_port import SimulatedPort
 from patience import until
 
@@ -16,7 +16,7 @@ class Listener(SerialBoard):
     def __init__(self, port: str) -> None:
         self.events: list[str] = []
         self.times: set[float] = set()
-        super().__init__(port, baud=BAUD, clock=lambda: 4.5, ask=b"?")
+        super().__init__(port, clock=lambda: 4.5, ask=b"?")
 
     def _take(self, lines: list[str], arrival: float) -> None:
         self.events += lines

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from catenary.devices.accelerometer import BoardSample, Hello, parse_line
-from catenary.devices.encoder_counts import CountTracker, Verdict, parse_counts
+from catenary.devices.encoder_board import CountTracker, Verdict, parse_counts
 from catenary.devices.encoder_rig import EncoderRig
 
 PAGE = Path(__file__).parents[2] / "docs" / "devices.md"

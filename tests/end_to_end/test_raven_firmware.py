@@ -15,7 +15,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.firmware import NOMINAL, ControlState, OwnGravity, gravity_of, weigh
-from catenary.workflows.c_header import c_header, write_header
+from catenary.workflows.c_header import c_header
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "raven_firmware"
 POSES = 300
@@ -33,7 +33,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("g++ or make is not installed")
     out = tmp_path_factory.mktemp("raven_firmware")
     for name in FRAME_0:
-        write_header(c_header(load_robot(name)), out / f"{name}.h")
+        (out / f"{name}.h").write_text(c_header(load_robot(name)).text)
     built = subprocess.run(
         ["make", "-C", EXAMPLE, f"OUT={out}", f"{out}/try"], capture_output=True, text=True, check=False
     )

@@ -8,9 +8,9 @@ from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError
 from catenary.identification.identify_options import actuation_of
-from catenary.identification.part_of_arm import of_joints, part_of_arm
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
+from catenary.workflows.identify import of_joints, part_of_arm
 from moving_arm import LEVEL, recorded, sinusoids
 
 HELD = {"ur10e": ("shoulder_pan_joint", "wrist_1_joint"), "dvrk_mtm_motors": ("q1", "q4"), "raven2": ("elbow",)}

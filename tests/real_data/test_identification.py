@@ -19,7 +19,7 @@ from catenary.plant import MotionLog
 from catenary.recording.logs import Reading, read_torque_log
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
-from catenary.workflows.identify import identify_files, part_of
+from catenary.workflows.identify import identify_files
 
 PUBLISHED = IdentifyOptions(consistent=False, friction=())  # as others fit: Coulomb and viscous friction
 WEIGHT = ("20", [0.024, 0.535, 0.0])  # where the weight of 105 g was, in the public model's frame 20
@@ -133,7 +133,7 @@ def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) 
 def test_tiagos_lift_and_arm_are_explained(recordings: Path) -> None:
     log = log_of(recordings / "tiago_dynamics", "tiago_dynamic.npz", "tiago")
     # the rows that the figaroh examples use
-    found = identify([part_of(log, (921, 6791))], load_robot("tiago"))
+    found = identify([log.part(921, 6791)], load_robot("tiago"))
     assert (found.training[0].relative_rms[:5] < 0.35).all()
     assert found.rank == found.base.count
 

@@ -8,8 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.sensing.bases import BASES, BaseSpectrum, rules_for
-from catenary.sensing.checks import SensorRules
+from catenary.sensing.checks import BASES, BaseSpectrum, SensorRules, rules_for
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox

@@ -9,8 +9,7 @@ from numpy.testing import assert_allclose
 from catenary.errors import InputError
 from catenary.recording.import_formats import sources
 from catenary.recording.import_formats.imu_recording import read_imu
-from catenary.sensing.conventions import DRIVERS, axes_matrix, convention_of
-from catenary.sensing.vector import Kind, Mailbox
+from catenary.sensing.vector import DRIVERS, Kind, Mailbox, axes_matrix, convention_of
 from catenary.workflows.check import check_file
 
 G = 9.80665

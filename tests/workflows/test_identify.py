@@ -21,7 +21,6 @@ from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import Identification, identify
 from catenary.identification.identification_file import identification_card, save_identification
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.identification.part_of_arm import of_joints
 from catenary.identification.samples import prepare
 from catenary.plant import MotionLog
 from catenary.recording.logs import Reading
@@ -30,7 +29,7 @@ from catenary.reports.identification import excitation_facts, parameter_table, r
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf_export import write_urdf
-from catenary.workflows.identify import identify_files, payload_of_files
+from catenary.workflows.identify import identify_files, of_joints, payload_of_files
 from command_line import catenary, refusal
 from moving_arm import recorded, sinusoids, write_npz
 from oracles.geared_arm import ur10_log, write_ur10

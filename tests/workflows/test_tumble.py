@@ -17,11 +17,13 @@ from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import Mounting, load_mounting
 from catenary.sensing.tumble import fit_orientations
 from catenary.simulation.sensors import SensorModel
-from catenary.workflows.sense import StillReading, read_still, replay_feed
-from catenary.workflows.tumble import (
+from catenary.workflows.sense import (
     ATTITUDES,
     Attitude,
+    StillReading,
     calibrate_replay,
+    read_still,
+    replay_feed,
     rests,
     run_tumble,
     simulated_reader,

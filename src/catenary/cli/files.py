@@ -3,19 +3,19 @@
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
+import catenary
 from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one
 from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
 from catenary.errors import InputError
-
-if TYPE_CHECKING:
-    from catenary.robots.model import RobotModel
+from catenary.files import write_atomically
+from catenary.reports.page import Column, Table, write_picture
 
 
 def check(
@@ -40,8 +40,6 @@ def check(
         typed = recordings.typed(robot)
         found = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
     if picture is not None:
-        from catenary.reports.page import write_picture
-
         if found.draw is None:
             raise InputError("--picture: is of a recording with measured joint positions")
         write_picture(found.draw(), picture, PICTURE.endings)
@@ -67,8 +65,6 @@ def recover(
     from catenary.workflows.recover import recover as recover_recording
 
     found = recover_recording(recording, out)
-    from catenary.reports.page import Column, Table
-
     columns: list[Column] = ["topic", "kept", ("lost, about", "lost"), ("without messages [s]", "seconds:.2f")]
     table = Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s")
     early = "cut off: the last 0.5 s or so before the end are lost"
@@ -113,7 +109,7 @@ def export(
 
 
 def _c(
-    known: "RobotModel | None",
+    known: "catenary.RobotModel | None",
     out: Path,
     model: Path | None,
     rate_hz: float,
@@ -122,7 +118,7 @@ def _c(
 ) -> None:
     from catenary.calibration.model_file import load_model
     from catenary.dynamics.actuation_loads import joint_friction
-    from catenary.workflows.c_header import c_header, write_header
+    from catenary.workflows.c_header import c_header
 
     calibration = None if model is None else load_model(model)[0]
     loads = None
@@ -130,7 +126,7 @@ def _c(
         friction, viscous = (one_or_each(forces[name] or (0.0,)) for name in ("friction", "viscous"))
         loads = joint_friction(known, friction, viscous)
     header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
-    write_header(header, out)
+    write_atomically(out, header.text.encode("ascii"))
     facts = [("written", str(out)), ("functions", ", ".join(header.functions))]
     print_notes(header.notes)
     print_result(as_json, {"file": str(out), "functions": header.functions}, facts)

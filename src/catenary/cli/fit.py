@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import catenary
 from catenary.cli.options import (
     AS_JSON,
     REPORT,
@@ -25,13 +26,12 @@ from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelR
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
+from catenary.reports.page import Block, Heading, picture
+from catenary.side_by_side import on_workers
 
 if TYPE_CHECKING:
-    from catenary.calibration.evaluate import Evaluation
     from catenary.calibration.fit_options import FitOptions, FitRun
     from catenary.calibration.fit_recordings import FitResult
-    from catenary.reports.page import Table
-    from catenary.robots.model import RobotModel
     from catenary.workflows.calibration_model import HeldAgainst
 
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
@@ -123,12 +123,10 @@ def fit(
     Example: catenary fit run1.npz --out arm.npz
     """
     from catenary.calibration.model_file import save_model
-    from catenary.robots.catalog import load_robot
-    from catenary.side_by_side import on_workers
     from catenary.workflows.calibration_model import fit_calibration
 
     options = fitting.options(seed)
-    arm = None if robot is None else load_robot(robot)
+    arm = None if robot is None else catenary.load_robot(robot)
     reading, run = recordings.reading(robot), fitting.run(accept, robot)
     with progress_bar(f"fitting {fitting.kind}") as progress, on_workers(workers, cluster):
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
@@ -171,13 +169,12 @@ def evaluate(
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
     from catenary.reports.calibration import write_calibration_report
-    from catenary.reports.joint_errors import error_table, window_table
-    from catenary.robots.catalog import load_robot
+    from catenary.reports.joint_errors import coverage_table, error_table, window_table
 
-    arm = None if robot is None else load_robot(robot)
+    arm = None if robot is None else catenary.load_robot(robot)
     result = held.against().evaluate(window)
     judged = result.evaluation
-    tables = error_table(judged), _coverage(judged), window_table(judged)
+    tables = error_table(judged), coverage_table(judged), window_table(judged)
     print_result(as_json, result.as_data(), *tables, notes=result.notes)
     if held.report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
@@ -253,14 +250,8 @@ def drift(
         raise typer.Exit(1)
 
 
-def _coverage(evaluation: "Evaluation") -> "Table | None":
-    from catenary.reports.joint_errors import coverage_table
-
-    return None if evaluation.level is None else coverage_table(evaluation)
-
-
 def _print_fit(out: Path, result: "FitResult", as_json: bool) -> None:
-    from catenary.reports.joint_errors import error_table, left_out_table, spread_table
+    from catenary.reports.joint_errors import coverage_table, error_table, left_out_table, spread_table
     from catenary.workflows.calibration_model import interval_summary, warnings_of
 
     held_out, card = result.held_out, card_path(out)
@@ -269,7 +260,8 @@ def _print_fit(out: Path, result: "FitResult", as_json: bool) -> None:
     parts += [spread_table(result.spread)] if result.spread else []
     parts += [left_out_table(result.left_out)] if result.left_out else []
     if held_out is not None:
-        parts += [error_table(held_out, title="RMSE and largest error on the held-out part"), _coverage(held_out)]
+        parts.append(error_table(held_out, title="RMSE and largest error on the held-out part"))
+        parts.append(coverage_table(held_out))
     content = {
         "model": str(out),
         "card": str(card),
@@ -287,15 +279,15 @@ def _print_fit(out: Path, result: "FitResult", as_json: bool) -> None:
     print_result(as_json, content, *parts, f"model: {out}\ncard:  {card}", notes=notes)
 
 
-def _write_fit_report(path: Path, result: "FitResult", robot: "RobotModel | None") -> None:
+def _write_fit_report(path: Path, result: "FitResult", robot: "catenary.RobotModel | None") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
     from catenary.recording.mend import retimed_by
     from catenary.reports.calibration import write_calibration_report
     from catenary.reports.joint_errors import left_out_table
-    from catenary.reports.overlay import overlay_picture
-    from catenary.reports.page import Block, Heading
+    from catenary.reports.model_figure import CAPTION, overlay
 
-    further: list[Block] = [Heading("Delay"), *(overlay_picture(log, retimed_by(log)) for log in result.logs)]
+    overlays = (picture(overlay(log, retimed_by(log)), f"{log.name}. {CAPTION}") for log in result.logs)
+    further: list[Block] = [Heading("Delay"), *overlays]
     if result.left_out:
         further += [Heading("Rows left out"), left_out_table(result.left_out)]
     tested_on, evaluation = "the held-out part of each recording", result.held_out

@@ -1,16 +1,18 @@
 """catenary gravity, track and hold: torques under gravity, and simulated arms on bases that tilt and move."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GivenGravity, SensingOptions
 from catenary.cli.options import AS_JSON, REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
-from catenary.cli.robot_choice import SIMULATED_SEED
 from catenary.cli.robot_options import (
     ROBOT,
+    SIMULATED_SEED,
     DescriptionOptions,
     JointOptions,
     PayloadOptions,
@@ -19,11 +21,12 @@ from catenary.cli.robot_options import (
 )
 from catenary.cli.terminal import print_notes, print_result
 from catenary.errors import InputError
+from catenary.reports.page import Column, Table
+from catenary.units import TORQUE_UNIT
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.control.loop_report import Holding, Tracking
-    from catenary.robots.model import RobotModel
     from catenary.sensing.imu import SensedGravity
     from catenary.simulation.base_motion import MovingBase, Wave
     from catenary.workflows.gravity.simulated_arm import SimulatedArm
@@ -63,12 +66,9 @@ class Conditions:
 
     def base(self) -> "MovingBase":
         """Return what the arm stands on."""
-        import numpy as np
-
         from catenary.simulation.base_motion import FixedBase, SwayingBase
 
-        roll, pitch = np.deg2rad(self.base_tilt_deg or LEVEL_BASE)
-        start = FixedBase(float(roll), float(pitch))
+        start = FixedBase(*map(math.radians, self.base_tilt_deg or LEVEL_BASE))
         rocks = tuple(_wave("--rock", text) for text in self.rock)
         along = ("--heave", self.heave, "z"), ("--surge", self.surge, "x"), ("--sway", self.sway, "y")
         moves = tuple(_wave(option, text, axis) for option, texts, axis in along for text in texts)
@@ -101,28 +101,26 @@ class Conditions:
 
 def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
     """Read amplitude, frequency and phase of a motion along an axis, or of a rocking motion (AXIS,DEG,HZ)."""
-    import numpy as np
-
     from catenary.simulation.base_motion import Wave
 
     unit, rest = 1.0, text
     if axis is None:
         axis, _, rest = (part.strip() for part in text.partition(","))
-        unit = float(np.deg2rad(1.0))
+        unit = math.radians(1.0)
         if axis not in _AXES:
             raise InputError(f'{option} "{text}": expected AXIS,DEG,HZ with axis x, y or z, as x,8,0.1')
     try:
         values = numbers(rest)
     except typer.BadParameter as error:
         raise InputError(f"{option}: {error.message}") from None
-    if not np.isfinite(values).all():
+    if not all(map(math.isfinite, values)):
         raise InputError(f"{option}: expected finite numbers, got {', '.join(f'{v:g}' for v in values)}")
     if len(values) not in (2, 3) or values[1] < 0.0:
         raise InputError(
             f'{option} "{text}": expected an amplitude, a frequency of 0 Hz or more, and a phase in deg if any'
         )
     amplitude, frequency, phase = (*values, 0.0)[:3]
-    return Wave(unit * amplitude, frequency, _AXES[axis], float(np.deg2rad(phase)))
+    return Wave(unit * amplitude, frequency, _AXES[axis], math.radians(phase))
 
 
 def gravity(
@@ -145,7 +143,6 @@ def gravity(
     from catenary.gravity.torque import gravity_delta, gravity_torque, unseen_torque
     from catenary.gravity.vendors import in_controller_base, vendor_command, vendor_of
     from catenary.spatial import LEVEL
-    from catenary.units import TORQUE_UNIT
 
     model = carried.on(description.load(robot))
     model.require_masses()
@@ -171,8 +168,6 @@ def gravity(
         "delta": gravity_delta(model, values, gravity),  # for firmware that knows a level base only
         "base": model.base, **({} if told is None else {"vendor": told}),
     }  # fmt: skip
-    from catenary.reports.page import Column, Table
-
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
     columns: list[Column] = ["joint", ("torque", ":.4f"), ("level base", ":.4f"), ("difference", ":+.4f"), "unit"]
@@ -185,10 +180,8 @@ def gravity(
         print_notes([f"{vendor}: {told['limits']}"])
 
 
-def _unseen(model: "RobotModel", open_to: "Floats") -> list[str]:
+def _unseen(model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
     """Return a note on torques that the recordings of an identified robot did not show, with their size."""
-    from catenary.units import TORQUE_UNIT
-
     sizes = [
         f"{name} by up to {size:.2g} {TORQUE_UNIT[unit]}"
         for name, unit, size in zip(model.joint_names, model.joint_units, open_to, strict=True)
@@ -297,7 +290,7 @@ def _conclude(
     settings: Mapping[str, Any],
     report: Path | None,
     as_json: bool,
-    shown: "tuple[RobotModel, Floats, Floats, str]",
+    shown: "tuple[catenary.RobotModel, Floats, Floats, str]",
 ) -> None:
     from catenary.reports.gravity import gravity_table, write_gravity_report
 

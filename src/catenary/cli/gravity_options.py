@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import catenary
 from catenary.cli.options import Names, Triple, group, numbers, option, values_of
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.robots.model import RobotModel
     from catenary.sensing.checks import SensorRules
-    from catenary.sensing.conventions import Convention
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
-    from catenary.sensing.vector import Mailbox
+    from catenary.sensing.vector import Convention, Mailbox
     from catenary.spatial import Pose
 
 
@@ -59,10 +58,8 @@ class GivenGravity:
         "FRAME", "Frame of the sensor in the robot's description.", goes_with="imu_reading", not_with="mounting"
     )
 
-    def told(self, model: "RobotModel") -> "Floats":
+    def told(self, model: "catenary.RobotModel") -> "Floats":
         """Return gravity, (3,) in axes of a robot's base [m/s2]."""
-        import numpy as np
-
         from catenary.arrays import as_array
         from catenary.sensing.mounting import Mounting, load_mounting
         from catenary.sensing.vector import tilted_gravity
@@ -74,8 +71,7 @@ class GivenGravity:
                 self.imu_reading, told if self.imu_frame is None else told.at(model, self.imu_frame)
             )
         if self.base_tilt_deg is not None:
-            roll, pitch = np.deg2rad(self.base_tilt_deg)
-            return tilted_gravity(float(roll), float(pitch))
+            return tilted_gravity(*map(math.radians, self.base_tilt_deg))
         return LEVEL if self.vector is None else as_array("gravity", self.vector, (3,))
 
     def doubts(self, gravity: "Floats") -> list[str]:
@@ -105,7 +101,7 @@ class ReadingOptions:
 
     def convention(self) -> "Convention | None":
         """Return what readings are multiplied by; None where nothing is said."""
-        from catenary.sensing.conventions import convention_of
+        from catenary.sensing.vector import convention_of
 
         if not (self.units or self.axes or self.driver):
             return None
@@ -131,12 +127,10 @@ class ReadingOptions:
                 )
             rotation, position = by_tf(*frames)
             return replace(told, rotation=rotation, position=position, base=frames[0])
-        from catenary.robots.catalog import load_robot
-
         robot, colon, name = self.imu_frame.rpartition(":")
         if not colon:
             raise InputError(f'--imu-frame "{self.imu_frame}": expected ROBOT:FRAME, as arm.urdf:imu_link')
-        return told.at(load_robot(robot), name)
+        return told.at(catenary.load_robot(robot), name)
 
 
 GRAVITY_TOPIC = option(
@@ -161,7 +155,7 @@ class SensingOptions:
 
     def rules(self) -> "SensorRules":
         """Return what is believed."""
-        from catenary.sensing.bases import CHEAP_NOISE, rules_for
+        from catenary.sensing.checks import CHEAP_NOISE, rules_for
 
         changes = {"max_tilt": math.pi} if self.hanging else {}
         changes |= dict(_rule(text) for text in self.rule)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
+import catenary
 from catenary.cli.gravity_options import GRAVITY, IMU_READING, gravity_of_reading
 from catenary.cli.options import (
     AS_JSON,
@@ -30,10 +31,9 @@ from catenary.cli.robot_options import DescriptionOptions, PayloadOptions
 from catenary.cli.terminal import print_notes, print_page, print_result
 from catenary.errors import InputError
 from catenary.files import card_path
+from catenary.reports.page import Column, Table
 
 if TYPE_CHECKING:
-    from catenary.recording.logs import Reading
-    from catenary.robots.model import RobotModel
     from catenary.workflows.excitation import MotionSurroundings
 
 Place = tuple[str, float, float, float]
@@ -51,14 +51,6 @@ def gravity_vector(vector: Triple | None, reading: Triple | None) -> Triple:
         x, y, z = gravity_of_reading(reading).tolist()
         return x, y, z
     return vector or NOMINAL_GRAVITY
-
-
-def _rows(text: str) -> tuple[int, int]:
-    first, _, last = text.partition(":")
-    try:
-        return int(first), int(last)
-    except ValueError:
-        raise typer.BadParameter(f"expected FIRST:LAST, such as 921:6791, got {text!r}") from None
 
 
 def identify(
@@ -82,7 +74,6 @@ def identify(
     joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
     currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
     load: tuple[float, Path] | None = option("KG LOG", "Mass at the tip, recording with it.", goes_with="currents"),
-    rows: tuple[int, int] | None = option("A:B", "Rows of LOG to fit. [default: all]", read=_rows),
     gravity: Triple | None = GRAVITY,
     imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
     accept: Sequence[str] = ACCEPT,
@@ -114,9 +105,7 @@ def identify(
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     reading = replace(recordings.reading(), currents=currents)
-    result = identify_files(
-        data, robot, options, tests=test, rows=rows, reading=reading, load=load, joints=joints, accept=accept
-    )
+    result = identify_files(data, robot, options, tests=test, reading=reading, load=load, joints=joints, accept=accept)
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:
@@ -152,7 +141,6 @@ def identify_cable(
     """
     from catenary.identification.cable_loops import CableLoop, cable_loops
     from catenary.recording.logs import read_recording
-    from catenary.reports.page import Column, Table
     from catenary.verdict.check import verdict
     from catenary.verdict.finding import judge
 
@@ -207,13 +195,12 @@ def payload(
     if model is None:
         _wrist_tool(data, wrist_sensor or "", sensor_frame, gravity_vector(gravity, None), as_json)
         return
+    reading = recordings.reading()
+    how: dict[str, Any] = {"unloaded": unloaded, "cutoff_hz": cutoff_hz, "reading": reading, "accept": accept}
     if external is not None:
-        _external(data, model, unloaded, cutoff_hz, recordings.reading(), accept, external, as_json)
+        _external(data, model, external, as_json, **how)
         return
-    place = None if at is None else (at[0], at[1:])
-    result = payload_of_files(
-        data, model, at=place, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=recordings.reading(), accept=accept
-    )
+    result = payload_of_files(data, model, at=None if at is None else (at[0], at[1:]), **how)
     best, parts = result.payload, list[Any]()
     if best.detected:
         sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
@@ -231,32 +218,18 @@ def payload(
         moment, off = (", ".join(f"{v:.4f}" for v in each) for each in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
-        from catenary.reports.page import Column, Table
-
         title = "Links that could carry it, and what it would explain of the residual there"
         likely: list[Column] = ["link", ("probability", "probability:.2f"), ("explained", "explained:.1f %")]
         parts.append(Table(likely, [best, *result.candidates], title))
     print_result(as_json, result.summary(), *parts, notes=result.notes)
 
 
-def _external(
-    data: Sequence[Path],
-    model: Path,
-    unloaded: Sequence[Path],
-    cutoff_hz: float | None,
-    reading: "Reading",
-    accept: Sequence[str],
-    out: Path,
-    as_json: bool,
-) -> None:
-    from catenary.reports.page import Column, Table
+def _external(data: Sequence[Path], model: Path, out: Path, as_json: bool, **how: Any) -> None:
     from catenary.workflows.identify import external_torques_of_file
 
     if len(data) != 1:
         raise InputError(f"--external: expected one recording, got {len(data)}")
-    found = external_torques_of_file(
-        data[0], model, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=reading, accept=accept
-    )
+    found = external_torques_of_file(data[0], model, **how)
     found.write(out)
     columns: list[Column] = ["joint", ("largest", "largest:.3g"), ("at [s]", "time:.2f")]
     columns += [("95 % within", "half_width:.3g"), "unit", ("beyond", "beyond:.1f %")]
@@ -273,12 +246,11 @@ def _external(
 
 
 def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Triple, as_json: bool) -> None:
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.identify import wrist_tool_of_file
 
     if len(data) != 1:
         raise InputError(f"--wrist-sensor: expected one table of poses, got {len(data)} files")
-    tool, notes = wrist_tool_of_file(data[0], load_robot(robot), frame, gravity)
+    tool, notes = wrist_tool_of_file(data[0], catenary.load_robot(robot), frame, gravity)
     facts = [("mass", f"{tool.mass:.4f} kg, standard deviation {tool.mass_deviation:.4f} kg")]
     told = (
         ("centre", tool.center, tool.center_deviation, "m in the sensor's axes"),
@@ -322,7 +294,7 @@ class CollisionOptions:
     may_touch: Sequence[Touching] = option("A:B", "Pair of links or obstacles to ignore; repeatable.", read=_pair)
     no_collision_check: bool = option(None, "Design without a collision check.", False)
 
-    def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":
+    def around(self, robot: str, model: "catenary.RobotModel") -> "MotionSurroundings":
         """Return what a robot must not hit."""
         from catenary.collision.scene import box_at, floor_at, mesh_at
         from catenary.robots.shapes import load_geometry
@@ -391,9 +363,9 @@ def excitation(
     from catenary.workflows.excitation import design_excitation, write_motion, write_trajectory
 
     model = carried.on(description.load(robot))
-    given = vars(limits).copy()
-    if static is not None and given["velocity"] is None:
-        given["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
+    given = {name: values for name, values in vars(limits).items() if values is not None}
+    if static is not None:  # poses are held: how fast they are reached is the robot's
+        given.setdefault("velocity", (1.0,) * model.n)
     room = room_of(model, **given)
     around = collisions.around(robot, model)
     result = design_excitation(

@@ -23,7 +23,7 @@ from catenary.visible import ClosedOutput, VisibleStream
 GROUPS: dict[str, dict[str, str]] = {
     "Calibrate": {
         "calibrate": "calibrate", "home": "record", "excite": "record", "record": "record", "extract": "calibrate",
-        "fit": "fit", "evaluate": "fit", "refresh": "fit", "drift": "fit", "deploy": "deploy", "demo": "calibrate",
+        "fit": "fit", "evaluate": "fit", "refresh": "fit", "drift": "fit", "deploy": "calibrate", "demo": "calibrate",
     },
     "Gravity": {"gravity": "gravity", "track": "gravity", "hold": "gravity", "sense": "sense", "gravity-node": "nodes"},
     "Identify": {

@@ -1,5 +1,6 @@
 """catenary goto, random, follow, teleop: a robot moved by hand, simulated or on ROS."""
 
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -10,16 +11,16 @@ from typing import TYPE_CHECKING
 import typer
 
 from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option, require_one
-from catenary.cli.robot_choice import MovedRobot, PacedRobot, chosen_robot
-from catenary.cli.robot_options import some_joint_values
+from catenary.cli.robot_options import MovedRobot, PacedRobot, chosen_robot, some_joint_values
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import LimitError
+from catenary.reports.page import Table
+from catenary.teleop.terminal import RawTerminal
 from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.reports.page import Table
     from catenary.workflows.robot.homing import Homing
     from catenary.workflows.robot.operator_motion import MotionSummary
 
@@ -99,15 +100,13 @@ def follow(
     far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
     one begins at the beginning. However it ends, the robot holds and is paused.
     """
-    import numpy as np
-
     from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY, read_followed_file
     from catenary.workflows.robot.operator_motion import follow as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
     print_notes(motion.notes)
     fastest = dict(LARGEST_VELOCITY)
-    for unit, typed, scale in (("rad", largest_deg_s, np.pi / 180.0), ("m", largest_mm_s, 1e-3)):
+    for unit, typed, scale in (("rad", largest_deg_s, math.pi / 180.0), ("m", largest_mm_s, 1e-3)):
         if typed is not None:
             fastest[unit] = typed * scale
     away = motion.leaves_rows(motion.trajectory(blend), blend)
@@ -130,7 +129,6 @@ def teleop(
     paused.
     """
     from catenary.teleop.session import TeleopSession
-    from catenary.teleop.terminal import RawTerminal
 
     terminal = RawTerminal()
     announce("preparing the robot ...")
@@ -159,8 +157,15 @@ def _say(
     columns = {"now": summary.q, "largest error": summary.max_error, "rms error": summary.rms_error}
     columns |= {} if summary.true_error is None else {"true error": summary.true_error}
     joints = joints_table(summary, columns, "Joints: errors against what was commanded, as reported", 3, si=si)
-    parts = title, joints, *_tip(summary, si=si, asked=asked)
-    print_result(as_json, summary.as_data(), *parts, notes=[late] if summary.late_ticks else [])
+    digits, scale, unit = (4, 1.0, "m") if si else (1, 1000.0, "mm")
+    x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
+    lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
+    if asked is not None:
+        lines.append(f"distance from the goal: {1000.0 * math.dist(summary.tip, asked):.2f} mm")
+    if summary.tip_error is not None:
+        error = f"{1000.0 * summary.tip_error:.2f} mm"
+        lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
+    print_result(as_json, summary.as_data(), title, joints, *lines, notes=[late] if summary.late_ticks else [])
     if summary.ended_by is not None:
         sys.stdout.flush()
         raise typer.Exit(exit_code(summary.ended_by))
@@ -170,24 +175,8 @@ def joints_table(
     of: "MotionSummary | Homing", columns: "Mapping[str, Floats]", title: str, digits: int, *, si: bool = False
 ) -> "Table":
     """Return columns of numbers [rad|m] of a robot's joints, or of its first, in deg and mm or, with `si`, as such."""
-    from catenary.reports.page import Table
-
     rows = [
         [name, *("" if v is None else f"{v:.4f} {unit}" if si else in_words(v, unit, digits) for v in values)]
         for name, unit, *values in zip_longest(of.joint_names, of.joint_units, *columns.values())
     ]
     return Table(["joint", *columns], rows, title)
-
-
-def _tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> list[str]:
-    import numpy as np
-
-    digits, scale, unit = (4, 1.0, "m") if si else (1, 1000.0, "mm")
-    x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
-    lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
-    if asked is not None:
-        lines.append(f"distance from the goal: {1000.0 * float(np.linalg.norm(summary.tip - asked)):.2f} mm")
-    if summary.tip_error is not None:
-        error = f"{1000.0 * summary.tip_error:.2f} mm"
-        lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
-    return lines

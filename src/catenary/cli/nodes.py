@@ -1,6 +1,7 @@
 """catenary serve, button, encoders, gravity-node: simulated robots and devices as topics."""
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -10,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one
-from catenary.cli.robot_choice import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
+from catenary.cli.robot_options import CARRIER, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_json_line, print_notes, print_result
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.crtk.serving.server import Server
     from catenary.nodes.encoder_node import EncoderStatus
     from catenary.nodes.gravity_node import GravityStatus
     from catenary.nodes.serve import ServerStatus
@@ -66,8 +67,8 @@ def serve(
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     if is_raven and namespace is not None:
         raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
-    where = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=grav_dir)
-    serving = Serving(robot, dialect, where, green, encoders, namespace=namespace or "/PSM1")  # type: ignore[arg-type]
+    simulated = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=grav_dir)
+    serving = Serving(robot, dialect, simulated, green, encoders, namespace=namespace or "/PSM1")  # type: ignore[arg-type]
     if qos != "reliable" and ros != "2":
         raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
     with make_transport(ros, node_name("robot", name)) as transport:
@@ -75,7 +76,9 @@ def serve(
         server = make_server(serving, transport, rate_hz=rate)
         announce("preparing the robot ...")
         prepare(server)
-        print_notes([_greeting(server, dialect, ros)])
+        where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}[ros]
+        pressed = "" if server.button is None else "; `catenary button` presses the silver button"
+        print_notes([f"serving {server.published} topics in dialect {dialect} {where}; Ctrl-C ends it{pressed}"])
         final = run(server, start=start, show=_show_json if as_json else _show, duration=duration)
     arms = ", ".join(f"{name} {text}" for name, text in final.states.items())
     print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
@@ -91,8 +94,8 @@ def serve(
 
 def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_JSON) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
+    from catenary.crtk.client import press_button
     from catenary.crtk.network import make_transport, node_name
-    from catenary.crtk.start_button import press_button
 
     with make_transport(ros, node_name("button", name)) as transport:
         success, message = press_button(transport)
@@ -101,27 +104,18 @@ def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_
         raise typer.Exit(1)
 
 
-def _greeting(server: "Server", dialect: str, ros: str) -> str:
-    where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}
-    text = f"serving {server.published} topics in dialect {dialect} {where[ros]}; Ctrl-C ends it"
-    if server.button is not None:
-        text += "; `catenary button` presses the silver button"
-    return text
-
-
 def _show(status: "ServerStatus") -> None:
     arms = ", ".join(f"{name} {text}" for name, text in status.states.items())
     line = (
         f"{status.seconds:7.0f} s  {status.rate_hz:5.0f} Hz  {100 * status.cpu:3.0f} % cpu  {arms}  "
         f"{status.commands_hz:.0f} commands/s of {status.clients} programs"
     )
-    if status.lost_ticks:
-        line += f"  {status.lost_ticks} ticks lost"
-    if status.overflowed:
-        line += f"  {status.overflowed} messages missed by {', '.join(sorted(status.missed))}"
-    if not status.is_up:
-        line += "  NO MASTER"
-    print(line, flush=True)
+    wrong = {
+        f"  {status.lost_ticks} ticks lost": status.lost_ticks,
+        f"  {status.overflowed} messages missed by {', '.join(sorted(status.missed))}": status.overflowed,
+        "  NO MASTER": not status.is_up,
+    }
+    print(line + "".join(text for text, is_so in wrong.items() if is_so), flush=True)
     print_notes(status.warnings)
 
 
@@ -136,7 +130,6 @@ def encoders(
     bits: int = option("16|24|32", "Width of the board's counters.", 32),
     direction: Triple = option("D,D,D", "-1 for an encoder that counts against its joint.", (1.0, 1.0, 1.0)),
     state: str = option("TOPIC", "Topic of the homing robot's operating state.", "/arm1/operating_state"),
-    baud: int = BAUD,
     duration: float | None = DURATION,
     as_json: bool = LINES_AS_JSON,
 ) -> None:
@@ -156,7 +149,7 @@ def encoders(
     from catenary.nodes.publishing import publish
 
     rig = EncoderRig(bits=bits, direction=np.array(direction))
-    with make_transport(ros, node_name("encoders", name)) as transport, EncoderBoard(port, rig, baud=baud) as board:
+    with make_transport(ros, node_name("encoders", name)) as transport, EncoderBoard(port, rig) as board:
         board.wait_ready()
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
@@ -185,7 +178,6 @@ def gravity_node(
     points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
     urscript: str | None = option("TOPIC", "Also set gravity on a Universal Robot, by its driver's script topic."),
     no_gyroscope: bool = option(None, "Ignore the IMU's angular rates.", False),
-    baud: int = replace(BAUD, goes_with="port"),
     duration: float | None = DURATION,
     as_json: bool = LINES_AS_JSON,
 ) -> None:
@@ -201,7 +193,6 @@ def gravity_node(
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.gravity_node import GravityNode, LevelBaseArm
     from catenary.nodes.publishing import publish
-    from catenary.robots.catalog import load_robot
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import Mailbox
 
@@ -214,7 +205,7 @@ def gravity_node(
         feed: Callable[[float], None] | None = None
         counts: Any
         if port is not None:
-            device = stack.enter_context(SerialAccelerometer(port, mailbox, baud=baud, clock=lambda: now_of(transport)))
+            device = stack.enter_context(SerialAccelerometer(port, mailbox, clock=lambda: now_of(transport)))
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             told, angular, counts = device.with_ranges(told), hello.has_gyroscope, device.counts
@@ -225,7 +216,7 @@ def gravity_node(
             print_notes([f"{heard.topic}: waiting for {kind}"])
             feed, angular, counts = heard.feed, imu is not None, heard.tally
         angular = angular and not no_gyroscope
-        arm = None if delta_of is None else LevelBaseArm(load_robot(delta_of), joints)
+        arm = None if delta_of is None else LevelBaseArm(catenary.load_robot(delta_of), joints)
         if arm is not None and (mounting or reading.imu_frame):
             told = told.in_base_of(arm.model)  # whose axes its torques are of
         source = sensing.source(mailbox, told, angular=angular, feed=feed)
@@ -258,13 +249,11 @@ def _shown(line: Callable[[Any], tuple[str, Sequence[str]]], as_json: bool) -> C
 
 
 def _encoder_line(status: "EncoderStatus") -> tuple[str, Sequence[str]]:
-    import numpy as np
-
     reading = status.reading
     counts = " ".join(f"{value:.0f}" for value in reading.counts)
     place = reading.reason
     if reading.is_valid:
-        a, b, c = reading.q_encoder * [180.0 / np.pi, 180.0 / np.pi, 1e3]
+        a, b, c = reading.q_encoder * [180.0 / math.pi, 180.0 / math.pi, 1e3]
         place = f"{a:.3f} deg {b:.3f} deg {c:.3f} mm"
     robot = f"  robot {status.robot}" if status.robot else ""
     text = f"{status.seconds:7.0f} s  {reading.rate_hz:4.0f} Hz  {counts} counts  {place}{robot}"

@@ -54,7 +54,6 @@ class Option:
     writes: FileKind | None = None  # the kind of the file that it names
     goes_with: str | Names = ()  # parameters, one of which must be given with it
     not_with: str | Names = ()  # parameters, none of which may be given with it
-    shows_default: bool = True
     is_argument: bool = False
     joins_ros: bool = False  # the command then takes --transport, --ros-distro, and what stands behind --ros-args
 
@@ -128,7 +127,11 @@ class _Asked:
     def __init__(self, name: str, kind: Any, declared: Option) -> None:
         self.name, self.option = name, declared
         self.default = _default(declared, kind)
-        self._kind, self._is_repeatable = _without_none(kind), _is_repeatable(kind)
+        rest = [
+            one for one in get_args(kind) if one is not NoneType
+        ]  # of what need not be given, its type without None
+        self._kind = rest[0] if NoneType in get_args(kind) and len(rest) == 1 else kind
+        self._is_repeatable = _is_repeatable(kind)
 
     @property
     def typed(self) -> str:
@@ -153,7 +156,7 @@ class _Asked:
         if read is not None:
             kind = str
         settings: dict[str, Any] = {
-            "metavar": metavar, "help": told.help, "show_default": told.shows_default, "parser": read,
+            "metavar": metavar, "help": told.help, "parser": read,
             "min": told.least, "max": told.most, "autocompletion": robots_beginning if told.names_robot else None,
         }  # fmt: skip
         made = typer.Argument(**settings) if told.is_argument else typer.Option(self.typed, **settings)
@@ -241,12 +244,6 @@ def _names(names: str | Names) -> Names:
 
 def _default(declared: Option, kind: Any) -> Any:
     return () if declared.default is None and _is_repeatable(kind) else declared.default
-
-
-def _without_none(kind: Any) -> Any:
-    """Return a type without the None of what need not be given."""
-    rest = [one for one in get_args(kind) if one is not NoneType]
-    return rest[0] if NoneType in get_args(kind) and len(rest) == 1 else kind
 
 
 def _is_repeatable(kind: Any) -> bool:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import catenary
 from catenary.cli import projects
 from catenary.cli.motion import joints_table
 from catenary.cli.options import AS_JSON, argument, option
 from catenary.cli.out_files import EXCITATION
-from catenary.cli.robot_choice import DIALECT, PacedRobot, TerminalGuide, chosen_robot
+from catenary.cli.robot_options import DIALECT, PacedRobot, TerminalGuide, chosen_robot
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import InputError
@@ -95,7 +96,11 @@ def excite(
     opened = projects.open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
     kind = kind_of(opened.settings)
     motion, what = kind.refresh_motion() if refresh else kind.excitation()
-    name = _free_name(opened, "refresh") if refresh else TRAIN
+    name = TRAIN
+    if refresh:  # each day's minute is another one
+        there = {path.name for path in (opened.folder / "recordings").glob("*")}
+        names = chain(["refresh"], (f"refresh_{k}" for k in count(2)))
+        name = next(each for each in names if each not in there)
     with opened, projects.robot_of(opened, access, "excite") as moved:
         with projects.step_progress("homing", opened):
             moved.home(opened)
@@ -105,22 +110,15 @@ def excite(
     projects.say_step(opened, said, was_run, as_json, {"seconds": motion.duration, "recording": name})
 
 
-def _free_name(project: "Project", name: str) -> str:
-    """Return a name that no recording has: each day's minute is another one."""
-    there = {path.name for path in (project.folder / "recordings").glob("*")}
-    return next(each for each in chain([name], (f"{name}_{k}" for k in count(2))) if each not in there)
-
-
 def _write_refresh_motion(kind: "ProjectKind", out: Path, as_json: bool) -> None:
     """Write the minutes of full reversals of a kind of robot."""
     import numpy as np
 
     from catenary.plant import Joints
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.excitation import write_motion
 
     motion, _ = kind.refresh_motion()
-    model, n = load_robot(kind.model), len(kind.joints)
+    model, n = catenary.load_robot(kind.model), len(kind.joints)
     time = np.linspace(0.0, motion.duration, 1 + round(MOTION_ROWS_PER_SECOND * motion.duration))
     q, qd, qdd = (np.array(each) for each in zip(*map(motion, time.tolist()), strict=True))
     write_motion(out, Joints(kind.joints, model.joint_units[:n]), time, q, qd, qdd)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import catenary
 from catenary.cli.options import argument, group, option, values_of
 
 if TYPE_CHECKING:
@@ -59,9 +60,7 @@ class RecordingOptions(MappingOptions):
 
         names, own_units = None, None
         if robot is not None:
-            from catenary.robots.catalog import load_robot
-
-            arm = load_robot(robot)
+            arm = catenary.load_robot(robot)
             names, own_units = arm.joint_names, arm.joint_units
         as_trained = not getattr(self, "as_is", False)
         array, given = (None, ()) if self.units is None else units_of(self.units)

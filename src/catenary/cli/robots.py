@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import catenary
 from catenary.cli.gravity_options import GivenGravity
 from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option
 from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
@@ -11,12 +12,11 @@ from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_options import ROBOT, DescriptionOptions, JointOptions, PayloadOptions, beyond_limits
 from catenary.cli.terminal import print_notes, print_result, without_notes
 from catenary.errors import InputError
+from catenary.reports.page import Column, Table, write_picture
 from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
-    from catenary.reports.page import Table
-    from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
     from catenary.workflows.regressor_report import RegressorReport
 
@@ -28,25 +28,23 @@ IN_FRAME = option("FRAME", "Frame that the pose is expressed in. [default: base]
 
 def robots(as_json: bool = AS_JSON) -> None:
     """List the robots that come with the package."""
-    from catenary.robots.catalog import load_robot, robot_names
+    from catenary.robots.catalog import robot_names
 
     with without_notes(True):  # those that a robot has when it is named
-        models = [load_robot(name) for name in robot_names()]
+        models = [catenary.load_robot(name) for name in robot_names()]
     found = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
-    from catenary.reports.page import Column, Table
-
     columns: list[Column] = ["name", ("joints", _kinds), "tip", ("joint names", _names_in_brief)]
     legend = "R: revolute, P: prismatic; catenary check ROBOT names joints with their limits"
     print_result(as_json, found, Table(columns, models, "Robots", left=4), legend)
 
 
-def _kinds(model: "RobotModel") -> str:
+def _kinds(model: "catenary.RobotModel") -> str:
     turning = model.joint_units.count("rad")
     counts = ((turning, "R"), (model.n - turning, "P"))
     return " ".join(f"{count}{kind}" for count, kind in counts if count)
 
 
-def _names_in_brief(model: "RobotModel") -> str:
+def _names_in_brief(model: "catenary.RobotModel") -> str:
     names = ", ".join(model.joint_names)
     return names if len(names) <= ROOM_FOR_NAMES else f"{model.joint_names[0]} ... {model.joint_names[-1]}"
 
@@ -63,9 +61,8 @@ def fk(
     Example: catenary fk raven2_full --q-deg 30,90,400,0,0,0
     """
     from catenary.dynamics.kinematics import relative_pose
-    from catenary.robots.catalog import load_robot
 
-    model = load_robot(robot)
+    model = catenary.load_robot(robot)
     values = joints.of(model)
     print_notes(beyond_limits(model, values))
     name, in_frame = frame or model.tip, in_frame or model.base
@@ -101,9 +98,8 @@ def ik(
 
     from catenary.dynamics.inverse_kinematics import inverse_kinematics
     from catenary.dynamics.kinematics import relative_pose
-    from catenary.robots.catalog import load_robot
 
-    model = load_robot(robot)
+    model = catenary.load_robot(robot)
     name, in_frame = frame or model.tip, in_frame or model.base
     start = joints.given(model)
     if position_mm is None:
@@ -125,8 +121,6 @@ def ik(
     asked = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
     unknown = {"quaternion": None, "rotation": None} if match == "position" else {}
     content = {**asked, "goal": pose_numbers(goal) | unknown, "reached": pose_numbers(reached)}
-    from catenary.reports.page import Table
-
     rows = [
         [n, f"{v:.9g} {u}", in_words(v, u, 4)]
         for n, v, u in zip(model.joint_names, solution, model.joint_units, strict=True)
@@ -147,8 +141,6 @@ def pose_numbers(pose: "Pose") -> dict[str, Any]:
 
 def _pose_table(first: str, poses: "dict[str, Pose]", title: str, *, free: str = "") -> "Table":
     """Return a table of poses, a row each; the orientation of the one that is named `free` may be any."""
-    from catenary.reports.page import Column, Table
-
     columns: list[Column] = [first, *((f"{axis} [mm]", ":.3f") for axis in "xyz"), *((part, ":.6f") for part in "wxyz")]
     rows = []
     for name, pose in poses.items():
@@ -194,7 +186,6 @@ def plot(
 
     Example: catenary plot arm.npz tuesday.parquet --joint elbow --out fig.pdf
     """
-    from catenary.reports.page import write_picture
     from catenary.reports.robot_plot import middle_pose
     from catenary.reports.robot_plot import plot as draw
 
@@ -225,7 +216,6 @@ def _plot_errors(
 ) -> None:
     from catenary.reports.calibration import short_name
     from catenary.reports.model_figure import model_figure
-    from catenary.reports.page import write_picture
     from catenary.workflows.calibration_model import held_against
 
     held = held_against(path, [log], recordings.reading())
@@ -259,8 +249,6 @@ def regressor(
 
 
 def _compact(report: "RegressorReport") -> list[Any]:
-    from catenary.reports.page import Column, Table
-
     form = report.compact
     columns: list[Column] = ["", "", ("value", ":.6g"), "unit"]
     names = [f"s{k}" for k in range(1, len(form.labels) + 1)]
@@ -278,7 +266,6 @@ def _compact(report: "RegressorReport") -> list[Any]:
 
 def _identifiability(report: "RegressorReport") -> list[Any]:
     from catenary.gravity.gravity_regressor import standard_labels
-    from catenary.reports.page import Column, Table
     from catenary.workflows.regressor_report import WORDS
 
     value: Column = ("value", ":.6g")

@@ -2,8 +2,8 @@
 
 import math
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import Names, group, option, require_one, values_of
 from catenary.cli.out_files import MOUNTING, refuse_outputs
-from catenary.cli.robot_choice import BAUD
 from catenary.cli.terminal import print_notes, print_result
 from catenary.errors import InputError
 
@@ -23,12 +23,9 @@ if TYPE_CHECKING:
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
-    from catenary.simulation.sensors import SensorModel
-    from catenary.workflows.sense import Feed, SenseSummary, StillReading
-    from catenary.workflows.tumble import Attitude, TumbleOutcome
+    from catenary.workflows.sense import Attitude, Feed, SenseSummary, StillReading, TumbleOutcome
 
-_SHOWN_EVERY = 0.1  # [s] on a terminal
-_LINE_EVERY = 1.0  # [s] in a file or pipe
+_LINE_EVERY = 1.0  # [s]
 
 
 @group
@@ -62,6 +59,16 @@ class ReplayOptions:
         print_notes(found.notes)
         return found
 
+    def calibrated(self, recording: "ImuRecording", told: "Mounting") -> "TumbleOutcome":
+        """Calibrate the sensor by its rests in a recording."""
+        from catenary.workflows.sense import calibrate_replay, read_orientations
+
+        model = None if self.robot is None else catenary.load_robot(self.robot)
+        start = told if model is None else replace(told, base=self.frame or model.tip)
+        return calibrate_replay(
+            recording, read_orientations(self.orientations or Path(), model, self.frame), start=start
+        )
+
 
 def sense(
     sensing: SensingOptions,
@@ -74,7 +81,6 @@ def sense(
     seed: int = option(None, "Seed of the simulated sensor's noise.", 0, least=0, goes_with="simulated"),
     duration: float | None = option("S", "How long to watch. [default: 5; until Ctrl-C on a terminal]"),
     mounting: Path | None = MOUNTING_FILE,
-    baud: int = replace(BAUD, goes_with="port"),
     tumble: bool = option(None, "Calibrate the sensor in several attitudes and write a mounting file.", False),
     out: Path | None = option(
         "FILE", "What --tumble writes. [default: mounting.toml]", writes=MOUNTING, goes_with="tumble"
@@ -94,9 +100,16 @@ def sense(
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import MAILBOX, Mailbox
     from catenary.simulation.base_motion import FixedBase
-    from catenary.simulation.sensors import SimulatedSensor
-    from catenary.workflows.sense import SETTLE, replay_feed, serial_feed, simulated_feed
-    from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
+    from catenary.simulation.sensors import SensorModel, SimulatedSensor
+    from catenary.workflows.sense import (
+        ATTITUDES,
+        SETTLE,
+        replay_feed,
+        run_tumble,
+        serial_feed,
+        simulated_feed,
+        simulated_reader,
+    )
 
     require_one(port=port, simulated=simulated, replay=replaying.replay)
     out = out or Path("mounting.toml")
@@ -106,14 +119,17 @@ def sense(
     by_tf = None if bag is None else partial(recorded_pose, bag)
     told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
     recording = replaying.recording(reading, tumble=tumble)
-    model = _simulated_model(told, 200.0 if rate is None else rate)
+    model = SensorModel(200.0 if rate is None else rate)  # of which what is told of the mounting is true
+    ends = {key: min(getattr(told, key), getattr(model.mounting, key)) for key in ("acceleration_range", "rate_range")}
+    model = replace(model, mounting=replace(told, **ends))
     if simulated:
         told = model.mounting
-    if tumble and recording is not None:
-        _conclude_tumble(_calibrated(recording, replaying, told), out, as_json)
-        return
-    if tumble and simulated:
-        _conclude_tumble(run_tumble(simulated_reader(model, seed=seed), start=told), out, as_json)
+    if tumble and port is None:
+        if recording is None:
+            outcome = run_tumble(simulated_reader(model, seed=seed), start=told)
+        else:
+            outcome = replaying.calibrated(recording, told)
+        _conclude_tumble(outcome, out, as_json)
         return
     with ExitStack() as stack:
         if recording is not None:
@@ -121,7 +137,7 @@ def sense(
             duration = left if duration is None else min(duration, left)
         elif port is not None:
             size = 100 * MAILBOX if tumble else MAILBOX  # the turns of a tumble are kept while nobody reads
-            device = stack.enter_context(SerialAccelerometer(port, Mailbox(size, reading.convention()), baud=baud))
+            device = stack.enter_context(SerialAccelerometer(port, Mailbox(size, reading.convention())))
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             feed, told = serial_feed(device), device.with_ranges(told)
@@ -136,77 +152,40 @@ def sense(
             _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration, as_json)
 
 
-def _simulated_model(told: "Mounting", rate: float) -> "SensorModel":
-    """Return a simulated sensor, of which what is told of the mounting is true."""
-    from catenary.simulation.sensors import SensorModel
-
-    own = SensorModel(rate).mounting
-    ranges = {name: min(getattr(told, name), getattr(own, name)) for name in ("acceleration_range", "rate_range")}
-    return SensorModel(rate, mounting=replace(told, **ranges))
-
-
 def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_json: bool) -> None:
     from catenary.workflows.sense import watch
 
     length = (math.inf if sys.stdout.isatty() and not as_json else 5.0) if duration is None else duration
-    with _display(as_json, source.mounting.base) as show:
-        summary = watch(feed, source, length, show=show)
+    last = -math.inf
+
+    def line(reading: "GravityReading", time: float) -> None:
+        nonlocal last
+        if time - last >= _LINE_EVERY and not as_json:
+            last = time
+            print(f"{time:8.1f} s  {_lines(reading, source.mounting.base)[0]}  {' '.join(reading.faults.names)}")
+
+    summary = watch(feed, source, length, show=line)
     print_result(as_json, summary.as_data(), *_in_words(summary))
     if not summary.was_live:
         raise typer.Exit(1)
 
 
-@contextmanager
-def _display(as_json: bool, base: str) -> "Iterator[Callable[[GravityReading, float], None]]":
-    """Show readings as they come: a panel that stays in place on a terminal, else a line a second."""
-    if as_json:
-        yield lambda reading, time: None
-        return
-    last = [-math.inf]
-    if not sys.stdout.isatty():
-
-        def line(reading: "GravityReading", time: float) -> None:
-            if time - last[0] >= _LINE_EVERY:
-                last[0] = time
-                print(f"{time:8.1f} s  {'  '.join(_lines(reading, base)[:1])}  {' '.join(reading.faults.names)}")
-
-        yield line
-        return
-    from rich.console import Console
-    from rich.live import Live
-    from rich.text import Text
-
-    with Live(console=Console(), refresh_per_second=10, transient=True) as live:
-
-        def panel(reading: "GravityReading", time: float) -> None:
-            if time - last[0] >= _SHOWN_EVERY:
-                last[0] = time
-                warnings = [f"WARNING {f.names[0]}: {f.message}" for f in reading.faults]
-                live.update(Text("\n".join([*_lines(reading, base), *warnings, "Ctrl-C ends"])))
-
-        yield panel
-
-
 def _lines(reading: "GravityReading", base: str) -> list[str]:
-    import numpy as np
-
     from catenary.sensing.vector import tilt_angle, tilt_of
 
     x, y, z = reading.gravity
-    roll, pitch = np.degrees(tilt_of(reading.gravity))
+    roll, pitch = map(math.degrees, tilt_of(reading.gravity))
     age = "never measured" if math.isinf(reading.age) else f"{1000.0 * reading.age:.0f} ms old"
-    rates = np.degrees(reading.base_rates[0])
+    rates = map(math.degrees, reading.base_rates[0])
     return [
-        f"gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2 in axes of {base}, length {np.linalg.norm(reading.gravity):.3f}, "
-        f"tilt {np.degrees(tilt_angle(reading.gravity)):.2f} deg, {age}, {reading.status.value}",
+        f"gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2 in axes of {base}, length {math.hypot(x, y, z):.3f}, "
+        f"tilt {math.degrees(tilt_angle(reading.gravity)):.2f} deg, {age}, {reading.status.value}",
         f"roll {roll:+.2f} deg, pitch {pitch:+.2f} deg",
         "turning " + " ".join(f"{v:+.2f}" for v in rates) + " deg/s",
     ]
 
 
 def _in_words(summary: "SenseSummary") -> list[Any]:
-    import numpy as np
-
     lines, facts = _lines(summary.reading, summary.base), list[tuple[str, str]]()
     if summary.was_live:
         spread = ", ".join(f"{v:.4f}" for v in summary.spread)
@@ -218,25 +197,12 @@ def _in_words(summary: "SenseSummary") -> list[Any]:
         share = 100.0 * count / max(1, sum(summary.gravity.ticks.values()))
         facts.append(("WARNING:", f"{name} for {share:.1f} % of the time: {message}"))
     line = "line: " + ", ".join(f"{k} {v}" for k, v in summary.link.items()) if summary.link else None
-    nothing = None if np.isfinite(summary.mean).all() else "no valid sample was measured"
+    nothing = None if all(map(math.isfinite, summary.mean)) else "no valid sample was measured"
     return [*lines, facts, line, nothing]
 
 
-def _calibrated(recording: "ImuRecording", options: ReplayOptions, told: "Mounting") -> "TumbleOutcome":
-    from catenary.robots.catalog import load_robot
-    from catenary.workflows.tumble import calibrate_replay, read_orientations
-
-    model = None if options.robot is None else load_robot(options.robot)
-    if model is not None:
-        told = replace(told, base=options.frame or model.tip)
-    return calibrate_replay(
-        recording, read_orientations(options.orientations or Path(), model, options.frame), start=told
-    )
-
-
 def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
-    from catenary.workflows.sense import read_still
-    from catenary.workflows.tumble import ATTITUDES
+    from catenary.workflows.sense import ATTITUDES, read_still
 
     def read(attitude: "Attitude") -> "StillReading":
         which = f"{ATTITUDES.index(attitude) + 1}/{len(ATTITUDES)}"
@@ -251,8 +217,7 @@ def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
 
 
 def _enter_pressed() -> bool:
-    """Wait for Enter; False at the end of standard input."""
-    return bool(sys.stdin.readline())
+    return bool(sys.stdin.readline())  # not at the end of standard input
 
 
 def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:

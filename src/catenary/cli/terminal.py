@@ -11,6 +11,7 @@ from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
 
+from catenary.files import json_text
 from catenary.visible import visible
 
 _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
@@ -47,15 +48,11 @@ def without_notes(silent: bool) -> Iterator[None]:
 
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output."""
-    from catenary.files import json_text
-
     print(json_text(content))
 
 
 def print_json_line(content: Any) -> None:
     """Print one JSON document on one line, so that a program can read them as they come."""
-    from catenary.files import json_text
-
     print(json.dumps(json.loads(json_text(content))), flush=True)
 
 

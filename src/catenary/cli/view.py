@@ -9,18 +9,18 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import catenary
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, option
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_choice import MovedRobot, RobotPlace, WatchedRobot, chosen_robot
+from catenary.cli.robot_options import MovedRobot, RobotPlace, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
+from catenary.teleop.terminal import RawTerminal
 
 if TYPE_CHECKING:
     from catenary.calibration.model import CalibrationModel
     from catenary.monitor import Snapshot
-    from catenary.plant import MotionLog
-    from catenary.teleop.terminal import RawTerminal
 
 
 def view(
@@ -70,13 +70,20 @@ def view(
                 title, runs = _on_ros(stack, robot, model, gravity)
             else:
                 announce(f"{page.url}: preparing the robot ...")
-                title, runs = what or "raven2", _simulated(what or "raven2", model, place.robot_seed)
+                import numpy as np
+
+                from catenary.view.simulated import DrivenArm
+
+                title, rng = what or "raven2", np.random.default_rng(0)
+                runs = DrivenArm(title, model=model, seed=place.robot_seed, rng=rng)
             url = page.open(runs.shown(f"catenary: {Path(title).name}"))
             if as_json:
                 print_json_line({"shown": title, "url": url})
             else:
                 print(f"{title}: {url} (Ctrl-C ends it)", flush=True)
-            if _has_screen() if browser is None else browser:
+            # somebody may sit at a terminal of a machine that can show a window
+            windows = sys.platform == "darwin" or any(os.environ.get(n) for n in ("DISPLAY", "WAYLAND_DISPLAY"))
+            if windows and sys.stdout.isatty() if browser is None else browser:
                 webbrowser.open(page.url)
             runs.run(page, lambda: time.monotonic() > end)
         except KeyboardInterrupt:
@@ -84,14 +91,6 @@ def view(
 
 
 _Titled = tuple[str, Any]  # of the page; what has `shown` and `run`
-
-
-def _simulated(robot: str, model: Path | None, seed: int | None) -> Any:
-    import numpy as np
-
-    from catenary.view.simulated import DrivenArm
-
-    return DrivenArm(robot, model=model, seed=seed, rng=np.random.default_rng(0))
 
 
 def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: str | None) -> _Titled:
@@ -107,7 +106,6 @@ def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
 
 def _recording(what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions) -> _Titled:
     """Return a recording of a robot, or a project's."""
-    from catenary.robots.catalog import load_robot
     from catenary.view.replay import Replay, recorded_arm, shown_project
     from catenary.view.shapes import shapes_of
 
@@ -117,14 +115,14 @@ def _recording(what: str | None, log: Path | None, model: Path | None, recording
         path, model = log or recorded, model or recommended
     recording, loaded = _played(path, model, recordings)
     named = robot or recording.robot or "raven2"
-    arm = load_robot(named)
+    arm = catenary.load_robot(named)
     title = str(what if what is not None and log is None else path)
     return title, Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0])
 
 
 def _played(
     log: Path, model: Path | None, recordings: ModelRecordingOptions
-) -> "tuple[MotionLog, CalibrationModel | None]":
+) -> "tuple[catenary.MotionLog, CalibrationModel | None]":
     """Read a recording, for a model and corrected as its training data if there is one, and the model."""
     from catenary.calibration.model_file import load_model
     from catenary.workflows.calibration_model import recording_for
@@ -141,12 +139,6 @@ def _is_project(what: str) -> bool:
     from catenary.workflows.project.folder import is_project
 
     return is_project(Path(what))
-
-
-def _has_screen() -> bool:
-    """Return whether somebody sits at a terminal of a machine that can show a window."""
-    windows = sys.platform == "darwin" or any(os.environ.get(n) for n in ("DISPLAY", "WAYLAND_DISPLAY"))
-    return windows and sys.stdout.isatty()
 
 
 _LIVE = ("ros", "base_tilt_deg", "robot_seed")  # options of a robot that is watched
@@ -172,7 +164,6 @@ def monitor(
     Example: catenary monitor --log demo/test.parquet --model demo/models/neural_best.npz
     """
     from catenary.monitor import plain_line
-    from catenary.teleop.terminal import RawTerminal
 
     on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0

@@ -138,8 +138,7 @@ def stiffness_margin(
         g = fixed if fixed is not None else STANDARD_GRAVITY * _direction(x[n], x[n + 1])
         steps = _STEP * np.eye(n)
         torques = gravity_torque(model, np.concatenate([q + steps, q - steps]), g)
-        slope: Floats = (torques[:n] - torques[n:]) / (2.0 * _STEP)
-        return slope
+        return (torques[:n] - torques[n:]) / (2.0 * _STEP)
 
     def negative_share(x: Floats) -> float:
         return -float(np.linalg.norm(slope_at(x) / scale, 2))

@@ -58,8 +58,7 @@ def torque_at_joints(
     turns = as_array("ratio", ratio, (None,))
     most = as_array("dac_limit", dac_limit, turns.shape)
     current = np.where(most > 0.0, most, np.inf) / as_array("dac_per_ampere", dac_per_ampere, turns.shape)
-    torque: Floats = current * as_array("torque_constant", torque_constant, turns.shape) * np.abs(turns)
-    return torque
+    return current * as_array("torque_constant", torque_constant, turns.shape) * np.abs(turns)
 
 
 def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: ArrayLike) -> Floats:
@@ -71,8 +70,7 @@ def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: Arra
     c = as_array("coupling", coupling, (3,))
     C = np.array([winding_of(c, unit) for unit in np.eye(3)]).T
     at_cables = as_array("rotor_inertia", rotor_inertia, (3,)) * as_array("ratio", ratio, (3,)) ** 2
-    inertia: Floats = C.T @ np.diag(at_cables) @ C
-    return inertia
+    return C.T @ np.diag(at_cables) @ C
 
 
 def gains_from_mass(

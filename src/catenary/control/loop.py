@@ -272,5 +272,4 @@ def _require_near(
                 f'joint "{name}": the trajectory begins at {first[j]:.6g} {unit}, {what} is at '
                 f"{q[j]:.6g} {unit}{also}; go there first"
             )
-    at_calibrated: Flags = corrected <= reported
-    return at_calibrated
+    return corrected <= reported

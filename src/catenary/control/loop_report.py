@@ -160,8 +160,7 @@ class Tracking:
 
     def _rms(self, rows: Floats) -> Floats:
         kept = rows[self.counted > 0.0]
-        rms: Floats = np.sqrt(np.mean(kept**2, axis=0))
-        return rms
+        return np.sqrt(np.mean(kept**2, axis=0))
 
     def as_data(self) -> dict[str, Any]:
         """Plain data: errors in deg and mm, torques in Nm and N, shares in percent."""
@@ -214,8 +213,7 @@ class Holding:
     @property
     def drift(self) -> Floats:
         """How far each joint was from where it began, at most, (n,) [rad|m], true positions."""
-        farthest: Floats = np.abs(self.q_true - self.q_true[0]).max(axis=0)
-        return farthest
+        return np.abs(self.q_true - self.q_true[0]).max(axis=0)
 
     def as_data(self) -> dict[str, Any]:
         """Plain data in deg and mm."""

@@ -13,6 +13,8 @@ State commands are never latched: a robot that restarts must not be enabled by w
 
 One program at a time moves an arm. A client that has not moved it yet listens to what others command, and refuses to
 begin while one does, by its name; a served robot refuses the second one too, and what it says ends that one's motion.
+
+A RAVEN-II's silver button is pressed by its topic, which every network carries.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,12 +26,13 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import OtherCommanders
+from catenary.crtk.message import message_class
 from catenary.crtk.message_values import Stamps, command_message, joint_state_message
 from catenary.crtk.message_values import operating_state as operating_state_of
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.topic_names import find_topic
-from catenary.crtk.transport import Publisher
-from catenary.errors import NotReadyError, UnsupportedCommandError
+from catenary.crtk.topic_names import BUTTON, NAMESPACES, SIGNAL, TEXT, WARNING, find_topic
+from catenary.crtk.transport import Publisher, Transport
+from catenary.errors import NotReadyError, TransportError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
 
 REACHED = 1e-6  # [rad|m] a robot's setpoint this near is the goal: RAVEN-II computes in floats of 32 bits
@@ -177,3 +180,31 @@ class CrtkClient(CrtkReader):
             if not listeners - {self.transport.name}:  # this client listens to who else commands
                 faults.append(f"{topic}: nobody listens")
         return faults
+
+
+STARTS = ": starts"  # what the robot says of an arm that the button starts
+SAID = "button: "  # before it, where it says so on a topic
+
+
+def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
+    """Press it; return whether an arm starts, and what the robot says within `timeout` [s], or raise TransportError."""
+    publisher = transport.publisher(BUTTON, SIGNAL)
+    heard = transport.subscribe(f"{NAMESPACES['gold']}/{WARNING}", TEXT)
+    try:
+        for _ in range(100):  # a second
+            there = transport.connections(publisher.topic).subscribers, transport.connections(heard.topic).publishers
+            if all(there):
+                break
+            transport.sleep(0.01)
+        else:
+            raise TransportError(f"{BUTTON}: nobody listens to it")
+        publisher.publish(message_class(SIGNAL)())
+        for _ in range(round(timeout / 0.01)):
+            for message, _ in heard.take():
+                if message.data.startswith(SAID):
+                    return message.data.endswith(STARTS) or f"{STARTS};" in message.data, message.data[len(SAID) :]
+            transport.sleep(0.01)
+    finally:
+        heard.close()
+        publisher.close()
+    raise TransportError(f"{BUTTON}: no answer within {timeout:g} s")

@@ -14,11 +14,6 @@ LISTEN = 0.35  # [s] that a client listens before it begins
 HELD = "holds the arm"
 
 
-def held_by(refused: str, holder: str, topic: str) -> str:
-    """Return what a served arm says of a program whose command it refused, because another moves the arm."""
-    return f"{refused} has to wait: {holder} {HELD} ({topic})"
-
-
 class OtherCommanders:
     """Hears who else commands an arm, until its own client does; from then on what the robot says of it."""
 
@@ -56,8 +51,11 @@ class OtherCommanders:
                 "end it first, nothing has moved"
             )
         if self._told is not None and len(self._told):
-            for message, _ in self._told.take():
-                self._read_warning(message.data)
+            for message, _ in self._told.take():  # as `Commander.require_free` says it
+                said, is_held, _ = message.data.partition(f" {HELD}")
+                refused, _, holder = said.rpartition(" has to wait: ")
+                if is_held and refused.rpartition(" ")[2].rpartition("/")[2] == self._transport.name:
+                    raise RobotHeldError(f"{holder} {HELD}; the robot refused this program's commands")
 
     def we_command(self) -> None:
         """Note that the own client moves the arm; only the robot is listened to then."""
@@ -71,12 +69,6 @@ class OtherCommanders:
         self.we_command()
         if self._told is not None:
             self._told.close()
-
-    def _read_warning(self, text: str) -> None:
-        said, is_held, _ = text.partition(f" {HELD}")
-        refused, _, holder = said.rpartition(" has to wait: ")
-        if is_held and refused.rpartition(" ")[2].rpartition("/")[2] == self._transport.name:
-            raise RobotHeldError(f"{holder} {HELD}; the robot refused this program's commands")
 
 
 LATE = 2 * SECOND  # [ns] that a lease which has run out is noticed late, at most
@@ -127,7 +119,7 @@ class Commander:
             return
         stood = max(0, now - self._looked - 2 * WATCH)  # a stall that `left` has not seen yet
         if is_moving or 0 <= now - self._commanded < UNDER_WAY + stood:
-            raise RobotHeldError(held_by(name, self._process[0], self._topic))
+            raise RobotHeldError(f"{name} has to wait: {self._process[0]} {HELD} ({self._topic})")
 
     def forget(self, now: int) -> None:
         """Know of nobody, as when the arm is not enabled, at `now` [ns]."""

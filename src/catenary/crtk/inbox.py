@@ -104,14 +104,8 @@ class Subscription:
         """Prepare to receive; transports call this, not users."""
         if depth < 1:
             raise InputError(f"subscription of {topic}: depth: expected 1 or more, got {depth}")
-        self.topic = topic
-        self.type_name = type_name
-        self.depth = depth
-        self.largest = largest
-        self.overflowed = 0
-        self.oversized = 0
-        self.damaged = 0
-        self.repeated = 0
+        self.topic, self.type_name, self.depth, self.largest = topic, type_name, depth, largest
+        self.overflowed = self.oversized = self.damaged = self.repeated = 0
         # last message of each latching publisher, by process
         self._latched: dict[str, tuple[object, Any]] = {}
         self._behind_seq = 4 if has_header(type_name) else 0  # a publisher counts a latched message anew

@@ -1,6 +1,6 @@
 """Messages to what catenary computes with, and back: joint states by name, poses, operating states, stamps.
 
-The RAVEN-II's own `raven_state` is in `raven_telemetry`.
+The RAVEN-II's own `raven_state` is in `reader`.
 """
 
 import logging

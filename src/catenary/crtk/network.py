@@ -25,7 +25,13 @@ def make_transport(ros: str, name: str) -> Transport:
 
         return Ros1Transport(name)
     if ros == "2":
-        return _rclpy_transport(name, said) or _dds_transport(name, said)
+        if (by_rclpy := _rclpy_transport(name, said)) is not None:
+            return by_rclpy
+        try:
+            from catenary.crtk.dds.transport import DdsTransport
+        except ImportError as error:
+            raise MissingPackageError(f"ROS 2 is spoken by cyclonedds: {to_install('ros2')} ({error})") from error
+        return DdsTransport(name, arguments=said)
     if ros == "none":
         from catenary.crtk.loopback import Loopback
 
@@ -56,14 +62,6 @@ def _rclpy_transport(name: str, said: RosArguments) -> Transport | None:
     if os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
         _logger.warning("this rclpy does not tell who sent a message: of two programs that command, none is refused")
     return RclpyTransport(name, arguments=said)
-
-
-def _dds_transport(name: str, said: RosArguments) -> Transport:
-    try:
-        from catenary.crtk.dds.transport import DdsTransport
-    except ImportError as error:
-        raise MissingPackageError(f"ROS 2 is spoken by cyclonedds: {to_install('ros2')} ({error})") from error
-    return DdsTransport(name, arguments=said)
 
 
 def node_name(program: str, given: str | None = None) -> str:

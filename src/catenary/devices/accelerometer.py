@@ -81,9 +81,7 @@ class ChecksumError(InputError):
 
 def _hello(fields: list[str]) -> Hello:
     if len(fields) != 7 or int(fields[0]) != VERSION:
-        raise InputError(
-            f"hello: expected version {VERSION} and 7 fields, got version {fields[:1]}, {len(fields)} fields"
-        )
+        raise InputError(f"hello: expected version {VERSION} and 7 fields, got {fields[:1]}, {len(fields)} fields")
     _, sensor, unit, end, rate_unit, rate_end, rate_hz = fields
     for name, value, choices in (("unit", unit, ACCELERATION_UNITS), ("rate unit", rate_unit, RATE_UNITS)):
         if value not in choices:
@@ -149,16 +147,14 @@ class SerialAccelerometer(SerialBoard):
     Stamps are on `clock`, which must be the one that the robot's JointState.time is on.
     """
 
-    def __init__(
-        self, port: str, mailbox: Mailbox, *, baud: int = BAUD, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, port: str, mailbox: Mailbox, *, clock: Callable[[], float] = time.monotonic) -> None:
         self.mailbox, self.counts = mailbox, LinkCounts()
         self.hello: Hello | None = None
         self.complaint = ""  # why the last malformed line was refused
         self._board_clock = BoardClock()
         self._last_number: int | None = None
         self._greeted = threading.Event()
-        super().__init__(port, baud=baud, clock=clock, ask=ASK)
+        super().__init__(port, clock=clock, ask=ASK)
 
     def wait_ready(self, timeout: float = 5.0) -> Hello:
         """Wait for the board's hello and return it; an Arduino restarts when its port is opened, and takes 2 s."""
@@ -167,8 +163,7 @@ class SerialAccelerometer(SerialBoard):
             raise SensorError(
                 f"{self.port}: no hello within {timeout:g} s: {c.before_hello} samples, {c.damaged} damaged lines"
                 + (f", {c.malformed} malformed ({self.complaint})" if c.malformed else "")
-                + "; expected the protocol of docs/devices.md at "
-                + f"{self.baud} baud"
+                + f"; expected the protocol of docs/devices.md at {BAUD} baud"
             )
         return self.hello
 

@@ -50,8 +50,7 @@ class EncoderRig:
 
     def positions(self, counts: Floats, zero: Floats) -> Floats:
         """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
-        positions: Floats = self.stop + (counts - zero) / self.counts
-        return positions
+        return self.stop + (counts - zero) / self.counts
 
 
 Flags = NDArray[np.bool_]
@@ -138,7 +137,10 @@ class Registration:
         if self._told is None and self._has_left(time, toward, came):
             self._register()
         elif time - self._moving_since > LONGEST:
-            self._give_up(came)
+            absent = [name for name, moved in zip(JOINTS, came, strict=True) if not moved]
+            why = f"{', '.join(absent)} did not come to a stop" if absent else "the stops were not left"
+            self._clear()
+            self.reason = f"not registered: {why} within {LONGEST:g} s; home the robot"
 
     def _has_left(self, time: float, toward: Floats, came: Flags) -> bool:
         """Return whether all joints stood at their farthest together, and one has left."""
@@ -158,9 +160,3 @@ class Registration:
         self.zero = frozen(np.where(near, seen, 0.0).sum(axis=0) / near.sum(axis=0))
         self.reason = ""
         self._clear()
-
-    def _give_up(self, came: Flags) -> None:
-        absent = [name for name, moved in zip(JOINTS, came, strict=True) if not moved]
-        why = f"{', '.join(absent)} did not come to a stop" if absent else "the stops were not left"
-        self._clear()
-        self.reason = f"not registered: {why} within {LONGEST:g} s; home the robot"

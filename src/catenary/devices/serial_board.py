@@ -41,13 +41,12 @@ class SerialBoard(ABC):
     context manager.
     """
 
-    def __init__(self, port: str, *, baud: int, clock: Callable[[], float], ask: bytes = b"") -> None:
+    def __init__(self, port: str, *, clock: Callable[[], float], ask: bytes = b"") -> None:
         """Open the port and begin to read; subclasses call this when they are ready to take lines.
 
         The clock is of the lines' times [s]; `ask` is sent whenever the port is opened.
         """
-        self.port, self.baud = port, baud
-        self._clock, self._ask = clock, ask
+        self.port, self._clock, self._ask = port, clock, ask
         self._ending = threading.Event()
         try:
             self._line: serial.Serial | None = self._open()
@@ -87,7 +86,7 @@ class SerialBoard(ABC):
         self.close()
 
     def _open(self) -> serial.Serial:
-        line = serial.Serial(self.port, self.baud, timeout=0.05, write_timeout=0.2)
+        line = serial.Serial(self.port, BAUD, timeout=0.05, write_timeout=0.2)
         if self._ask:
             line.write(self._ask)
         return line

@@ -92,8 +92,7 @@ class DynamicQuantity(NamedTuple):
                 model.kernels[self.name] = kernel + 1
                 return None
             kernel = self.kernel(model)
-        found: Floats | None = kernel.of_finite(inputs)
-        return found
+        return kernel.of_finite(inputs)
 
     def of_rows(self, model: RobotModel, inputs: tuple[Floats, ...]) -> Floats:
         """Return the quantity at N configurations: the first input has N rows, others N, or one for all."""

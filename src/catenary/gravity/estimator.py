@@ -75,8 +75,7 @@ class EstimatedGravity:
 
     def torque(self, q: Floats, gravity: Floats) -> Floats:
         """Return the estimated gravity torque Z s_hat (n,) [Nm|N]."""
-        torque: Floats = self._kernel(q, gravity) @ self._s
-        return torque
+        return self._kernel(q, gravity) @ self._s
 
     def _require_sizes(self, *arrays: Floats) -> None:
         if any(len(array) != self.model.n for array in arrays):
@@ -141,8 +140,7 @@ class GravityEstimator(EstimatedGravity):
         Z = self._kernel(q, gravity)
         if self._at_rest(Z, qd, dt) and np.isfinite(q).all() and np.isfinite(q_desired).all():
             self._learn(Z, self.kp * (q_desired - q) - self.kd * qd, dt)
-        torque: Floats = Z @ self._s
-        return torque
+        return Z @ self._s
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
         """Update with time and gravity from a robot's state."""
@@ -263,8 +261,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
     @property
     def standard_deviations(self) -> Floats:
         """Standard deviations (p,) of s_hat, if the noise is as large as was said, and new in each sample."""
-        deviations: Floats = np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
-        return deviations
+        return np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
 
     @property
     def load(self) -> LoadBeliefs | None:
@@ -334,5 +331,4 @@ class RecursiveGravityEstimator(EstimatedGravity):
 def _widened(information: Floats, directions: Floats) -> Floats:
     """Return the inverse of a covariance widened by V V^T: A - B (1 + V^T B)^-1 B^T with B = A V [Woodbury]."""
     B = information @ directions
-    widened: Floats = information - B @ np.linalg.solve(np.eye(directions.shape[1]) + directions.T @ B, B.T)
-    return widened
+    return information - B @ np.linalg.solve(np.eye(directions.shape[1]) + directions.T @ B, B.T)

@@ -66,8 +66,7 @@ def _full(model: RobotModel, rows: Floats, gravities: Floats) -> Floats:
     if not tree.prismatic.any():
         return moments
     masses = [RegressorColumn(int(link), CARRIED_MASS) for link in np.flatnonzero(tree.prismatic)]
-    out: Floats = np.concatenate([moments, _columns(model, masses, rows, arm)], axis=2)
-    return out
+    return np.concatenate([moments, _columns(model, masses, rows, arm)], axis=2)
 
 
 def regressor_columns(model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, gravity: Floats) -> Floats:

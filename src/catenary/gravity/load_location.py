@@ -181,8 +181,7 @@ def log_evidence(information: Floats, score: Floats) -> Floats:
     whole = np.eye(score.shape[1]) + information
     _, log_determinant = np.linalg.slogdet(whole)
     explained = np.einsum("ni,ni->n", score, np.linalg.solve(whole, score[..., None])[..., 0])
-    evidence: Floats = 0.5 * explained - 0.5 * log_determinant
-    return evidence
+    return 0.5 * explained - 0.5 * log_determinant
 
 
 def probabilities(evidence: Sequence[float]) -> list[float]:

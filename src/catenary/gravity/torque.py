@@ -104,8 +104,7 @@ def _first_moments(model: RobotModel, rows: Floats) -> Floats:
     """Return the first moment of all moving links about the base's origin (N, 3) [kg m]."""
     rotation, position = link_poses(model, rows)
     centers = position + np.einsum("Nkab,kb->Nka", rotation, model.tree.com)
-    moments: Floats = np.einsum("k,Nka->Na", model.tree.mass, centers)
-    return moments
+    return np.einsum("k,Nka->Na", model.tree.mass, centers)
 
 
 @compiled

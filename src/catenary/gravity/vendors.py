@@ -70,8 +70,7 @@ def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) ->
             )
         return vector * [-1.0, -1.0, 1.0] if name == "ur" and base.endswith("base_link") else vector
     own = base.frames.get("base") if name == "ur" else None
-    turned: Floats = vector if own is None or own.link >= 0 else vector @ own.pose.rotation
-    return turned
+    return vector if own is None or own.link >= 0 else vector @ own.pose.rotation
 
 
 def vendor_command(name: str, gravity: ArrayLike) -> str:

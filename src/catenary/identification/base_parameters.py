@@ -73,11 +73,7 @@ class BaseParameters:
         return self.parameters.regressor(*motion, base=base, loads=loads)[:, :, self.columns]
 
     def chunks(self, samples: Samples, gravity: Floats) -> Iterator[tuple[slice, Floats]]:
-        """Yield parts of a recording's rows with their matrix (N, n, b), a chunk at a time.
-
-        Args:
-            gravity: (3,) [m/s2] where it holds none itself.
-        """
+        """Yield parts of a recording's rows, and their matrix (N, n, b); gravity (3,) [m/s2] where it holds none."""
         loads = self.parameters.loads(samples)
         for first in range(0, max(len(samples), 1), CHUNK):
             part = slice(first, first + CHUNK)
@@ -85,11 +81,7 @@ class BaseParameters:
             yield part, self.regressor(*motion, base=base, loads=loads[part])
 
     def describe(self, index: int, names: Sequence[str] | None = None, digits: int = 5) -> str:
-        """Return one base parameter as the sum that it is: mx(elbow) + 0.4 m(hand).
-
-        Args:
-            names: (k,) of all parameters; their own when None.
-        """
+        """Return one base parameter as the sum that it is, by names (k,) of all: mx(elbow) + 0.4 m(hand)."""
         names = self.parameters.names if names is None else names
         text = names[int(self.columns[index])]
         for c in np.flatnonzero(self.combination[index]):
@@ -110,11 +102,8 @@ def base_parameters(
 ) -> BaseParameters:
     """Find the base parameters on random and recorded motion together, the best conditioned columns first.
 
-    Args:
-        gravity: (3,) [m/s2] in base axes.
-        recorded: q, qd, qdd, (N, n) each, of what was recorded.
-        base: "still", gravity is the same all the time; "tilted", its direction varies; "turning", the base also
-            turns while it is recorded.
+    Gravity is (3,) [m/s2] in base axes, `recorded` q, qd, qdd, (N, n) each. Base "still": gravity is the same all the
+    time; "tilted": its direction varies; "turning": the base also turns while it is recorded.
     """
     model = parameters.model
     size = (RANDOM_ROWS, model.n)
@@ -137,14 +126,10 @@ def base_parameters(
 
 
 def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL) -> BaseParameters:
-    """Find the combinations of masses and first moments that torques of gravity alone tell.
+    """Find the combinations of masses and first moments that torques under gravity (3,) [m/s2], or any when None, tell.
 
     Columns are taken in an order that puts each combination on the link next to the base: first moments from the
-    base outwards, across the joint's axis before along it, masses last.
-
-    Args:
-        model: The robot; it needs no inertia. Links declared massless have no parameters.
-        gravity: (3,) free-fall acceleration that all data are taken in [m/s2]; None for directions that vary.
+    base outwards, across the joint's axis before along it, masses last. The robot needs no inertia.
     """
     parameters = Parameters(model, "static", actuated=False)
     rng = np.random.default_rng(0)

@@ -93,8 +93,7 @@ def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
 
 def _smoothed(values: Floats, half: float) -> Floats:
     """Return running means (N, n) over so many rows to either side."""
-    means: Floats = uniform_filter1d(values, 2 * round(half) + 1, axis=0, mode="nearest")
-    return means
+    return uniform_filter1d(values, 2 * round(half) + 1, axis=0, mode="nearest")
 
 
 def _turns(q: Floats) -> list[tuple[int, int]]:

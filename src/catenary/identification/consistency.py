@@ -24,7 +24,7 @@ from catenary.errors import InputError
 from catenary.identification.base_parameters import BaseParameters, random_configurations, random_gravity
 from catenary.identification.least_squares import joined, triangles
 from catenary.identification.parameters import FIRST_MOMENTS, Parameters
-from catenary.identification.samples import Samples, folds_of
+from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
 
@@ -36,17 +36,12 @@ REACH = 0.5  # [m] from a link's frame to its centre of mass, at most, where no 
 
 
 def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = LEAST_PRIOR) -> Floats:
-    """Return all parameters phi (k,) that minimise ||Y phi - tau|| among the physically consistent ones.
-
-    Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken.
-    With a prior J0 of the links, weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared
+    """Return all parameters phi (k,) that minimise ||Y phi - tau||, of R of [Y_b | tau], among the consistent ones.
+    Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken. With
+    a prior J0 of the links (k,), weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared
     torque: the distance that does not depend on the choice of units and frames (Lee, Wensing, Park, "Geometric robot
-    dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020).
-
-    Args:
-        R: (b + 1, b + 1) triangle of the weighted [Y_b | tau].
-        prior: (k,) parameters; of links with no mass there nothing is expected. None where nothing is known.
-        weight: Of the prior, at least LEAST_PRIOR.
+    dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020). Of links with no mass in
+    it nothing is expected.
     """
     b, k = base.combination.shape
     scale = parameter_scale(base)
@@ -188,7 +183,9 @@ def weight_of_prior(
     base: BaseParameters, gravity: Floats, samples: Sequence[Samples], weights: Floats, prior: Floats
 ) -> float:
     """Return the weight of a prior with which blocks that were not fitted are predicted best."""
-    reduced = [triangles(base, gravity, fold) for fold in folds_of(samples) if fold]
+    folds = [[part.rows(fold_of_rows(part) == f, part.name) for part in samples] for f in range(FOLDS)]
+    used = [[part for part in fold if len(part)] for fold in folds]  # one may lack a recording that is too short
+    reduced = [triangles(base, gravity, fold) for fold in used if fold]
     if len(reduced) < 2:
         return LEAST_PRIOR
     best, least = LEAST_PRIOR, np.inf
@@ -210,11 +207,9 @@ ROWS = 60
 
 
 def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
-    """Return what the base parameters leave open that gravity from another direction would show.
+    """Return what base parameters, and bodies' phi (k,) as fitted, leave open under gravity from elsewhere."""
+    from scipy.linalg import qr
 
-    Args:
-        phi: (k,) parameters of bodies that were fitted.
-    """
     parameters = base.parameters
     rng = np.random.default_rng(0)
     q = random_configurations(parameters.model, ROWS, rng)
@@ -232,7 +227,12 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
     if count == 0:
         return ()
     D = hidden @ directions_of[:count].T
-    columns = _counted_in(D, parameters.per_link, links)
+    # as many first moments and masses as there are directions, which tell them apart best; of equals, the link that is
+    # next to the base
+    eligible = [c for c in range(links) if c % parameters.per_link < FIRST_MOMENTS]
+    nearest = np.linspace(1.0, 0.99, len(eligible))
+    pivots = qr((D[eligible] * nearest[:, None]).T, mode="r", pivoting=True)[1][: D.shape[1]]
+    columns = sorted(eligible[int(p)] for p in pivots)
     D = D @ np.linalg.inv(D[columns])
     along = np.linalg.pinv(Y @ D) @ Y  # what any change of parameters has of each
     out = []
@@ -245,16 +245,6 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
         unit = float(scale[column])
         out.append(Unseen(parameters.names[column], change, min(0.0, low * unit), max(0.0, high * unit)))
     return tuple(out)
-
-
-def _counted_in(D: Floats, per_link: int, links: int) -> list[int]:
-    """Return as many first moments and masses as there are directions, which tell them apart best."""
-    from scipy.linalg import qr
-
-    eligible = [c for c in range(links) if c % per_link < FIRST_MOMENTS]
-    nearest = np.linspace(1.0, 0.99, len(eligible))  # of equals, the link next to the base
-    pivots = qr((D[eligible] * nearest[:, None]).T, mode="r", pivoting=True)[1][: D.shape[1]]
-    return sorted(eligible[int(p)] for p in pivots)
 
 
 def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:

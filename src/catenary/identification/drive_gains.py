@@ -53,14 +53,9 @@ class DriveGains:
 def drive_gains(
     base: BaseParameters, gravity: Floats, free: Sequence[Samples], loaded: Sequence[Samples], load: float
 ) -> DriveGains:
-    """Find the gains of all drives.
+    """Find the gains of all drives from torques that are currents [A], of the arm alone and with a load [kg] on it.
 
-    Args:
-        base: Of the robot with its rotors.
-        gravity: (3,) [m/s2] where recordings hold none.
-        free: Recordings of the arm alone; their torques are currents [A].
-        loaded: Recordings with the load fixed to the robot's tip, likewise.
-        load: Its mass [kg].
+    `base` is of the robot with its rotors, gravity (3,) [m/s2] where recordings hold none.
     """
     model = base.parameters.model
     if not free or not loaded:

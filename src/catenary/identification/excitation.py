@@ -1,6 +1,6 @@
 """Poses and Fourier motions that show a robot's parameters; what they keep: limits, and distances from obstacles."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -106,24 +106,13 @@ class Room:
         return self.lower + slack, self.upper - slack
 
 
-def room_of(
-    model: RobotModel,
-    *,
-    lower: ArrayLike | None = None,
-    upper: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    acceleration: ArrayLike | None = None,
-    effort: ArrayLike | None = None,
-) -> Room:
-    """Return the limits to stay within: the robot's own, or narrower ones (n,) [rad, m, rad/s, m/s, ..., Nm, N]."""
-    limits: tuple[tuple[str, ArrayLike], ...] = (
-        ("lower", model.lower if lower is None else lower),
-        ("upper", model.upper if upper is None else upper),
-        ("velocity", model.velocity_limit if velocity is None else velocity),
-        ("acceleration", np.full(model.n, np.inf) if acceleration is None else acceleration),
-        ("effort", model.effort_limit if effort is None else effort),
-    )
-    room = {key: as_array(key, values, (model.n,), finite=False) for key, values in limits}
+def room_of(model: RobotModel, **narrower: ArrayLike) -> Room:
+    """Return the limits to stay within: the robot's own, or by their names in `Room` narrower ones (n,)."""
+    own = (model.lower, model.upper, model.velocity_limit, np.full(model.n, np.inf), model.effort_limit)
+    room = {
+        each.name: as_array(each.name, narrower.get(each.name, limit), (model.n,), finite=False)
+        for each, limit in zip(fields(Room), own, strict=True)
+    }
     low, high, fastest, accelerated, strongest = room.values()
     beyond = (low < model.lower) | (high > model.upper) | (fastest > model.velocity_limit)
     beyond |= strongest > model.effort_limit
@@ -354,20 +343,13 @@ def fourier_motion(
     rate: float = 200.0,
     trials: int = 300,
 ) -> Excitation:
-    """Design one period of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
+    """Design one period [s] of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
 
     Coefficients by random search from the best of `trials`, a third of them anywhere, the others around the best so
     far. Each joint is scaled to the larger part of its range that its velocity limit allows; the share of it, and the
     place of its centre, are part of the search. Motions drawn anywhere are shrunk until they keep torques,
     accelerations and distances; around the best, what shows more is taken if it keeps them. At last the best is checked
-    at every instant; where it fails, the best before it is.
-
-    Args:
-        limits: What to keep, of which robot; it needs no inertia.
-        period: [s].
-        harmonics: Three or more: with fewer nothing begins at rest.
-        rate: Rows per second.
-        trials: How many motions are looked at.
+    at every instant; where it fails, the best before it is. `rate` is rows per second.
     """
     if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * ROWS):
         raise InputError(

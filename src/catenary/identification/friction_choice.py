@@ -69,11 +69,8 @@ def choose_friction(
     kinds: Sequence[str],
 ) -> tuple[Actuation, tuple[FrictionPart, ...]]:
     """Return the actuation with the parts of friction that held-out blocks show, and what each of them gained.
-
-    Args:
-        gravity: (3,) [m/s2] where recordings hold none.
-        samples: Recordings to fit; `carried` is what the links ask of the actuators in them.
-        weights: (n,) of the axes.
+    Recordings to fit tell in `carried` what the links ask of the actuators; gravity (3,) [m/s2] is where they hold
+    none.
     """
     candidates, terms = _candidates(actuation, samples, kinds, base.count)
     if not candidates:
@@ -145,13 +142,10 @@ def terms_show(
 
 
 def _gain(before: Floats, after: Floats, *, least: float) -> float:
-    """Return by how much the sum over axes of log residual became less, beyond `least`; nothing where it may be chance.
+    """Return by how much the sum over axes of log residual, (folds, n) squares, fell beyond `least`; 0 if by chance.
 
     It may be where neither the gain of all blocks together exceeds its scatter (the jackknife: a block where a joint
     hardly moves counts as little there as in the sum), nor the usual block's gain that of blocks (by the median).
-
-    Args:
-        before: (folds, n) squares of residuals, and so is `after`.
     """
     every, left = before.sum(axis=0), after.sum(axis=0)
     whole = float(np.log(every / left).sum())
@@ -250,5 +244,4 @@ def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats 
     beta = solution * scale[:, m:] / scale[:, :m]
     vector = np.zeros((FOLDS, 1, target + 1, 1))
     vector[:, 0, columns, 0], vector[:, 0, target, 0] = -beta, 1.0
-    squares: Floats = np.maximum((vector * (products.each @ vector)).sum(axis=(2, 3)), 1e-300)
-    return squares
+    return np.maximum((vector * (products.each @ vector)).sum(axis=(2, 3)), 1e-300)

@@ -101,16 +101,9 @@ class Identification:
     def predict(
         self, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None, gravity: ArrayLike | None = None
     ) -> Floats:
-        """Predict the torques of a motion, known ones included: Y_b beta + known, friction as in steady sliding.
+        """Predict the torques (n,) or (N, n) [Nm or N] of a motion: Y_b beta + known, friction as in steady sliding.
 
-        Args:
-            q: (n,) or (N, n) [rad or m].
-            qd: The same shape; at rest when None.
-            qdd: The same shape; none when None.
-            gravity: (3,) in base axes [m/s2]; the recordings' when None.
-
-        Returns:
-            (n,) or (N, n) [Nm or N].
+        Rates of the shape of q [rad or m] are zero when None; gravity (3,) [m/s2] in base axes is the recordings' then.
         """
         motion, single = motion_rows(self.model, q, qd=qd, qdd=qdd)
         if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):
@@ -131,16 +124,9 @@ class Identification:
 
     def test(self, samples: Sequence[Samples]) -> Identification:
         """Return this identification with verdicts on recordings that were not fitted."""
-        tests = []
         worst = np.max([r.relative_rms for r in self.training], axis=0)
-        for part in samples:
-            predicted = self.predict_samples(part)
-            result = residuals.residual(part, predicted)
-            axes = [int(i) for i in residuals.unpredicted(result, worst)]
-            reasons = {i: residuals.reason_of(self.model, i, part, predicted, self.seen) for i in axes}
-            telling = [i for i in axes if reasons[i][1]]
-            said = tuple(says for says, _ in reasons.values())
-            tests.append(replace(result, verdict=residuals.judge(result, axes, telling), reasons=said))
+        predicted = [(part, self.predict_samples(part)) for part in samples]
+        tests = (residuals.judged(self.model, *each, worst, self.seen) for each in predicted)
         return replace(self, tests=(*self.tests, *tests))
 
     def compare(self, samples: Samples) -> residuals.LogResidual:
@@ -329,7 +315,8 @@ def _fit(
         beta = base.combination @ phi
     result = Identification(
         base, beta, covariance(reduced, weights, beta), options, weights, rank, condition, training=(), phi=phi,
-        seen=residuals.motion_of(samples), moved_base=_base_in(samples) != "still", prior_weight=prior_weight,
+        seen=residuals.MovedRange(q.min(axis=0), q.max(axis=0), residuals.rms(qd)),
+        moved_base=_base_in(samples) != "still", prior_weight=prior_weight,
     )  # fmt: skip
     return replace(result, training=tuple(result.compare(part) for part in samples))
 

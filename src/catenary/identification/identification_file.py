@@ -49,8 +49,7 @@ OWN = tuple(each.name for each in fields(IdentificationRecord) if each.name not 
 
 def _record(result: Identification, robot: Any) -> dict[str, Any]:
     own = {name: getattr(result, name) for name in OWN}
-    record: dict[str, Any] = plain_data(IdentificationRecord(FORMAT, robot, **own))
-    return record
+    return plain_data(IdentificationRecord(FORMAT, robot, **own))
 
 
 def identification_card(

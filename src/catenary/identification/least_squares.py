@@ -29,8 +29,7 @@ class Triangles:
 
     def residual_rms(self, beta: Floats) -> Floats:
         """Return the RMS (n,) of tau - Y_b beta."""
-        rms: Floats = np.linalg.norm(self.R @ np.append(-beta, 1.0), axis=1) / np.sqrt(self.rows)
-        return rms
+        return np.linalg.norm(self.R @ np.append(-beta, 1.0), axis=1) / np.sqrt(self.rows)
 
 
 def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples]) -> Triangles:
@@ -85,14 +84,12 @@ def scaled_solution(X: Floats, y: Floats, visible: float) -> Floats:
     """Solve least squares with columns scaled to one; directions of smaller singular values stay zero."""
     scale = np.linalg.norm(X, axis=0)
     scale[scale <= 1e-9 * max(float(scale.max()), 1e-300)] = np.inf
-    solution: Floats = np.linalg.lstsq(X / scale, y, rcond=visible)[0] / scale
-    return solution
+    return np.linalg.lstsq(X / scale, y, rcond=visible)[0] / scale
 
 
 def flattened(columns: Floats, weights: Floats) -> Floats:
     """Return columns (N n, k) of (N, n, k), each axis times its weight (n,)."""
-    flat: Floats = (columns * weights[:, None]).reshape(columns.shape[0] * len(weights), columns.shape[2])
-    return flat
+    return (columns * weights[:, None]).reshape(columns.shape[0] * len(weights), columns.shape[2])
 
 
 def left_beside(onto: Floats) -> Callable[[Floats], Floats]:
@@ -115,11 +112,7 @@ def solve(R: Floats) -> Floats:
 
 
 def excitation(R: Floats) -> tuple[int, float, Floats]:
-    """Return rank, condition number and weakest direction of a triangle whose columns are scaled to length one.
-
-    Returns:
-        rank; condition, inf where a singular value is zero; the right singular vector (b,) of the smallest one.
-    """
+    """Return rank, condition and weakest direction (b,) of a triangle whose columns are scaled to length one."""
     b = R.shape[1] - 1
     scale = np.linalg.norm(R[:b, :b], axis=0)
     values, Vt = np.linalg.svd(R[:b, :b] / np.where(scale > 0.0, scale, 1.0))[1:]
@@ -141,11 +134,9 @@ def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:
     noise = reduced.residual_rms(beta)
     columns = (reduced.R[:, :, :b] * (weights**2 * noise)[:, None, None]).reshape(-1, b) @ inverse @ inverse.T
     freedom = max(reduced.rows * len(weights) - b, 1) / (reduced.rows * len(weights))
-    result: Floats = columns.T @ columns * (reduced.rows / reduced.independent) / freedom
-    return result
+    return columns.T @ columns * (reduced.rows / reduced.independent) / freedom
 
 
 def _triangle(matrix: Floats) -> Floats:
     """Return R of a matrix's QR decomposition."""
-    R: Floats = np.asarray(np.linalg.qr(matrix, mode="r"))
-    return R
+    return np.asarray(np.linalg.qr(matrix, mode="r"))

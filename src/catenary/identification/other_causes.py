@@ -33,10 +33,8 @@ def cause_findings(
     place: Floats | None = None,
 ) -> list[tuple[str, Finding]]:
     """Name a gain of one axis, or a tilt of the base, that explains recordings better than a load or push alone.
-
-    Args:
-        payload: As it was found; none where something may push.
-        place: (3,) [m] of it in its link's frame, where it is known: then its mass beside the cause is told.
+    Without a payload something may push; where its place (3,) [m] in its link is known, its mass beside the cause is
+    told.
     """
     found = ((part.name, _cause(result, part, payload, place)) for part in parts)
     return [(name, finding) for name, finding in found if finding is not None]
@@ -159,14 +157,12 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
 
 def _gains(part: Samples) -> Floats:
     """Return what a gain of one axis changes in torques, (n, N, n, 1): linear in the gain's inverse."""
-    changes: Floats = -np.eye(part.tau.shape[1])[:, None, :, None] * (part.tau + part.known)[:, :, None]
-    return changes
+    return -np.eye(part.tau.shape[1])[:, None, :, None] * (part.tau + part.known)[:, :, None]
 
 
 def _across(gravity: Floats) -> Floats:
     """Return two directions (2, 3) across gravity, of its size."""
-    across: Floats = np.linalg.svd(gravity[None])[2][1:] * np.linalg.norm(gravity)
-    return across
+    return np.linalg.svd(gravity[None])[2][1:] * np.linalg.norm(gravity)
 
 
 def _under(result: Identification, part: Samples, gravity: Floats) -> Floats:

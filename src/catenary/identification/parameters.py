@@ -10,7 +10,7 @@ from catenary.dynamics.actuation_loads import NEVER_NEGATIVE, SLIDING, term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
 from catenary.identification.identify_options import Terms, actuation_of
-from catenary.identification.samples import HELD_OUT, Samples
+from catenary.identification.samples import HELD_OUT, STEPS, Samples
 from catenary.robots.actuation import ActuationTerm, actuation_terms
 from catenary.robots.model import RobotModel
 
@@ -120,12 +120,9 @@ class Parameters:
         base: BaseMotion | None = None,
         loads: Floats | None = None,
     ) -> Floats:
-        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n).
+        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n), gravity (3,) or (N, 3) [m/s2] in base axes.
 
-        Args:
-            q: (N, n), and so are its rates.
-            gravity: (3,) or (N, 3) [m/s2] in base axes.
-            loads: (N, t) of the actuation's terms, per unit; as in steady sliding, without load, when None.
+        Loads (N, t) of the actuation's terms are per unit; as in steady sliding, without load, when None.
         """
         whole = torque_regressor(self.model, q, qd, qdd, gravity, base)
         wanted = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]
@@ -148,7 +145,7 @@ def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float
     """Return the load (N,) of a term on a recording's rows, per unit, as friction remembers the motion."""
     if term.recording and samples.name.removesuffix(HELD_OUT) != term.recording:
         return np.zeros(len(samples))
-    if samples.history is None or not samples.history.remembers(term):
+    if samples.history is None or term.kind not in (*STEPS, "presliding"):
         return term_load(term, samples.q, samples.qd, samples.qdd, coulomb_velocity, samples.carried)
     load = samples.history.load(term, coulomb_velocity)
     if term.kind == "load":

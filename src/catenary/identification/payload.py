@@ -68,15 +68,6 @@ class PayloadEstimate:
         return location_text(self.likely or (self.link,), self.telling_joint)
 
 
-class _Fitted(NamedTuple):
-    """A payload fitted on a link, and what its evidence needs."""
-
-    estimate: PayloadEstimate
-    misfit: float  # sum of squares that stays, weighted
-    body: Floats  # (4,) mass and moment [kg, kg m], also where recordings hardly tell them
-    shifted: int = 0  # zeros that differ from those identified
-
-
 def estimate_payload(
     result: Identification,
     loaded: Sequence[Samples],
@@ -111,7 +102,7 @@ def estimate_payload(
         raise InputError("payload: expected at least one recording")
     if at is not None:
         link, place = place_of(result, at)
-        return _fit(result, loaded, unloaded, link, place).estimate
+        return _fit(result, loaded, unloaded, link, place)[0]
     return payload_candidates(result, loaded, unloaded=unloaded)[0]
 
 
@@ -121,21 +112,23 @@ def payload_candidates(
     """Estimate the payload on every link, with the probability that it is there; the likeliest link first."""
     fits = [_fit(result, loaded, unloaded, link, None) for link in result.base.parameters.links]
     rows, n = sum(len(part.q) for part in loaded), result.model.n
-    best = min(fit.misfit for fit in fits)
+    found, misfits, bodies, shifted = zip(*fits, strict=True)
+    best = min(misfits)
     # residuals are weighted by those of the training; where even the best link leaves more, that is the noise
     repeated = _lags(result, rows, _rate(result, loaded)) * _repeats(result, rows)
     counted = 1.0 / repeated / max(1.0, best / (rows * n))
     # every link has the same four unknowns, so that what each leaves decides, and how many zeros must have shifted
-    shares = probabilities([-0.5 * counted * (fit.misfit - best) - RARE * fit.shifted for fit in fits])
-    order = sorted(range(len(fits)), key=lambda k: (-shares[k], -fits[k].estimate.explained))
-    found = likely([fits[k].estimate.link for k in order], [shares[k] for k in order])
+    each = zip(misfits, shifted, strict=True)
+    shares = probabilities([-0.5 * counted * (misfit - best) - RARE * count for misfit, count in each])
+    order = sorted(range(len(fits)), key=lambda k: (-shares[k], -found[k].explained))
+    links = likely([found[k].link for k in order], [shares[k] for k in order])
     joint = None
-    if len(found) > 1:
-        pair = [(fits[k].estimate.link, fits[k].body) for k in order[:2]]
+    if len(links) > 1:
+        pair = [(found[k].link, bodies[k]) for k in order[:2]]
         joint = telling_joint(
             compact_regressor(result.model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9
         )
-    return tuple(replace(fits[k].estimate, probability=shares[k], likely=found, telling_joint=joint) for k in order)
+    return tuple(replace(found[k], probability=shares[k], likely=links, telling_joint=joint) for k in order)
 
 
 def zero_findings(
@@ -229,7 +222,12 @@ class _Equations(NamedTuple):
 
 def _fit(
     result: Identification, loaded: Sequence[Samples], unloaded: Sequence[Samples], link: int, place: Floats | None
-) -> _Fitted:
+) -> tuple[PayloadEstimate, float, Floats, int]:
+    """Fit a payload on a link, at a place if that is known.
+
+    Return it; the weighted sum of squares that stays; mass and moment (4,) [kg, kg m], also where recordings hardly
+    tell them; how many zeros differ from those identified.
+    """
     name = result.model.link_names[link]
     rows = _rows(result, loaded, link)
     Y, y = rows.Y, rows.y
@@ -241,7 +239,7 @@ def _fit(
         y = y - Y @ baseline
     if not np.abs(Y).max() > 0.0:
         nothing = PayloadEstimate(name, None, None, None, None, False, 0.0, 0.0)
-        return _Fitted(nothing, float(np.sum(y**2)), np.zeros(4))
+        return nothing, float(np.sum(y**2)), np.zeros(4), 0
     if place is not None:
         column = point_mass(place)
         mass = float(scaled_solution(_flat(Y @ column[:, None]), y.reshape(-1), 0.0)[0])
@@ -296,7 +294,7 @@ def _fit(
         zeros_std=zeros_std / rows.weights,
         like_zeros=bool(sure < SIGNIFICANT < np.sqrt(sum(alike)) and z < SIGNIFICANT and mass > 0.0),
     )
-    return _Fitted(estimate, rest**2, body, int(_shifted(zeros, zeros_std).sum()))
+    return estimate, rest**2, body, int(_shifted(zeros, zeros_std).sum())
 
 
 def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]:
@@ -332,13 +330,9 @@ def _body(mass: float, moment: Floats) -> Floats:
 
 def _tangent(mass: float, moment: Floats) -> Floats:
     """Return the derivative (10, 4) of a point mass's parameters by mass and moment, by central differences."""
-    columns = []
-    for k in range(4):
-        step = np.zeros(4)
-        step[k] = 1e-6 * (mass if k == 0 else max(float(np.abs(moment).max()), 1e-3 * mass))
-        ahead, behind = (_body(mass + s * step[0], moment + s * step[1:]) for s in (1.0, -1.0))
-        columns.append((ahead - behind) / (2.0 * step[k]))
-    return np.column_stack(columns)
+    sizes = 1e-6 * np.array([mass, *[max(float(np.abs(moment).max()), 1e-3 * mass)] * 3])
+    ways = [[_body(mass + s * step[0], moment + s * step[1:]) for s in (1.0, -1.0)] for step in np.diag(sizes)]
+    return np.column_stack([(a - b) / (2.0 * size) for (a, b), size in zip(ways, sizes, strict=True)])
 
 
 def _flat(X: Floats) -> Floats:
@@ -365,12 +359,7 @@ def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Equ
 
 
 def _spread(result: Identification, rows: _Equations, inverse: Floats, left: Floats, rate: float) -> Floats:
-    """Return the covariance (k, k) of sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
-
-    Args:
-        inverse: (k, N, n) what the estimate takes of every residual.
-        left: (N, n) residuals.
-    """
+    """Return the covariance (k, k) of sum_t inverse[:, t] left[t], correlated in time (Newey, West 1987)."""
     terms = np.einsum("kta,ta->tk", inverse, left)
     count = len(terms)
     lags = _lags(result, count, rate)

@@ -5,12 +5,10 @@ that does, the residual is explained in turn by a constant, by friction, by torq
 by rows of torque and motion out of step; what explains most is named.
 """
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats, Listed
 from catenary.config import IN_FILES
@@ -41,47 +39,35 @@ class LogResidual:
 
 def residual(samples: Samples, predicted: Floats) -> LogResidual:
     """Compare a recording with predictions (N, n) of its torque, less what is known beforehand."""
-    error = samples.tau - predicted
-    return LogResidual(samples.name, len(samples), relative(error, samples.tau), rms(error))
+    left, size = rms(samples.tau - predicted), rms(samples.tau)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return LogResidual(samples.name, len(samples), np.where(size > 0.0, left / size, np.nan), left)
 
 
-def unpredicted(test: LogResidual, training: Floats) -> NDArray[np.int64]:
-    """Return the axes of a recording that are predicted clearly worse than those that were fitted.
+def judged(
+    model: RobotModel, samples: Samples, predicted: Floats, training: Floats, seen: "MovedRange | None"
+) -> LogResidual:
+    """Return the residual of a recording that was not fitted, with the verdict on the model and the reasons.
 
-    They have more than twice the training residual, and more than a tenth of their torque.
-
-    Args:
-        training: (n,) largest relative RMS on the recordings that were fitted.
+    An axis is not predicted that has more than twice the largest relative RMS of the training (n,), and more than a
+    tenth of its torque. holds: every axis is predicted. unclear: the axes that are not were moved too little, or where
+    nothing was fitted. fails: one is hardly better than predicting no torque. drifted: otherwise, as when the arm or
+    its load changed.
     """
+    found = residual(samples, predicted)
     with np.errstate(invalid="ignore"):
-        worse = test.relative_rms > np.maximum(HOLDS * training, SMALL)
-    return np.flatnonzero(worse)
-
-
-def judge(test: LogResidual, axes: Collection[int], telling: Collection[int]) -> Verdict:
-    """Return whether a model holds on a recording it did not see.
-
-    holds: every axis is predicted. unclear: the axes that are not were moved too little, or where nothing was fitted.
-    fails: an axis is hardly better than predicting no torque. drifted: otherwise, as when the arm or its load changed.
-    """
-    if not axes:
-        return "holds"
-    if not telling:
-        return "unclear"
-    return "fails" if any(test.relative_rms[i] > FAILS for i in telling) else "drifted"
+        axes = np.flatnonzero(found.relative_rms > np.maximum(HOLDS * training, SMALL)).tolist()
+    reasons = [_reason(model, i, samples, predicted, seen) for i in axes]
+    telling = [i for i, (_, tells) in zip(axes, reasons, strict=True) if tells]
+    verdict: Verdict = "unclear" if axes else "holds"
+    if telling:
+        verdict = "fails" if any(found.relative_rms[i] > FAILS for i in telling) else "drifted"
+    return replace(found, verdict=verdict, reasons=tuple(says for says, _ in reasons))
 
 
 def rms(values: Floats) -> Floats:
     """Return the RMS of each column."""
-    result: Floats = np.sqrt(np.mean(values**2, axis=0))
-    return result
-
-
-def relative(error: Floats, of: Floats) -> Floats:
-    """Return the RMS of each column over that of another; NaN where that is zero."""
-    size = rms(of)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(size > 0.0, rms(error) / size, np.nan)
+    return np.sqrt(np.mean(values**2, axis=0))
 
 
 LITTLE = 0.1  # of the speed, or of the travel, that it was identified with
@@ -102,21 +88,10 @@ class MovedRange:
     speed: Annotated[Floats, Listed()]
 
 
-def motion_of(samples: Sequence[Samples]) -> MovedRange:
-    """Return how recordings moved."""
-    q = np.concatenate([part.q for part in samples])
-    qd = np.concatenate([part.qd for part in samples])
-    return MovedRange(q.min(axis=0), q.max(axis=0), np.sqrt(np.mean(qd**2, axis=0)))
-
-
-def reason_of(
+def _reason(
     model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None
 ) -> tuple[str, bool]:
-    """Return why an axis of a recording is not predicted, and whether it moved enough, and there, to tell of the arm.
-
-    Args:
-        predicted: (N, n) what was predicted of its torques.
-    """
+    """Return why an axis of a recording is not as predicted (N, n), and whether it moved enough, and there, to tell."""
     name, unit = model.joint_names[axis], model.joint_units[axis]
     left = samples.tau[:, axis] - predicted[:, axis]
     if seen is not None and (moved := _motion_reason(name, unit, axis, samples, left, seen)) is not None:

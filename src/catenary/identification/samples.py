@@ -10,7 +10,6 @@ they hold is rounded: the column it is fitted with passes the same filter. Presl
 the last reversals. Both are computed over the whole recording before rows are left out.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -42,14 +41,6 @@ class FrictionHistory:
     sections: Floats  # of the filter, second-order
     kept: NDArray[np.int64]  # rows that are left, counted after the cut
 
-    def rows(self, which: NDArray[np.bool_]) -> "FrictionHistory":
-        """Return the history with fewer rows kept."""
-        return replace(self, kept=self.kept[which])
-
-    def remembers(self, term: ActuationTerm) -> bool:
-        """Return whether a term's column is computed here."""
-        return term.kind in STEPS or term.kind == "presliding"
-
     def load(self, term: ActuationTerm, coulomb_velocity: float) -> Floats:
         """Return a term's load (N,) on the rows kept, per unit; that of load-dependent friction per Nm or N carried."""
         from scipy.signal import sosfiltfilt
@@ -62,8 +53,7 @@ class FrictionHistory:
                 step = term._replace(kind="coulomb") if term.kind == "load" else term
                 load = sosfiltfilt(self.sections, term_load(step, q, qd, qd, coulomb_velocity))
             parts.append(load[self.cut : len(load) - self.cut])
-        whole: Floats = np.concatenate(parts)[self.kept]
-        return whole
+        return np.concatenate(parts)[self.kept]
 
 
 def presliding(s: Floats, distance: float) -> Floats:
@@ -113,12 +103,7 @@ def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
 
 
 def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> tuple[str, ...]:
-    """Refuse velocities that are not those of the positions; note those that are all faster or slower by one factor.
-
-    Args:
-        derivative: (N, n) derivative of the positions.
-        qd: (N, n) recorded velocities, filtered in the same way.
-    """
+    """Refuse velocities that are not the derivative of the positions, (N, n) each; note one factor of all."""
     own = derivative - derivative.mean(axis=0)
     given = qd - qd.mean(axis=0)
     size, given_size = np.linalg.norm(own, axis=0), np.linalg.norm(given, axis=0)
@@ -218,7 +203,7 @@ class Samples:
         keys = ("q", "qd", "qdd", "tau", "known", "time", "gravity", "base", "carried")
         chosen: dict[str, Any] = {key: values[which] for key in keys if (values := getattr(self, key)) is not None}
         if self.history is not None:
-            chosen["history"] = self.history.rows(which)
+            chosen["history"] = replace(self.history, kept=self.history.kept[which])
         return replace(self, name=name, **chosen)
 
     def motion(self, gravity: Floats, part: slice = EVERY) -> tuple[Floats, Floats, Floats, Floats, BaseMotion | None]:
@@ -382,9 +367,3 @@ def fold_of_rows(samples: Samples) -> NDArray[np.int64]:
     """Return which fold each row is in (N,): blocks of time, one fold after the other, and once more around."""
     block = np.arange(len(samples)) * (FOLDS * TURNS) // max(len(samples), 1)
     return np.asarray(block % FOLDS, dtype=np.int64)
-
-
-def folds_of(samples: Sequence[Samples]) -> list[list[Samples]]:
-    """Return the recordings' rows by fold; a fold may lack a recording that is too short."""
-    parts = [[part.rows(fold_of_rows(part) == f, part.name) for part in samples] for f in range(FOLDS)]
-    return [[part for part in each if len(part)] for each in parts]

@@ -51,7 +51,9 @@ def torque_findings(
         fitted: It is one of those that were fitted.
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """
-    rows = _some_rows(samples)
+    count = len(samples)
+    some = np.isin(np.arange(count), np.linspace(0, count - 1, min(count, ROWS)).astype(np.int64))
+    rows = samples.rows(some, samples.name)
     if fitted and (mounting := mounting_finding(result.model, rows, result.gravity)) is not None:
         return [mounting]
     own = result.training if fitted else result.tests
@@ -140,10 +142,8 @@ def _known_torques(
     result: Identification, rows: Samples, fitted: bool, may_carry: bool
 ) -> tuple[list[Finding], set[int], Floats]:
     """Compare torques with those of the robot file's masses, or of a test with those of what was identified.
-
-    Returns:
-        A finding on axes whose torque is many times that, or a fraction; the axes where it has the other sign; what to
-        multiply torques with (n,), as found.
+    Return a finding on axes whose torque is many times that, or a fraction; the axes where it has the other sign; what
+    to multiply torques with (n,), as found.
     """
     model = result.model
     whose = "the robot's own masses" if fitted else "what was identified"
@@ -210,19 +210,12 @@ def _swapped(rows: Samples) -> Iterator[tuple[tuple[int, int], Samples]]:
             yield (i, j), replace(rows, **exchanged)
 
 
-def _some_rows(samples: Samples) -> Samples:
-    some = np.zeros(len(samples), dtype=bool)
-    some[np.unique(np.linspace(0, len(samples) - 1, min(len(samples), ROWS)).astype(np.int64))] = True
-    return samples.rows(some, samples.name)
-
-
 def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
     """Return each axis's mean square residual (n,) over that of its torque, four at most: more is no worse."""
     reduced = triangles(result.base, result.gravity, [rows])
     beta = solve(reduced.stacked(result.weights)) if refit else result.beta
     relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-9)
-    misfit: Floats = np.clip(relative, LEAST, 2.0) ** 2
-    return misfit
+    return np.clip(relative, LEAST, 2.0) ** 2
 
 
 TURNED = 15.0  # [deg] from the stated gravity, from which on another mounting is meant
@@ -239,12 +232,9 @@ NAMES = {
 
 def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> tuple[Floats, float, bool] | None:
     """Fit gravity to a recording by the masses of the robot's file; None where these are unknown, or gravity recorded.
-
-    Axes weigh as the spread of their torque.
-
-    Returns:
-        Gravity (3,) [m/s2] in base axes; what it leaves of the squared residual with the stated direction, of whatever
-        size; whether friction takes power, as where torques have their sign.
+    Axes weigh as the spread of their torque. Return gravity (3,) [m/s2] in base axes; what it leaves of the squared
+    residual with the stated direction, of whatever size; whether friction takes power, as where torques have their
+    sign.
     """
     if model.missing_inertia or samples.gravity is not None or not model.tree.mass.any():
         return None
@@ -252,8 +242,7 @@ def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> tuple
 
     def own(gravity: Floats, moving: float) -> Floats:
         motion = samples.q, moving * samples.qd, moving * samples.qdd
-        torque: Floats = torque_regressor(model, *motion, gravity) @ phi
-        return torque
+        return torque_regressor(model, *motion, gravity) @ phi
 
     spread = samples.tau.std(axis=0)
     axes = np.flatnonzero(spread > 1e-9 * spread.max(initial=0.0))

@@ -50,8 +50,7 @@ def bind(
     name = str(getattr(function, "__name__", "bound")).encode()
     method = _Method(name, _passing_on(len(words) - ARGUMENTS)[1], METH_NOARGS, None)
     capsule = _new_capsule(ctypes.addressof(block), None, None)
-    bound: Callable[[], None] = _new_function(method, capsule, _Home(__name__, arrays, block, method))
-    return bound
+    return _new_function(method, capsule, _Home(__name__, arrays, block, method))
 
 
 class _Method(ctypes.Structure):

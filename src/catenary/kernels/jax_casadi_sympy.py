@@ -69,7 +69,7 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
         found = jnp.stack(evaluate(wanted, sine=jnp.sin, cosine=jnp.cos, functions=_functions(jnp), **arrays))
         return (constant + sign * found[source]).reshape(shape)
 
-    return jax.jit(function)  # type: ignore[no-any-return]
+    return jax.jit(function)
 
 
 def _functions(package: Any, **names: str) -> dict[str, Callable[[Any], Any]]:

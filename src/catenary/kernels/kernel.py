@@ -49,8 +49,7 @@ class Kernel:
     @property
     def into(self) -> Callable[..., None]:
         """`into(INPUT..., out)`, for compiled functions to call; it checks nothing."""
-        function: Callable[..., None] = self._functions.into
-        return function
+        return self._functions.into
 
     def ready(self) -> "Kernel":
         """Return the kernel itself, compiled for single calls."""
@@ -120,8 +119,7 @@ class Kernel:
     @cached_property
     def _single(self) -> Callable[..., bool]:
         single = self._functions.single
-        function: Callable[..., bool] = getattr(single, "code", single)  # numba's own
-        return function
+        return getattr(single, "code", single)  # numba's own
 
     def _counted(self, given: tuple[Any, ...], *further: str) -> tuple[Any, ...]:
         names = [*self.inputs, *further]

@@ -46,7 +46,8 @@ class GravityStatus(NamedTuple):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Faults, each with its name and what to do."""
-        found = tuple(f"{fault.names[0]}: {warning(fault)}" for fault in self.reading.faults)
+        hints = {Fault.GRAVITY_STRIPPED: f"; {STRIPPED_HINT}"}
+        found = tuple(f"{each.names[0]}: {each.message}{hints.get(each, '')}" for each in self.reading.faults)
         said = (f"the gyroscope: {self.remedy}" if self.remedy else "", self.complaint)
         return (*found, *filter(None, said))
 
@@ -63,11 +64,6 @@ class GravityStatus(NamedTuple):
             "faults": list(reading.faults.names),
             "warnings": list(self.warnings),
         }
-
-
-def warning(fault: Fault) -> str:
-    """Return what a fault means; for removed gravity also which drivers are known to do it."""
-    return f"{fault.message}; {STRIPPED_HINT}" if fault is Fault.GRAVITY_STRIPPED else fault.message
 
 
 class LevelBaseArm(NamedTuple):

@@ -1,27 +1,16 @@
 """A node that publishes at a rate, and says each second how it goes, until somebody ends it."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.transport import Transport
 from catenary.errors import InputError
-
-
-class PublishingNode(Protocol):
-    """What is published by: a step at a time, and what it says of itself."""
-
-    transport: Transport
-
-    def step(self) -> Any:
-        """Publish what there is."""
-
-    def status(self, seconds: float) -> Any:
-        """Return the status, `seconds` after the begin."""
+from catenary.nodes.encoder_node import EncoderNode
+from catenary.nodes.gravity_node import GravityNode
 
 
 def publish(
-    node: PublishingNode,
+    node: EncoderNode | GravityNode,
     *,
     rate_hz: float,
     duration: float | None = None,

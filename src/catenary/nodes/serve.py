@@ -4,7 +4,7 @@ import gc
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, Self, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,19 +79,6 @@ class ServerStatus(NamedTuple):
     is_up: bool  # whether the transport's network answers
     warnings: tuple[str, ...]
     ended_by: str = ""  # of the last one: the signal's name, or Ctrl-C; empty when its time was over
-
-
-class _Counts(NamedTuple):
-    """Counters of a server at one moment."""
-
-    time: float  # [s]
-    cpu: float  # [s]
-    ticks: int
-    commands: int
-
-    @classmethod
-    def now(cls, server: Server) -> Self:
-        return cls(time.perf_counter(), time.process_time(), server.ticks, server.commands)
 
 
 def make_server(
@@ -186,20 +173,26 @@ def serve(
     settled = RealTime(period)
     settled.begin()
     clock = time.perf_counter
-    begin = last = _Counts.now(server)
-    deadline, lost = begin.time, 0
+
+    def counted() -> Floats:
+        """Return time [s], time of the processor [s], ticks and commands until now."""
+        return np.array([clock(), time.process_time(), server.ticks, server.commands])
+
+    begin = last = counted()
+    deadline, lost = float(begin[0]), 0
     ended_by = ""
     if start:
         server.start()
 
-    def status(since: _Counts, now: _Counts) -> ServerStatus:
-        took, missed = max(now.time - since.time, 1e-9), server.missed
+    def status(since: Floats, now: Floats) -> ServerStatus:
+        missed, (took, cpu, ticks, commands) = server.missed, (now - since).tolist()
+        took = max(took, 1e-9)
         return ServerStatus(
-            seconds=now.time - begin.time,
-            rate_hz=(now.ticks - since.ticks) / took,
-            cpu=(now.cpu - since.cpu) / took,
+            seconds=float(now[0] - begin[0]),
+            rate_hz=ticks / took,
+            cpu=cpu / took,
             states={name: _state_text(arm) for name, arm in server.arms.items()},
-            commands_hz=(now.commands - since.commands) / took,
+            commands_hz=commands / took,
             clients=len(server.clients()),
             lost_ticks=lost,
             overflowed=sum(missed.values()),
@@ -209,12 +202,12 @@ def serve(
         )
 
     try:
-        while duration is None or clock() - begin.time < duration:
+        while duration is None or clock() - begin[0] < duration:
             server.tick(late=min(max(0.0, clock() - deadline), LONGEST_CATCH_UP))
             deadline += period
             now = clock()
-            if now - last.time >= 1.0:
-                before, last = last, _Counts.now(server)
+            if now - last[0] >= 1.0:
+                before, last = last, counted()
                 show(status(before, last))
                 gc.collect(0)  # the loop runs without the collector; what rospy leaves behind is little
                 now = clock()
@@ -234,7 +227,7 @@ def serve(
                 arm.machine.command("pause")
                 arm.advance()
         server.say_states()
-    return status(begin, _Counts.now(server))._replace(ended_by=ended_by)
+    return status(begin, counted())._replace(ended_by=ended_by)
 
 
 def _state_text(arm: ServedArm) -> str:

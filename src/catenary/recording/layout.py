@@ -92,7 +92,7 @@ class _Walk:
 
     def dtype(self) -> np.dtype[np.void]:
         layout = {"names": self.names, "formats": self.formats, "offsets": self.offsets, "itemsize": self.offset}
-        return np.dtype(layout)  # type: ignore[call-overload, no-any-return]
+        return np.dtype(layout)  # type: ignore[call-overload]
 
 
 def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = fields) -> np.dtype[np.void]:

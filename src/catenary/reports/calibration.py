@@ -51,20 +51,23 @@ def write_calibration_report(
     ]
     gains = [joint.raw_rmse / joint.rmse if joint.rmse > 0.0 else 1.0 for joint in evaluation.joints]
     first = pictures.pop(gains.index(max(gains)))  # what the correction does, before any table
-    note_blocks: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
-    validation_blocks: list[Block] = (
-        [Heading("Cross-validation"), joint_errors.spread_table(spread, name)] if spread else []
-    )
+    missing = "Not known: no robot whose kinematics give the tip from these joints was named (--robot)."
+    of_tip: list[Block] = [Heading("Error of the tip"), Text(missing)]
+    if tip is not None:
+        of_tip = tip_blocks(tip, name, evaluation.data.joint_names)
+        of_tip.append(arm_picture(tip, name, joint_errors.row_breaks(evaluation)))
+    noted: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
+    crossed: list[Block] = [Heading("Cross-validation"), joint_errors.spread_table(spread, name)] if spread else []
     blocks: list[Block] = [
         *first,
         *opening,
         *joint_errors.error_blocks(evaluation, name),
-        *note_blocks,
-        *tip_part(tip, evaluation, name),
+        *noted,
+        *of_tip,
         *joint_errors.coverage_blocks(evaluation),
         *(block for picture in pictures for block in picture),
         *joint_errors.window_blocks(evaluation, name),
-        *validation_blocks,
+        *crossed,
         *further,
         Heading("The model"),
         Facts([("model", model_name(model)), *card_facts(card)]),
@@ -80,17 +83,6 @@ def write_calibration_report(
     write_page(path, title, lead, blocks, verdict=verdict, simulated=simulated)
 
 
-def tip_part(tip: TipErrors | None, evaluation: Evaluation, name: str) -> list[Block]:
-    """Return table and picture of the tip; without kinematics how to get them."""
-    if tip is not None:
-        return [
-            *tip_blocks(tip, name, evaluation.data.joint_names),
-            arm_picture(tip, name, joint_errors.row_breaks(evaluation)),
-        ]
-    missing = "Not known: no robot whose kinematics give the tip from these joints was named (--robot)."
-    return [Heading("Error of the tip"), Text(missing)]
-
-
 def short_name(model: CalibrationModel) -> str:
     """Return a model's kind and preset in words."""
     return model.kind if model.preset is None else f"{model.kind}, preset {model.preset}"
@@ -98,20 +90,20 @@ def short_name(model: CalibrationModel) -> str:
 
 def model_name(model: CalibrationModel) -> str:
     """Return a model's kind, preset and memory in words."""
-    name = short_name(model)
-    if model.features.play:
-        name += ", play states"
-    return name
+    return f"{short_name(model)}, play states" if model.features.play else short_name(model)
 
 
 def card_facts(card: Card) -> list[tuple[str, str]]:
     """Return the card's main lines."""
-    data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {_short(s['sha256'])})" for s in card["data"])
+    hashes = (f"sha256 {s['sha256'][:12]}" if s["sha256"] else "no hash" for s in card["data"])
+    data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {told})" for s, told in zip(card["data"], hashes, strict=True))
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
+    seconds, mended = clock_delay(card), ", ".join(card.get("mends", {}).get("delay", ()))
+    corrected = f", of which {mended} s was corrected" if mended else ""
     return [
         *(("chosen", str(JointChoice(**choice))) for choice in card.get("choice") or ()),
         *((name, card[name]) for name in ("instrument", "tool", "recorded") if card.get(name)),
-        *(("delay", text) for text in [delay_in_words(card)] if text),
+        *([] if seconds is None else [("delay", f"{seconds:+.3f} s{corrected}")]),
         ("target", f"joint {card['target']}"),
         ("inputs", shortened([entry["name"] for entry in card["inputs"]])),
         ("scaling", card["scaling"]),
@@ -121,21 +113,10 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     ]
 
 
-def delay_in_words(card: Card) -> str:
-    """Return by how much measurements of a fit lay behind commands, and what of it was mended; empty where unknown."""
-    seconds = clock_delay(card)
-    mended = ", ".join(card.get("mends", {}).get("delay", ()))
-    return "" if seconds is None else f"{seconds:+.3f} s" + (f", of which {mended} s was corrected" if mended else "")
-
-
 def shortened(names: Sequence[str], most: int = 8) -> str:
     """Return the first names of a list, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
-
-
-def _short(digest: str | None) -> str:
-    return f"sha256 {digest[:12]}" if digest else "no hash"
 
 
 class JointGain(NamedTuple):
@@ -159,12 +140,6 @@ def gains_of(evaluation: Evaluation) -> list[JointGain]:
     return gains
 
 
-def gains_on_blocks(spread: Sequence[Spread]) -> list[JointGain]:
-    """Return what the correction does for each joint, as a cross-validation saw it."""
-    errors = [(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean) for s in spread]
-    return [JointGain(*each, _against(each[3], each[2])) for each in errors]
-
-
 def headline(
     evaluation: Evaluation, *, unseen: bool = True, spread: Sequence[Spread] = (), tip: TipErrors | None = None
 ) -> str:
@@ -174,8 +149,10 @@ def headline(
     range; of data that was fitted, not `unseen`, the errors of the cross-validation in `spread` count.
     """
     on_blocks = not unseen and bool(spread)
-    gains = gains_on_blocks(spread) if on_blocks else gains_of(evaluation)
+    gains = gains_of(evaluation)
     if on_blocks:
+        errors = [(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean) for s in spread]
+        gains = [JointGain(*each, _against(each[3], each[2])) for each in errors]
         start = "On data that it did not see, the correction brings joints' RMS error after the fixed offset"
     else:
         start = "The" if unseen else "No test, since the model was fitted to this data: the"

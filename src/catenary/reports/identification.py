@@ -35,8 +35,12 @@ def write_identification_report(
         *([page.Remarks(notes)] if notes else []),
         page.Heading("Excitation"),
         page.Facts(excitation_facts(found)),
-        *(poses_picture(found, samples) for samples in shown[:1]),
     ]
+    for samples in shown[:1]:  # with the masses that were found where these are each link's
+        rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
+        caption = f"The robot in {SHOWN_POSES} poses of {samples.name}, the first of them whole."
+        robot = found.model if found.phi is None else found.robot()
+        blocks.append(robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity))
     for samples in shown:
         blocks += [page.Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
     if (masses := mass_table(found)) is not None:
@@ -50,8 +54,8 @@ def write_identification_report(
         page.Listing("The whole card", json_text(card)),
     ]
     what = "poses at rest" if found.options.terms == "static" else "full dynamics"
-    rows, logs = sum(r.rows for r in found.training), ", ".join(r.log for r in found.training)
-    lead = f"{what}: {found.base.count} base parameters from {rows:,} rows of {logs}."
+    count, logs = sum(r.rows for r in found.training), ", ".join(r.log for r in found.training)
+    lead = f"{what}: {found.base.count} base parameters from {count:,} rows of {logs}."
     page.write_page(path, f"Identification of {found.model.name}", lead, blocks)
 
 
@@ -112,14 +116,6 @@ def excitation_facts(found: Identification) -> list[tuple[str, str]]:
         ("weights of the axes", ", ".join(f"{w:.4g}" for w in found.weights)),
         ("physically consistent", consistent),
     ]
-
-
-def poses_picture(found: Identification, samples: Samples) -> page.Picture:
-    """Draw the robot in poses of a recording, with the masses that were found where these are each link's."""
-    robot = found.model if found.phi is None else found.robot()
-    rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
-    caption = f"The robot in {SHOWN_POSES} poses of {samples.name}, the first of them whole."
-    return robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity)
 
 
 def torque_picture(found: Identification, samples: Samples) -> page.Picture:

@@ -120,24 +120,27 @@ def left_out_table(found: Sequence[LeftOut]) -> Table:
     return Table(columns, found, f"Error with and without the {found[0].rows} measured rows left out")
 
 
-def coverage_table(evaluation: Evaluation) -> Table:
-    """Return width and coverage of the intervals per joint, and whether they hold; for a model that has some."""
+def coverage_table(evaluation: Evaluation) -> Table | None:
+    """Return width and coverage of the intervals per joint, and whether they hold; None for a model without."""
+    if evaluation.level is None:
+        return None
     unit = in_units(joint.unit for joint in evaluation.joints)
     verdicts = dict(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
     columns: list[Column] = [("joint", "name"), "unit", (f"half-width {unit}", "half_width:.3f")]
     columns += [("held [% of rows]", "coverage:.3g %"), ("verdict", verdicts.__getitem__)]
-    asked = 100.0 * (evaluation.level or 0.0)
-    return Table(columns, evaluation.joints, f"Errors within the model's intervals, which are to hold {asked:.3g} %")
+    asked = f"{100.0 * evaluation.level:.3g} %"
+    return Table(columns, evaluation.joints, f"Errors within the model's intervals, which are to hold {asked}")
 
 
 def coverage_blocks(evaluation: Evaluation) -> list[Block]:
     """Return what a page says of a model's intervals."""
-    if evaluation.level is None:
+    table = coverage_table(evaluation)
+    if table is None or evaluation.level is None:
         text = "The model has no intervals: they are estimated from a cross-validation of enough rows."
         return [Heading("Intervals"), Text(text)]
     return [
         Heading("Intervals"),
-        coverage_table(evaluation),
+        table,
         Text(
             f"Each corrected position comes with an interval that is to hold {100.0 * evaluation.level:.3g} % of "
             "errors on later data of the same kind: median half-width, share of rows whose error lies within it. "

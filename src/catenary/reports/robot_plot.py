@@ -78,8 +78,7 @@ def plot(
         draw_torque_bars(bars, model, rows[0], gravity_torque(model, rows, down))
         over = f"; lines: over all {len(rows)} poses" if len(rows) > 1 else ""
         bars[0].set_title(f"torques that hold it still{over}", fontsize=9, loc="left")
-    figure: Figure = axes.get_figure(root=True)
-    return figure
+    return axes.get_figure(root=True)
 
 
 def robot_picture(model: RobotModel, q: ArrayLike, caption: str, *, gravity: ArrayLike = LEVEL) -> Picture:
@@ -140,17 +139,11 @@ def _draw_robot(axes: Any, model: RobotModel, rows: Floats, gravity: Floats, hid
     if "gravity" not in hide:
         _draw_gravity(axes, gravity, middle, half)
     axes.set_title(model.name, fontsize=10)
-    _draw_legend(axes)
-
-
-def _draw_legend(axes: Any) -> None:
-    """Name what is drawn, below it."""
-    if not axes.get_legend_handles_labels()[0]:
-        return
-    legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, frameon=False, fontsize=8)
-    for handle in legend.legend_handles:
-        if hasattr(handle, "set_sizes"):
-            handle.set_sizes([60.0])
+    if axes.get_legend_handles_labels()[0]:  # what is drawn, named below it
+        legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, frameon=False, fontsize=8)
+        for handle in legend.legend_handles:
+            if hasattr(handle, "set_sizes"):
+                handle.set_sizes([60.0])
 
 
 def _draw_triad(axes: Any, rotation: Floats, origin: Floats, size: float) -> None:
@@ -243,8 +236,7 @@ def draw_links(axes: Any, model: RobotModel, q: Floats, *, width: float = 2.5, a
         axes.plot(*line.T, color=LINK, linewidth=width, alpha=alpha, solid_capstyle="round", **dot)
     axes.plot(*np.zeros((3, 1)), "s", color=LINK, markersize=2.4 * width, alpha=alpha)
     axes.plot(*segments[links:, 1].T, "o", color=TIP, markersize=2.4 * width, alpha=alpha)
-    points: Floats = np.vstack([np.zeros((1, 3)), segments.reshape(-1, 3)])
-    return points
+    return np.vstack([np.zeros((1, 3)), segments.reshape(-1, 3)])
 
 
 def equal_axes(axes: Any, points: Floats) -> tuple[Floats, float]:

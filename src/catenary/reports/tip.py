@@ -38,8 +38,7 @@ class TipErrors(NamedTuple):
 
     def distances(self, tip: Floats) -> Floats:
         """Return the tip's distances (N,) from where it is [m]."""
-        apart: Floats = np.linalg.norm(tip - self.true, axis=1)
-        return apart
+        return np.linalg.norm(tip - self.true, axis=1)
 
 
 def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | None:
@@ -65,10 +64,12 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
         q[:, places] = measured - error
         return q
 
-    left = (0.0, evaluation.raw, evaluation.after_offset, evaluation.after_model)
-    true, reported, offset, corrected = (_tips(robot, full(error)) for error in left)
+    rows = [full(error) for error in (0.0, evaluation.raw, evaluation.after_offset, evaluation.after_model)]
+    true, reported, offset, corrected = (
+        np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))]) for q in rows
+    )
     moves = tuple(_moves_tip(robot, [place]) for place in places)
-    return TipErrors(robot, full(0.0), true, reported, offset, corrected, moves)
+    return TipErrors(robot, rows[0], true, reported, offset, corrected, moves)
 
 
 def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
@@ -94,10 +95,6 @@ def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
 def tip_rmse(tip: TipErrors) -> tuple[float, float]:
     """Return the RMS distance by reported and by corrected joints [mm]."""
     return 1e3 * rms(tip.distances(tip.reported)), 1e3 * rms(tip.distances(tip.corrected))
-
-
-def _tips(robot: RobotModel, q: Floats) -> Floats:
-    return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))])
 
 
 def _places(robot: RobotModel, names: Sequence[str], units: Sequence[str]) -> list[int] | None:

@@ -93,8 +93,7 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
         endings = ".toml, .urdf, .xacro, .xml, .mjcf, .json or .npz"
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected {endings}')
     module, function = READERS[kind]
-    model: RobotModel = getattr(import_module(f"catenary.robots.{module}"), function)(path, massless=massless)
-    return model
+    return getattr(import_module(f"catenary.robots.{module}"), function)(path, massless=massless)
 
 
 def load_text(text: str, *, massless: Massless = ()) -> RobotModel:

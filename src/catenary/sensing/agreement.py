@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.sensing.bases import CHEAP_NOISE
-from catenary.sensing.checks import Fault, SensorRules
+from catenary.sensing.checks import CHEAP_NOISE, Fault, SensorRules
 
 HIGH_PASS = 0.5  # [s] over which what is slower than turning is forgotten, of gravity and of what rates make of it
 _RATE_HZ = 50.0  # rows of a comparison a second, at most
@@ -323,8 +322,7 @@ def _left_by(found: Floats, free: slice, cost: Floats) -> Floats:
     """Return what is left of products (10, 10) of turning and gravity once some columns explain what they can."""
     kept = np.r_[0:9, _GRAVITY]
     A, B = found[free, free] + np.diag(cost), found[free][:, kept]
-    left: Floats = found[np.ix_(kept, kept)] - B.T @ np.linalg.solve(A, B)
-    return left
+    return found[np.ix_(kept, kept)] - B.T @ np.linalg.solve(A, B)
 
 
 def _mended(way: Floats, unit: float) -> tuple[Fault, str]:

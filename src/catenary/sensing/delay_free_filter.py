@@ -61,7 +61,10 @@ class DelayFreeFilter:
         recent = self._stamps >= stamp - (1.0 + 1e-9) * self.window
         ages = (self._stamps[recent] - stamp) / self.window  # -1 to 0
         self.newest, self.span = stamp, float(-ages.min() * self.window)
-        powers = ages[:, None] ** np.arange(self._degree(len(ages)) + 1)
+        # a parabola through a short piece would be noise: first a mean, then a line
+        steps = ((5, 0.6), (3, 0.3))
+        degree = sum(len(ages) >= count and self.span >= share * self.window for count, share in steps)
+        powers = ages[:, None] ** np.arange(degree + 1)
         fitted = np.linalg.solve(powers.T @ powers, powers.T @ self._vectors[recent])
         self._coefficients[:] = 0.0
         self._coefficients[: len(fitted)] = fitted / self.window ** np.arange(len(fitted))[:, None]
@@ -71,9 +74,3 @@ class DelayFreeFilter:
         t = time - self.newest if self.newest > -np.inf else 0.0
         c0, c1, c2 = self._coefficients
         return np.array([c0 + t * (c1 + t * c2), c1 + 2.0 * t * c2])
-
-    def _degree(self, samples: int) -> int:
-        """Return the polynomial's: a parabola through a short piece would be noise, so first a mean, then a line."""
-        if samples >= 5 and self.span >= 0.6 * self.window:
-            return 2
-        return 1 if samples >= 3 and self.span >= 0.3 * self.window else 0

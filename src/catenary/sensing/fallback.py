@@ -60,8 +60,7 @@ class SmoothTransfer:
         self._offset -= moved * _share_beyond(allowed, moved)
         self._offset *= _share_beyond(self._recover * dt, self._offset)
         self._target = targets.copy()
-        outputs: Floats = targets + self._offset
-        return outputs
+        return targets + self._offset
 
     @property
     def behind(self) -> float:
@@ -76,5 +75,4 @@ class SmoothTransfer:
 def _share_beyond(allowed: Floats, vectors: Floats) -> Floats:
     """Return the share (k, 1) of each vector (k, 3) that exceeds an allowed length (k, 1)."""
     lengths = np.sqrt(np.sum(vectors * vectors, axis=1, keepdims=True))
-    share: Floats = np.maximum(0.0, 1.0 - allowed / np.maximum(lengths, 1e-300))
-    return share
+    return np.maximum(0.0, 1.0 - allowed / np.maximum(lengths, 1e-300))

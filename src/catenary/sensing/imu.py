@@ -10,8 +10,17 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.sensing.agreement import LEAN, AgreementWatch
-from catenary.sensing.bases import BaseSpectrum, base_spectrum, rules_for
-from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules, norm
+from catenary.sensing.checks import (
+    BaseSpectrum,
+    Fault,
+    GravityCheck,
+    RateCheck,
+    RawCheck,
+    SensorRules,
+    base_spectrum,
+    norm,
+    rules_for,
+)
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import FALLBACKS, SlowAttitude, SmoothTransfer
 from catenary.sensing.gyro_prediction import PredictedGravity, RestRate

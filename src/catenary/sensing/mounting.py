@@ -66,8 +66,7 @@ class Mounting:
 
     def rate(self, reading: Floats) -> Floats:
         """Return angular velocity (..., 3) in base axes, of gyroscope readings (..., 3) [rad/s]."""
-        turned: Floats = (reading - self.rate_bias) @ self.rotation.T
-        return turned
+        return (reading - self.rate_bias) @ self.rotation.T
 
     def at(self, model: RobotModel, name: str) -> "Mounting":
         """Return it placed and turned as a robot's description has a frame, which must be fixed to the base."""

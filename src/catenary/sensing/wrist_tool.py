@@ -96,12 +96,8 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
 
 def wrist_tool_findings(tool: WristTool, force: ArrayLike, rotation: ArrayLike, gravity: ArrayLike) -> list[Finding]:
     """Doubt a tool whose forces fit another gravity, or other gains or axes of the sensor, much better.
-
-    Args:
-        tool: As it was fitted.
-        force: (N, 3) [N] as there.
-        rotation: (N, 3, 3) R_base_sensor of each pose.
-        gravity: (3,) [m/s2] in base axes.
+    Forces are (N, 3) [N] as they were fitted, `rotation` (N, 3, 3) R_base_sensor of each pose, gravity (3,) [m/s2] in
+    base axes.
     """
     stated = as_array("gravity", gravity, (3,))
     forces, turned = as_array("force", force, (None, 3)), as_array("rotation", rotation, (None, 3, 3))

@@ -99,8 +99,7 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
 @inlined
 def pull_at_joint(cable: CableDrive, state: ArmState, j: int) -> float:
     """Return what cable j pulls with at the joint's end [Nm or N]."""
-    pull: float = state.tension[j] - cable.node_share[j] * state.node[j]
-    return pull
+    return state.tension[j] - cable.node_share[j] * state.node[j]
 
 
 @inlined

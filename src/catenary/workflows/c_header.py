@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from catenary.calibration.model import CalibrationModel
 from catenary.dynamics import lines
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.errors import InputError
-from catenary.files import write_atomically
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.c99 import c_comment, c_function, c_name, c_sines
 from catenary.kernels.tracing import evaluate
@@ -46,20 +44,13 @@ def c_header(
     loads: ActuationLoads | None = None,
 ) -> Header:
     """Write a robot's law of motion, regressors of gravity and joint correction as one self-contained C99 header.
-
-    No memory is allocated, nothing but math.h is called, and it is valid C++11. Where links have masses but no
-    possible inertia the law is that of gravity alone.
+    No memory is allocated, nothing but math.h is called, and it is valid C++11. Where links have masses but no possible
+    inertia the law is that of gravity alone; without a robot, or inertia, the header holds the correction alone.
 
     Args:
-        model: The robot; the correction alone when None, or where links have no inertia.
-        calibration: Its calibration model; no correction when None.
         rate_hz: Of the loop that the correction will run in; matters where it is slower than the training rows.
-        loads: Its friction, rotors, springs and known torques, which the feedforward then includes; those that it
-            brings, as an identified robot does, when None.
-
-    Raises:
-        MissingInertiaError: Links without inertia, and no calibration model, or loads that would be left out.
-        InputError: Neither is given, the calibration model cannot run at that rate, or has a predictor that has no C.
+        loads: Friction, rotors, springs and known torques, which the feedforward then includes; those that the robot
+            brings, as an identified one does, when None.
     """
     known: CalibrationModel | RobotModel | None = model if model is not None else calibration
     if known is None:
@@ -88,7 +79,10 @@ def c_header(
         elif not model.missing_inertia:
             loads = known_loads(model) if loads is None else loads
             told |= _motion(model, told["at"], loads)
-            notes += _without_memory(loads)
+            remembers = [term.name for term in (() if loads is None else loads.terms) if term.kind == "presliding"]
+            if remembers:  # a function of one instant does not know what was before
+                told_of = f"presliding friction of {', '.join(remembers)}"
+                notes.append(f"{told_of} is written as in steady sliding, where it is Coulomb friction")
             functions += ["mass_matrix", "holding", "inverse_dynamics"]
             functions += [*(["friction", "drives"] if loads is not None else []), "feedforward"]
     if calibration is not None:
@@ -101,11 +95,6 @@ def c_header(
     template = (files("catenary.workflows") / "c_header.h").read_text(encoding="ascii")
     text = environment.from_string(template).render(told)
     return Header(text, tuple(f"{name}_{function}" for function in functions), tuple(notes))
-
-
-def write_header(header: Header, path: Path) -> None:
-    """Write a header to a file."""
-    write_atomically(path, header.text.encode("ascii"))
 
 
 def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
@@ -174,14 +163,6 @@ def _correction(model: CalibrationModel, corrector: Corrector, name: str, rate_h
         "tick": {"q": q, "signals": signals, "out": out, "inside": inside.astype(float)},
         "correction": c_correction(name, model, rate_hz),
     }
-
-
-def _without_memory(loads: ActuationLoads | None) -> list[str]:
-    """Return a note on friction that depends on what was before: a function of one instant does not know it."""
-    names = [] if loads is None else [term.name for term in loads.terms if term.kind == "presliding"]
-    if not names:
-        return []
-    return [f"presliding friction of {', '.join(names)} is written as in steady sliding, where it is Coulomb friction"]
 
 
 def _other_joints(robot: Jointed, calibration: CalibrationModel) -> list[str]:

@@ -134,14 +134,9 @@ def held_against(
     accept: Sequence[str] = (),
     max_error: tuple[float, ...] | None = None,
 ) -> HeldAgainst:
-    """Read a model and recordings, third-party ones by their mapping.
-
-    Recordings that do not state their joints' names or units are read with the model's.
-
-    Args:
-        reading: Mapping of third-party recordings, and what to change of them.
-        accept: Findings about them to go on with, by name.
-        max_error: Per joint, deg and mm; rows with larger errors are left out; as in the model's fit when None.
+    """Read a model and recordings, third-party ones by their mapping; what states no names or units has the model's.
+    `accept` names findings to go on with. Rows beyond `max_error`, per joint in deg and mm, are left out; as in the
+    model's fit when None.
     """
     model, card = load_model(model_path)
     logs = recordings_for(model, paths, reading)
@@ -155,21 +150,15 @@ def export_onnx(path: Path, out: Path) -> dict[str, Any]:
         raise InputError(f"{out}: is the model that is read here; expected another file to write")
     model, card = load_model(path)
     made = save_onnx(model, card, out)
+    shapes = (
+        {one.name: [size.dim_param or size.dim_value for size in one.type.tensor_type.shape.dim] for one in tensors}
+        for tensors in (made.graph.input, made.graph.output)
+    )
     return {
-        "model": str(path),
-        "file": str(out),
-        "kind": model.kind,
-        "opset": OPSET,
-        "inputs": {tensor.name: _shape(tensor) for tensor in made.graph.input},
-        "outputs": {tensor.name: _shape(tensor) for tensor in made.graph.output},
-        "signals": list(model.features.signals),
-        "joints": list(model.joint_names),
-        "notes": model.asked_of_reports,
-    }
-
-
-def _shape(tensor: Any) -> list[int | str]:
-    return [size.dim_param or size.dim_value for size in tensor.type.tensor_type.shape.dim]
+        "model": str(path), "file": str(out), "kind": model.kind, "opset": OPSET,
+        **dict(zip(("inputs", "outputs"), shapes, strict=True)), "signals": list(model.features.signals),
+        "joints": list(model.joint_names), "notes": model.asked_of_reports,
+    }  # fmt: skip
 
 
 def recordings_for(
@@ -225,23 +214,21 @@ def known_errors(card: Card) -> Floats | None:
     """Return errors per joint on data that a model did not see [deg|mm]: of its last refresh, or of its fit."""
     if card.get("refreshed"):
         return np.array([joint["rmse_after"] for joint in card["refreshed"][-1]["joints"]])
-    errors = card["errors"]
-    if errors["held_out"]:
-        return np.array([joint["rmse"] for joint in errors["held_out"]])
-    if errors["cross_validation"]:
-        return np.array([joint["rmse_mean"] for joint in errors["cross_validation"]["joints"]])
+    if errors := card["errors"]["held_out"]:
+        return np.array([joint["rmse"] for joint in errors])
+    if errors := card["errors"]["cross_validation"]:
+        return np.array([joint["rmse_mean"] for joint in errors["joints"]])
     return None
 
 
 def card_history(paths: Sequence[Path], factor: float = BEYOND) -> DriftFound:
     """Return what cards of models, or of files beside them, tell of errors, delays and zeros over days."""
-    cards = [_card(path) for path in paths]
+    cards = [
+        dict(json_table(path.read_text(), str(path))) if path.suffix == ".json" else load_model(path)[1]
+        for path in paths
+    ]
     names = [path.stem.removesuffix(".card") for path in paths]
     return find_card_drift([*zip(names, cards, map(known_errors, cards), strict=True)], factor=factor)
-
-
-def _card(path: Path) -> Card:
-    return dict(json_table(path.read_text(), str(path))) if path.suffix == ".json" else load_model(path)[1]
 
 
 def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:

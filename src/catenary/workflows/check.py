@@ -5,7 +5,7 @@ Facts are numbers with units for programs (docs/json.md), and lines for people. 
 """
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ from catenary.calibration.model_file import load_model
 from catenary.errors import CatenaryError, ExcitationError, FileFormatError, InputError
 from catenary.files import TEXT_ENDINGS, card_path, card_text, table_ending
 from catenary.gravity.mass_doubts import mass_doubts
-from catenary.identification.identification import Identification, identify_samples
+from catenary.identification.identification import identify_samples
 from catenary.identification.identification_file import load_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
@@ -40,10 +40,9 @@ from catenary.units import DISPLAY
 from catenary.verdict.check import repeated_findings
 from catenary.verdict.finding import Finding
 from catenary.verdict.stamps import stamp_findings
-from catenary.workflows.file_report import FileReport, Line
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
 from catenary.workflows.project.folder import SETTINGS
-from catenary.workflows.recording_screen import TypedRecording, check_recording, recording_report
+from catenary.workflows.recording_screen import FileReport, Line, TypedRecording, check_recording, recording_report
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".json")
 REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
@@ -59,12 +58,9 @@ def check_file(
     typed: tuple[str, ...] = (),
 ) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
-
-    Args:
-        reading: What a recording does not say of itself, and how it is mended.
-        robot: Catalogue name or file of the robot that a recording is of; its own when None.
-        max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.
-        typed: Options that say how a recording is read, for the command to use next.
+    `reading` is what a recording does not say of itself, and how it is mended; `robot` its robot's name or file, its
+    own when None. Rows beyond `max_error`, per joint in deg and mm, are left out. `typed` goes into the command to use
+    next.
     """
     path = Path(source)
     reading = reading if reading is not None else Reading()
@@ -178,8 +174,12 @@ def check_robot(model: RobotModel) -> FileReport:
     found.tell("tip", model.tip)
     found.tell("moving_mass_kg", mass, f"{mass:g} kg", called="moving mass")
     found.tell("massless_links", model.massless, ", ".join(model.massless) or "none")
-    told = "; ".join(map(_drive_in_words, drives or ())) or "nothing known of friction and rotors"
-    found.tell("drives", drives, told)
+    driven = []
+    for drive in drives or ():
+        force, inertia = ("Nm", "kg m2") if drive["unit"] == "rad" else ("N", "kg")
+        friction = f"{drive['coulomb']:.4g} {force} + {drive['viscous']:.4g} {force} s/{drive['unit']}"
+        driven.append(f"{drive['joint']} friction {friction}, rotor {drive['rotor']:.4g} {inertia}")
+    found.tell("drives", drives, "; ".join(driven) or "nothing known of friction and rotors")
     found.tell("sources", model.sources, "; ".join(model.sources) or "none stated")
     found.facts["links_without_inertia"] = model.missing_inertia
     if model.missing_inertia == model.link_names:  # nobody meant to give any, as of a catalogue's published lengths
@@ -205,12 +205,6 @@ def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
     return [dict(zip(("joint", "unit", "coulomb", "viscous", "rotor"), each, strict=True)) for each in numbers]
 
 
-def _drive_in_words(drive: Mapping[str, Any]) -> str:
-    force, mass = ("Nm", "kg m2") if drive["unit"] == "rad" else ("N", "kg")
-    friction = f"{drive['coulomb']:.4g} {force} + {drive['viscous']:.4g} {force} s/{drive['unit']}"
-    return f"{drive['joint']} friction {friction}, rotor {drive['rotor']:.4g} {mass}"
-
-
 def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[str], tuple[Finding, ...]]:
     """Return what is wrong with a recording for identification, what is worth knowing, and the findings among them.
 
@@ -231,15 +225,14 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
         return [*faults, str(error)], remarks, found
     doubts = tuple(torque_findings(result, samples, fitted=True))
     faults += [f"{each.name}: {each}" for each in doubts]
-    return faults, [*remarks, *_fit_in_words(result)], (*found, *doubts)
-
-
-def _fit_in_words(result: Identification) -> Sequence[str]:
-    left = result.training[0].relative_rms
-    shares = ", ".join(f"{n} {v:.3f}" for n, v in zip(result.model.joint_names, left, strict=True))
-    seen = f"shows all {result.base.count} base parameters ({result.options.terms}), condition {result.condition:.3g}"
-    by_itself = "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left"
-    return [f"for identification: {seen}", f"{by_itself}: {shares}"]
+    left = zip(model.joint_names, result.training[0].relative_rms, strict=True)
+    told = f"all {result.base.count} base parameters ({terms}), condition {result.condition:.3g}"
+    remarks += [
+        f"for identification: shows {told}",
+        "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: "
+        + ", ".join(f"{name} {share:.3f}" for name, share in left),
+    ]
+    return faults, remarks, (*found, *doubts)
 
 
 def _with_card(check: Callable[[Path], FileReport], path: Path) -> FileReport:

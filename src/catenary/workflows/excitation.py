@@ -95,16 +95,10 @@ def design_excitation(
     static: int | None = None,
     **shape: Any,
 ) -> DesignedMotion:
-    """Design poses or a motion within limits, apart from whatever it could hit.
+    """Design so many `static` poses, or when None a motion, within limits, apart from whatever it could hit.
 
-    Args:
-        gravity: (3,) [m/s2] in base axes.
-        static: How many poses to hold; a motion when None.
-        shape: Of a motion, as `fourier_motion` takes it: period, harmonics, rate, trials.
-
-    Raises:
-        LimitError: No motion was found that keeps all limits.
-        InputError: Numbers that make no motion, or no pose in which nothing touches.
+    Gravity is (3,) [m/s2] in base axes, `shape` a motion's period, harmonics, rate and trials (`fourier_motion`).
+    LimitError: no motion was found that keeps all limits.
     """
     limits, notes = _limits(model, room, around, gravity, rng)
     if static is not None:

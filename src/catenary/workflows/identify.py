@@ -1,12 +1,13 @@
 """Identify a robot's dynamics from recordings in files, judge the result on others; by it, a payload or a push.
 
 Also the tool behind a wrist's force/torque sensor, and the sensor's biases, from a table of poses at rest.
+Of a longer arm some joints may be identified alone: the others are held where recordings hold them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,6 @@ from catenary.identification.identification import Identification, gains_of, ide
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
 from catenary.identification.other_causes import cause_findings, day_findings
-from catenary.identification.part_of_arm import of_joints, part_of_arm, require_held
 from catenary.identification.payload import (
     PayloadEstimate,
     estimate_payload,
@@ -35,11 +35,12 @@ from catenary.identification.payload import (
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
-from catenary.plant import MotionLog
+from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.recording.logs import Reading, read_torque_recording
 from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
+from catenary.robots.cut import lock_joints
 from catenary.robots.model import RobotModel
 from catenary.sensing.wrist_tool import WristTool, fit_wrist_tool, wrist_tool_findings
 from catenary.units import TORQUE_UNIT
@@ -48,20 +49,65 @@ from catenary.verdict.finding import judge, require_names
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording
 
+STILL = {"rad": 0.02, "m": 0.005}  # by which a joint may move that is held
+
+
+def part_of_arm(
+    model: RobotModel, joints: Sequence[str], logs: Sequence[MotionLog]
+) -> tuple[RobotModel, dict[str, float]]:
+    """Return the robot of some joints alone, and where the others are held.
+
+    Recordings that have the other joints too must hold them, all at one place. Where none has them they are at zero,
+    or at the limit next to it.
+    """
+    places_of(Joints(tuple(joints)), model, whose=f'robot "{model.name}"', of="--joints are")
+    held: dict[str, float] = {}
+    for i, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
+        if name in joints:
+            continue
+        shown = [log.q_nominal[:, log.joint_names.index(name)] for log in logs if name in log.joint_names]
+        where = np.concatenate(shown) if shown else np.clip(np.zeros(1), model.lower[i], model.upper[i])
+        if np.ptp(where) > STILL[unit]:
+            raise InputError(
+                f"joint {name} is not among --joints, and moves from {where.min():.4g} to {where.max():.4g} {unit} "
+                f"in the recordings: name it too, or take recordings that hold it (within {STILL[unit]:g} {unit})"
+            )
+        held[name] = float(np.clip(np.mean(where), model.lower[i], model.upper[i]))
+    if not held:
+        return model, held
+    if model.actuation is not None:  # its numbers are what is sought
+        model = replace(model, actuation=replace(model.actuation, values=None))
+    return lock_joints(model, held), held
+
+
+def require_held(logs: Sequence[MotionLog], held: Mapping[str, float]) -> None:
+    """Refuse recordings that move joints which were held when an arm was identified, or hold them elsewhere."""
+    for log in logs:
+        for name, unit, q in zip(log.joint_names, log.joint_units, log.q_nominal.T, strict=True):
+            if name in held and np.abs(q - held[name]).max() > STILL[unit]:
+                raise InputError(
+                    f'recording "{log.name}": joint {name} goes from {q.min():.4g} to {q.max():.4g} {unit}, and was '
+                    f"held at {held[name]:.4g} when others were identified: expected it there, within {STILL[unit]:g}"
+                )
+
+
+def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
+    """Return a recording of a robot's joints alone, those that it has beside them left out."""
+    n = len(log.joint_names)
+    if log.joint_names == nameless(n) and n == model.n:
+        return log.in_order_of(model, of="--joints are")
+    chosen = places_of(model, log, whose=f'recording "{log.name}"', of="--joints are")
+    if n == len(chosen):
+        return log.in_order_of(model, of="--joints are")
+    arrays = {key: values[:, chosen] for key in JOINT_ARRAYS if (values := getattr(log, key)) is not None}
+    left = [name for name in log.joint_names if name not in model.joint_names]
+    notes = (*log.notes, f"joints left out: {joints_text(Joints(tuple(left)))}")
+    return replace(log, joint_names=model.joint_names, joint_units=model.joint_units, notes=notes, **arrays)
+
+
 STEADY = 0.7  # of the RMS, and of the interval, from which on a mean is a torque that was there all along
 PAUSE = 3.0  # usual steps of time: after a longer one the observer begins anew
 WRENCH = (*(f"force:{axis} [N]" for axis in "xyz"), *(f"moment:{axis} [Nm]" for axis in "xyz"))
-
-
-class JointPush(NamedTuple):
-    """What one joint felt."""
-
-    joint: str
-    unit: str
-    largest: float  # [Nm or N]
-    time: float  # [s] when
-    half_width: float
-    beyond: float  # share of the rows outside of the interval about zero
 
 
 @dataclass(frozen=True)
@@ -79,23 +125,22 @@ class ExternalTorques:
     notes: tuple[str, ...]
 
     @property
-    def joints(self) -> list[JointPush]:
-        """What each joint felt."""
-        rows, size = np.abs(self.torque).argmax(axis=0), np.abs(self.torque)
-        return [
-            JointPush(
-                name, TORQUE_UNIT[unit], float(self.torque[rows[k], k]), float(self.time[rows[k]]),
-                float(self.half_width[k]), float(np.mean(size[:, k] > self.half_width[k])),
-            )
-            for k, (name, unit) in enumerate(zip(self.model.joint_names, self.model.joint_units, strict=True))
-        ]  # fmt: skip
+    def joints(self) -> list[dict[str, Any]]:
+        """The largest torque that each joint felt [Nm or N], when, and the share of rows beyond its interval."""
+        size, units = np.abs(self.torque), [TORQUE_UNIT[unit] for unit in self.model.joint_units]
+        rows, beyond = size.argmax(axis=0), np.mean(size > self.half_width, axis=0)
+        largest = np.take_along_axis(self.torque, rows[None], axis=0)[0]
+        numbers = (each.tolist() for each in (largest, self.time[rows], self.half_width, beyond))
+        keys = ("joint", "unit", "largest", "time", "half_width", "beyond")
+        columns = zip(self.model.joint_names, units, *numbers, strict=True)
+        return [dict(zip(keys, row, strict=True)) for row in columns]
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         return {
             "log": self.log,
             "rows": len(self.time),
-            "joints": [joint._asdict() for joint in self.joints],
+            "joints": self.joints,
             "frame": self.model.tip,
             "largest_wrench": self.strongest(),
             "notes": list(self.notes),
@@ -115,10 +160,8 @@ class ExternalTorques:
 
     def write(self, path: Path) -> None:
         """Write a row for each of the recording's, as CSV."""
-        named = [
-            f"{name} [{TORQUE_UNIT[unit]}]"
-            for name, unit in zip(self.model.joint_names, self.model.joint_units, strict=True)
-        ]
+        joints = zip(self.model.joint_names, self.model.joint_units, strict=True)
+        named = [f"{name} [{TORQUE_UNIT[unit]}]" for name, unit in joints]
         within = np.tile(self.half_width, (len(self.time), 1))
         parts: list[tuple[str, Sequence[str], Floats]] = [("external", named, self.torque), ("within", named, within)]
         if self.observed is not None:
@@ -161,9 +204,8 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
             )
     observed, why = _observed(result, pushed)
     notes += [] if why is None else [f"no momentum observer: {why}"]
-    return ExternalTorques(
-        pushed.name, result.model, pushed.time, torque, half_width, observed, wrench, width, tuple(notes)
-    )
+    found = torque, half_width, observed, wrench, width, tuple(notes)
+    return ExternalTorques(pushed.name, result.model, pushed.time, *found)
 
 
 def _observed(result: Identification, pushed: Samples) -> tuple[Floats | None, str | None]:
@@ -218,7 +260,6 @@ def identify_files(
     options: IdentifyOptions,
     *,
     tests: Sequence[Path] = (),
-    rows: tuple[int, int] | None = None,
     reading: Reading | None = None,
     load: tuple[float, Path] | None = None,
     joints: Sequence[str] = (),
@@ -227,16 +268,12 @@ def identify_files(
     """Identify a robot from recordings, and judge it on others.
 
     Args:
-        options: What to choose otherwise than the robot's file.
-        rows: First row, and the one after the last, of the recordings to fit; all when None.
         joints: To identify, of a longer arm that holds the others; all when empty.
         load: Of currents: a mass [kg] on the robot's tip, and the recording with it, which tell the drives' gains.
         accept: Findings about them to go on with, by name.
 
     Raises:
         DataError: Torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
-        FileFormatError: A file is missing, damaged or of another kind.
-        InputError: A recording is not of this robot, in other units, or too short; or currents without a known load.
         ExcitationError: The recordings do not show all base parameters.
     """
     model, held = load_robot(robot), dict[str, float]()
@@ -249,8 +286,6 @@ def identify_files(
         read, read_tests, with_loads = (
             [of_joints(log, model) for log in part] for part in (read, read_tests, with_loads)
         )
-    if rows is not None:
-        read = [part_of(log, rows) for log in read]
     require_names(accept)
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
     stamps += repeated_findings((*read, *read_tests))
@@ -286,7 +321,7 @@ def identify_files(
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += filter_notes(model, options)
     notes += [f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons]
-    notes += _doubts(result, training, held_out)
+    notes += _doubts(result)
     notes += mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     notes += choice_notes(result)
     notes += rotor_notes(model, result)
@@ -328,12 +363,6 @@ def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
     ]
 
 
-def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
-    """Return some rows of a recording."""
-    first, last = rows
-    return replace(log.part(first, last), notes=(*log.notes, f"rows {first} to {last} of {len(log)}"))
-
-
 def choice_notes(result: Identification) -> list[str]:
     """Return notes on what held-out blocks chose: parts of friction, and how much the file's masses count."""
     by_kind: dict[str, list[str]] = {}
@@ -369,18 +398,14 @@ def rotor_notes(model: RobotModel, result: Identification) -> list[str]:
     return [f"rotors: none of {names}: held-out blocks are predicted no better with a reflected inertia"]
 
 
-def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence[Samples]) -> list[str]:
+def _doubts(result: Identification) -> list[str]:
     notes = []
-    names = result.model.joint_names
-    for part, of in (training, result.training), (tests, result.tests):
-        for samples, residual in zip(part, of, strict=True):
-            with np.errstate(invalid="ignore"):
-                poor = np.flatnonzero(residual.relative_rms > POOR)
-            if len(poor):
-                notes.append(
-                    f"{samples.name}: little of the torque of {', '.join(names[i] for i in poor)} is explained "
-                    f"({', '.join(f'{residual.relative_rms[i]:.2f}' for i in poor)} of it is left)"
-                )
+    for residual in (*result.training, *result.tests):
+        left = zip(result.model.joint_names, residual.relative_rms, strict=True)
+        poor = {name: f"{share:.2f}" for name, share in left if share > POOR}
+        if poor:
+            told = f"little of the torque of {', '.join(poor)} is explained ({', '.join(poor.values())} of it is left)"
+            notes.append(f"{residual.log}: {told}")
     return notes
 
 
@@ -395,12 +420,8 @@ class PayloadResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         candidates = [asdict(other) for other in self.candidates]
-        return {
-            **asdict(self.payload),
-            "location": self.payload.location,
-            "candidates": candidates,
-            "notes": list(self.notes),
-        }
+        beside = {"location": self.payload.location, "candidates": candidates, "notes": list(self.notes)}
+        return asdict(self.payload) | beside
 
 
 def payload_of_files(
@@ -409,25 +430,13 @@ def payload_of_files(
     *,
     at: tuple[str, Sequence[float]] | None = None,
     unloaded: Sequence[Path] = (),
-    cutoff_hz: float | None = None,
-    reading: Reading | None = None,
-    accept: Sequence[str] = (),
+    **how: Any,
 ) -> PayloadResult:
     """Estimate the payload of an arm from recordings and the parameters identified without it.
-
-    Recordings are judged first: torques of another sign or unit than those identified are no payload.
-
-    Args:
-        at: Frame and place in it (3,) [m], if known.
-        cutoff_hz: Of the filter, when it shall not be that of the identification.
-        accept: Findings about them to go on with, by name.
-
-    Raises:
-        DataError: Stamps, or torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
-        FileFormatError: A file is missing, damaged or of another kind.
-        InputError: A recording is not of this robot, in other units, or too short; or an unknown frame.
+    Recordings are judged first: torques of another sign or unit than those identified are no payload, unless `accept`
+    names the finding (DataError). `at` is its frame and place in it (3,) [m], if known.
     """
-    result, samples, notes = _read_for(model, (*logs, *unloaded), cutoff_hz, reading, accept)
+    result, samples, notes = _read_for(model, (*logs, *unloaded), **how)
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
     if at is not None:
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
@@ -440,23 +449,20 @@ def payload_of_files(
     return PayloadResult(best, tuple(candidates), tuple(notes))
 
 
-def external_torques_of_file(
-    log: Path,
-    model: Path,
-    *,
-    unloaded: Sequence[Path] = (),
-    cutoff_hz: float | None = None,
-    reading: Reading | None = None,
-    accept: Sequence[str] = (),
-) -> ExternalTorques:
+def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path] = (), **how: Any) -> ExternalTorques:
     """Find what something outside asks of an arm's joints in a recording; arguments as `payload_of_files`."""
-    result, samples, notes = _read_for(model, (log, *unloaded), cutoff_hz, reading, accept)
+    result, samples, notes = _read_for(model, (log, *unloaded), **how)
     found = external_torques(result, samples[0], samples[1:])
     return replace(found, notes=(*notes, *found.notes, *judge(cause_findings(result, samples[:1]))))
 
 
 def _read_for(
-    model: Path, paths: Sequence[Path], cutoff_hz: float | None, reading: Reading | None, accept: Sequence[str]
+    model: Path,
+    paths: Sequence[Path],
+    *,
+    cutoff_hz: float | None = None,
+    reading: Reading | None = None,
+    accept: Sequence[str] = (),
 ) -> tuple[Identification, list[Samples], list[str]]:
     """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first."""
     result, card = load_identification(model)

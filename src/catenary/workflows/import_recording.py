@@ -59,7 +59,8 @@ def import_recording(
     Example:
         log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
     """
-    opened = _opened(_paths(sources), mapping, units, robot, accept_proposal, answers)
+    how: dict[str, Any] = {"units": units, "robot": robot, "accept_proposal": accept_proposal, "answers": answers}
+    opened = _opened(_paths(sources), mapping, **how)
     return opened if isinstance(opened, MotionLog) else synchronise(*opened).log
 
 
@@ -77,21 +78,13 @@ class ImportedLog:
 
 
 def import_to_file(
-    out: Path,
-    sources: Sequence[Path],
-    mapping: MappingLike | None = None,
-    *,
-    units: str | None = None,
-    robot: str | None = None,
-    accept_proposal: bool = False,
-    answers: Mapping[str, str] | None = None,
-    progress: Progress = silent,
+    out: Path, sources: Sequence[Path], mapping: MappingLike | None = None, *, robot: str | None = None, **how: Any
 ) -> ImportedLog:
     """Write the motion log of a recording; a long text table piece by piece, so that its memory is that of a piece.
 
     Arguments are those of `import_recording`; `progress` is told the share of a file that was read.
     """
-    opened = _opened(sources, mapping, units, robot, accept_proposal, answers, progress)
+    opened = _opened(sources, mapping, robot=robot, **how)
     left: tuple[str, ...] = ()
     if isinstance(opened, MotionLog):
         logs = iter([opened])
@@ -142,10 +135,11 @@ def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | No
 def _opened(
     paths: Sequence[Path],
     mapping: MappingLike | None,
-    units: str | None,
-    robot: str | None,
-    accept_proposal: bool,
-    answers: Mapping[str, str] | None,
+    *,
+    units: str | None = None,
+    robot: str | None = None,
+    accept_proposal: bool = False,
+    answers: Mapping[str, str] | None = None,
     progress: Progress = silent,
 ) -> tuple[Sources, RecordingMapping] | MotionLog:
     """Return a recording, opened, and its mapping; the log of one whose layout needs none."""

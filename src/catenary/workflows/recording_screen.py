@@ -1,10 +1,11 @@
-"""A recording on one screen: what it is and covers, what is wrong with it, and the command to use next."""
+"""What check says of a file on one screen: kind, facts, faults and the command to use next; all that of a recording."""
 
 import shlex
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from catenary.calibration.dataset import date_of, error_limits
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import NOTHING, Mend, retimed_by
-from catenary.reports.overlay import overlay
+from catenary.reports.model_figure import overlay
 from catenary.reports.page import Column, Table
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
@@ -20,7 +21,65 @@ from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.delay import hysteresis_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
-from catenary.workflows.file_report import FileReport
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+FORMAT = "catenary.check.1"  # of what --json prints
+ROWS = 18  # of a screen of 24, that facts, joints, faults and remarks of two rows share
+LONGEST = 170  # letters of a remark on it
+Line = tuple[str, str]  # what a fact is called, and what it says
+SOUND = "nothing wrong found"
+DOUBTS = ("jump", "drift", "filled", "missing", "units")  # notes by which errors are those of something else
+
+
+@dataclass
+class FileReport:
+    """Kind, facts and faults of a file."""
+
+    kind: str  # "robot", "calibration model", "identified dynamics" or a recording
+    facts: dict[str, Any] = field(default_factory=dict)
+    lines: list[Line] = field(default_factory=list)  # the facts as people read them
+    faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
+    remarks: list[str] = field(default_factory=list)  # worth knowing
+    findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
+    joints: Table | None = None  # of a recording
+    sound: str = SOUND  # the verdict where there is no fault
+    draw: "Callable[[], Figure] | None" = None  # a recording's delay
+    next: str = ""  # the command line to use next, or what else to do
+
+    def tell(self, key: str, fact: Any, text: str | None = None, *, called: str = "") -> None:
+        """Add a fact, and its line in words: the fact itself where it is a text."""
+        self.facts[key] = fact
+        self.lines.append((called or key.replace("_", " "), str(fact) if text is None else text))
+
+    @property
+    def verdict(self) -> str:
+        """What it comes to, in a sentence."""
+        if self.faults:
+            return f"{len(self.faults)} fault(s) found"
+        doubted = [" of ".join(filter(None, (x.name, ", ".join(x.joints)))) for x in self.findings if x.name in DOUBTS]
+        return f"in doubt: {', '.join(doubted)}; otherwise {self.sound}" if doubted else self.sound
+
+    @property
+    def shown_remarks(self) -> list[str]:
+        """What a screen has room for; findings that have a line among the facts are not repeated."""
+        if self.joints is None:
+            return self.remarks
+        told = ("units not stated", *(f"{name}: " for name, _ in self.lines))
+        remarks = [shorten(each, LONGEST, placeholder=" ...") for each in self.remarks if not each.startswith(told)]
+        room = ROWS - len(self.lines) - len(self.joints.records) - 2 * len(self.faults)
+        most = max(1, room // 2 - 1)
+        more = len(remarks) - most
+        return [*remarks[:most], *[f"{more} more, and all of these whole: --json"] * (more > 0)]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data."""
+        told = {key: getattr(self, key) for key in ("kind", "facts", "faults", "remarks")}
+        findings = [asdict(finding) for finding in self.findings]
+        return {"format": FORMAT, **told, "findings": findings, "verdict": self.verdict, "next": self.next}
+
 
 LONG_GAP = 10.0  # times the median step between stamps
 FEW_REVERSALS = 6  # of a joint: its slack and hysteresis are hardly shown
@@ -59,11 +118,8 @@ def check_recording(
     layout: str = "",
 ) -> FileReport:
     """Check a recording for calibration, as it was read; the mends that its next command has were tried on it.
-
-    Args:
-        source: Where it was read from; a motion log of its name when None.
-        robot: Catalogue name or file; its own when None.
-        max_error: Per joint, deg and mm; rows with larger errors are left out.
+    `source` is where it was read from, a motion log of its name when None; `robot` a name or file, its own when None.
+    Rows beyond `max_error`, per joint in deg and mm, are left out.
     """
     source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
@@ -79,7 +135,9 @@ def check_recording(
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
         found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
-        found.next = _without_measurement(log, source)
+        robot_of_it = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
+        found.next = "measure the joints by a camera or encoders, and import that too: --map q_encoder=COLUMNS"
+        found.next = found.next if log.tau is None else source.command("identify", robot_of_it, "_arm.npz")
     else:
         found.next = (
             f"no option corrects {', '.join(left)}: bring in the right columns (catenary import), or record again"
@@ -135,13 +193,6 @@ def _cured(
         except InputError:  # such as a shift that leaves no row
             break
     return mend, mend(log), limits, [each.name for each in findings if each.refuses]
-
-
-def _without_measurement(log: MotionLog, source: TypedRecording) -> str:
-    robot = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
-    if log.tau is None:
-        return "measure the joints by a camera or encoders, and import that too: --map q_encoder=COLUMNS"
-    return source.command("identify", robot, "_arm.npz")
 
 
 def recording_report(

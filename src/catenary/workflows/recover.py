@@ -1,7 +1,7 @@
 """Write a whole recording from a damaged one: a journal from a journal, a bag from a bag; the damaged one stays."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,18 +37,10 @@ class Recovery:
 
 
 def recover(path: Path, out: Path | None = None) -> Recovery:
-    """Write what is whole of a damaged recording as a recording of the same kind, in the same order.
+    """Write what is whole of a damaged recording as one of the same kind, in the same order; `path` stays as it is.
 
-    Args:
-        path: Journal (its folder, or one of its files), ROS 1 bag (.bag), ROS 2 bag (its folder, or one of its
-            files). Not changed.
-        out: What to write: a folder for journals and ROS 2 bags, whose messages it holds in MCAP, a .bag for a ROS 1
-            bag; None for NAME.recovered beside it.
-
-    Raises:
-        InputError: `out` exists, lies in the recording itself, or has another ending.
-        FileFormatError: No such recording, or no whole message is in it.
-        RecordingError: It cannot be written.
+    Journals and ROS 2 bags are folders, or one of their files, and become a folder `out`, a ROS 1 bag a .bag;
+    NAME.recovered beside it when None.
     """
     source = _opened(path)
     is_bag = isinstance(source, BagStream) and source.is_ros1
@@ -68,7 +60,10 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
                 _write_bag(source, part)
             else:
                 _write_mcap(source, part)
-            _sync(part.rglob("*") if part.is_dir() else [part])
+            for written in part.rglob("*") if part.is_dir() else [part]:
+                if written.is_file():
+                    with written.open("rb") as file:
+                        os.fsync(file.fileno())  # the disk keeps it before it gets its name
             if place.exists():
                 raise InputError(f"{place}: exists already, and is never overwritten")
             part.rename(place)
@@ -143,11 +138,3 @@ def _copy(source: Source, bag: Any, to: Mapping[str, Any], as_message: Callable[
         if place == 0 and source.about is not None and ABOUT_TOPIC in to:
             bag.write(to[ABOUT_TOPIC], arrival, as_message(source.about.as_json()))
         bag.write(to[topic], arrival, data)
-
-
-def _sync(paths: Iterable[Path]) -> None:
-    """Have the disk keep what was written before it gets its name."""
-    for path in paths:
-        if path.is_file():
-            with path.open("rb") as file:
-                os.fsync(file.fileno())

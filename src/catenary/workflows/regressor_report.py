@@ -1,5 +1,6 @@
 """Report what gravity torques reveal of a robot's masses: its regressor, ranks, and identifiable parameters."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,12 +29,8 @@ class RegressorReport:
     @property
     def unknown(self) -> list[int]:
         """Indices of the standard parameters that may be nonzero: those of links not declared massless."""
-        return [
-            4 * i + k
-            for i, link in enumerate(self.model.link_names)
-            if link not in self.model.massless
-            for k in range(4)
-        ]
+        links = enumerate(self.model.link_names)
+        return [4 * i + k for i, link in links if link not in self.model.massless for k in range(4)]
 
     def identifiable(self, name: str) -> tuple[str, ...]:
         """Return how torques on a base determine each standard parameter: a key of WORDS."""
@@ -50,17 +47,13 @@ class RegressorReport:
 
     def base_values(self, name: str) -> Floats:
         """Return the values of a base's parameters, NaN where links have no inertia."""
-        values: Floats = self.bases[name].combination @ self.standard_values[self.unknown]
-        return values
+        return self.bases[name].combination @ self.standard_values[self.unknown]
 
     def added_by_tilting(self) -> tuple[str, ...]:
         """Return the base parameters that only a tilted base adds to those of a level one."""
-        level, tilted = self.bases["level"], self.bases["tilted"]
-        return tuple(
-            label
-            for label, column in zip(self.combinations("tilted"), tilted.columns, strict=True)
-            if column not in level.columns
-        )
+        level, tilted = self.bases["level"].columns, self.bases["tilted"].columns
+        pairs = zip(self.combinations("tilted"), tilted, strict=True)
+        return tuple(label for label, column in pairs if column not in level)
 
     def sentences(self) -> list[str]:
         """Return what is identifiable and what is not, in sentences."""
@@ -94,38 +87,31 @@ class RegressorReport:
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in kg and kg m."""
         form, names = self.compact, standard_labels(self.model)
-        columns = zip(form.labels, form.units, self.compact_values, strict=True)
-        parameters = [
-            {"name": f"s{k}", "expression": label, "unit": unit, "value": value}
-            for k, (label, unit, value) in enumerate(columns, 1)
-        ]
-        kinds = zip(self.identifiable("level"), self.identifiable("tilted"), strict=True)
+
+        def rows(keys: tuple[str, ...], *columns: Iterable[Any]) -> list[dict[str, Any]]:
+            return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
+
+        told = [f"s{k}" for k in range(1, len(form.labels) + 1)], form.labels, form.units, self.compact_values
+        kinds = self.identifiable("level"), self.identifiable("tilted")
         return {
             "robot": self.model.name,
             "compact": {
                 "columns": form.entries(),
-                "parameters": parameters,
+                "parameters": rows(("name", "expression", "unit", "value"), *told),
                 "symbols": {name: symbol._asdict() for name, symbol in form.symbols.items()},
                 "without_effect": list(form.ineffective),
             },
-            "standard": [
-                {"name": name, "value": value, "level_base": level, "tilted_base": tilted}
-                for name, value, (level, tilted) in zip(names, self.standard_values, kinds, strict=True)
-            ],
-            "base": {name: self._base_data(name) for name in self.bases},
+            "standard": rows(("name", "value", "level_base", "tilted_base"), names, self.standard_values, *kinds),
+            "base": {
+                name: {
+                    "rank": base.count, "of": len(names), "condition": base.condition,
+                    "parameters": rows(("combination", "value"), self.combinations(name), self.base_values(name)),
+                }
+                for name, base in self.bases.items()
+            },
             "added_by_tilting": list(self.added_by_tilting()),
             "notes": self.sentences(),
-        }
-
-    def _base_data(self, name: str) -> dict[str, Any]:
-        base = self.bases[name]
-        columns = zip(self.combinations(name), self.base_values(name), strict=True)
-        return {
-            "rank": base.count,
-            "of": len(standard_labels(self.model)),
-            "condition": base.condition,
-            "parameters": [{"combination": label, "value": value} for label, value in columns],
-        }
+        }  # fmt: skip
 
 
 def describe_regressor(model: RobotModel) -> RegressorReport:

@@ -1,21 +1,46 @@
-"""Watch a gravity sensor, live, simulated or recorded, and report what it measured and what was wrong."""
+"""Watch a gravity sensor, live, simulated or recorded, and report what it measured and what was wrong; calibrate it.
 
+The calibration is the tumble, by hand and then on the robot, or it is from a recording of a sensor's rests.
+"""
+
+import itertools
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats
 from catenary.control.loop_report import GravityReport, GravityTally
 from catenary.devices.accelerometer import SerialAccelerometer
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, SensorError
 from catenary.recording.import_formats.imu_recording import ImuRecording
+from catenary.recording.import_formats.table_files import read_rows
+from catenary.robots.model import RobotModel
+from catenary.sensing.agreement import accelerations, compare, integrated
+from catenary.sensing.checks import Fault, SensorRules
+from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample, tilt_angle, tilt_of
-from catenary.simulation.sensors import SimulatedSensor
+from catenary.sensing.mounting import Mounting, TumbleSection
+from catenary.sensing.tumble import SensorFit, align, fit_orientations, fit_tumble, level_and_tilts
+from catenary.sensing.vector import (
+    GravityReading,
+    Kind,
+    Mailbox,
+    ReadingStatus,
+    SensorSample,
+    tilt_angle,
+    tilt_of,
+    tilted_gravity,
+)
+from catenary.simulation.base_motion import FixedBase
+from catenary.simulation.sensors import SensorModel, SimulatedSensor
+from catenary.spatial import STANDARD_GRAVITY
 
 _READ_EVERY = 0.005  # [s]
 SETTLE = 0.1  # [s] for the first samples
@@ -200,3 +225,217 @@ def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> S
         f"the sensor did not stand still within {patience:g} s: its readings vary by {noise.max():.2f} m/s2, "
         f"expected below {STILL:g}"
     )
+
+
+BLOCK = 0.25  # [s] over which a recorded sensor is still or not
+SHORTEST = 1.0  # [s] of a rest
+SHAKEN = 0.2  # [m2/s4] that hands leave which turn a sensor
+_UNKNOWN = Mounting()
+
+
+class Attitude(NamedTuple):
+    """How a person holds or mounts the sensor for a reading."""
+
+    name: str
+    instruction: str
+    # the vertical in the sensor's printed axes, or, when mounted, where a simulated base has it
+    up: tuple[float, float, float]
+    mounted: bool = False
+
+
+_HALF = 0.57735  # 1 / sqrt(3)
+SIDES = (
+    Attitude("+x up", "hold the sensor still with its x axis up", (1, 0, 0)),
+    Attitude("-x up", "turn it over: x axis down", (-1, 0, 0)),
+    Attitude("+y up", "its y axis up", (0, 1, 0)),
+    Attitude("-y up", "its y axis down", (0, -1, 0)),
+    Attitude("+z up", "its z axis up", (0, 0, 1)),
+    Attitude("-z up", "its z axis down", (0, 0, -1)),
+)
+SLANTED = (
+    Attitude("slanted 1", "slanted, any way you like", (_HALF, _HALF, _HALF)),
+    Attitude("slanted 2", "slanted another way", (-_HALF, _HALF, -_HALF)),
+    Attitude("slanted 3", "slanted a third way", (_HALF, -_HALF, -_HALF)),
+)
+_TILT = "by 10 degrees or more"
+MOUNTED = (
+    Attitude("level", "mount it on the robot's base; base level", (0, 0, 1), mounted=True),
+    Attitude("rolled", f"tilt the base about its x axis {_TILT}, y side up", (0, 0.34202, 0.93969), mounted=True),
+    Attitude(
+        "pitched", f"level again, then tilt it about its y axis {_TILT}, x side down", (-0.34202, 0, 0.93969),
+        mounted=True,
+    ),
+)  # fmt: skip
+ATTITUDES = (*SIDES, *SLANTED, *MOUNTED)
+
+
+@dataclass(frozen=True)
+class TumbleOutcome:
+    """Result of a tumble: a mounting, and the faults that forbid its use."""
+
+    mounting: Mounting
+    section: TumbleSection
+    faults: tuple[str, ...]
+
+
+def run_tumble(
+    read: Callable[[Attitude], StillReading], *, start: Mounting = _UNKNOWN, taken: Sequence[SensorSample] = ()
+) -> TumbleOutcome:
+    """Go through all attitudes and compute bias, scale, rotation and the gyroscope's bias.
+
+    The sides show a wrong sign or order of axes against those printed on the sensor; the slanted attitudes leave a
+    residual; the mounted ones give the rotation, from the base's level and two tilts that nobody needs to measure.
+    `start` is what is known already: position, ranges, name. Of all samples `taken`, also between the attitudes, the
+    turns check the gyroscope.
+    """
+    readings = {attitude.name: read(attitude) for attitude in ATTITUDES}
+    by_hand = np.array([readings[s.name].force for s in (*SIDES, *SLANTED)])
+    sides = np.array([s.up for s in SIDES], dtype=float)
+    fit = fit_tumble(by_hand)
+    faults = list(fit.faults)
+    # a unit that is wrong says nothing about axes; sides that are missing may
+    if not fit.faults or fit.missing:
+        faults += [f"on its sides: {f}" for f in align(by_hand[:6], sides, expected=np.eye(3)).faults]
+    mounted = [readings[s.name].force for s in MOUNTED]
+    corrected = [(y - fit.bias) / fit.scale for y in mounted]
+    rows, up = level_and_tilts(*corrected)
+    rough = align(rows[:2], up[:2]).rotation  # two directions never show a mirror; the third then does
+    alignment = align(rows, up, expected=rough)
+    if not faults and alignment.faults:  # the sensor is right, so the base was tilted otherwise
+        faults += [f"on the base: was it tilted as told, y side up, then x side down? {f}" for f in alignment.faults]
+    checked = False
+    if not faults and taken:
+        faults, checked = check_gyroscope(_as_recording(taken))
+    fit = replace(fit, rotation=alignment.rotation, faults=tuple(faults))
+    return _outcome(start, list(readings.values()), fit, alignment.residual_deg, checked=checked)
+
+
+def _outcome(
+    start: Mounting, still: list[StillReading], fit: SensorFit, degrees: float | None = None, *, checked: bool = False
+) -> TumbleOutcome:
+    """Return a mounting as it was fitted, with the rates at rest as the gyroscope's bias, and how well it is known."""
+    rates = [s.rate for s in still if s.rate is not None]
+    known = replace(start, rotation=fit.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
+    section = TumbleSection(
+        readings=len(still), residual_m_s2=None if np.isnan(fit.residual) else fit.residual,
+        rotation_residual_deg=degrees,
+    )  # fmt: skip
+    return TumbleOutcome(replace(known, rate_bias=np.mean(rates, axis=0)) if rates else known, section, fit.faults)
+
+
+def _as_recording(taken: Sequence[SensorSample]) -> ImuRecording:
+    """Return samples as a recording, the rates as of the accelerometer's stamps."""
+    turning, force = (
+        np.array([(s.stamp, *s.vector) for s in taken if (s.kind is Kind.ANGULAR_RATE) is angular]).reshape(-1, 4)
+        for angular in (True, False)
+    )
+    sign = -1.0 if any(s.kind is Kind.FREE_FALL for s in taken) else 1.0
+    rate = [np.interp(force[:, 0], turning[:, 0], turning[:, k]) for k in (1, 2, 3)] if len(turning) else None
+    return ImuRecording(force[:, 0] - force[0, 0], sign * force[:, 1:], None if rate is None else np.column_stack(rate))
+
+
+def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude], StillReading]:
+    """Return a function that reads a simulated sensor in an attitude, as if a person held it so."""
+
+    def read(attitude: Attitude) -> StillReading:
+        up = np.array(attitude.up, dtype=float)
+        gravity = -STANDARD_GRAVITY * up / np.linalg.norm(up)
+        if not attitude.mounted:
+            gravity = model.mounting.rotation @ gravity
+        number = [s.name for s in ATTITUDES].index(attitude.name)
+        sensor = SimulatedSensor(FixedBase(*tilt_of(gravity)), Mailbox(), model, seed=seed + number)
+        return read_still(simulated_feed(sensor))
+
+    return read
+
+
+def rests(recording: ImuRecording) -> list[StillReading]:
+    """Return the means of all pieces of a second or more in which a sensor stood still, in order.
+
+    A rest's first and last quarter of a second are left out of the means: a turn that begins or ends there slowly does
+    not show in gravity, and does in the rates.
+    """
+    found: list[StillReading] = []
+    for rows in rest_rows(recording):
+        time = recording.time[rows]
+        inner = rows[(time >= time[0] + BLOCK) & (time <= time[-1] - BLOCK)]
+        rate = None if recording.rate is None else np.median(recording.rate[inner], axis=0)
+        found.append(StillReading(recording.force[inner].mean(axis=0), rate))
+    return found
+
+
+def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
+    """Return the rows of each piece of a second or more in which a sensor stood still."""
+    time, numbers = recording.time, np.floor(recording.time / BLOCK).astype(int)
+    found: list[list[int]] = [[]]
+    for number in np.unique(numbers):
+        here = np.flatnonzero(numbers == number).tolist()
+        force, rows = recording.force[here], found[-1]
+        still = len(here) >= 3 and np.isfinite(force).all() and (np.std(force, axis=0) <= STILL).all()
+        if rows and (
+            not still
+            or numbers[rows[-1]] < number - 1
+            or np.abs(force.mean(axis=0) - recording.force[rows].mean(axis=0)).max() > STILL
+        ):
+            found.append([])
+        if still:
+            found[-1] += here
+    return [np.array(rows) for rows in found if rows and time[rows[-1]] - time[rows[0]] >= SHORTEST - BLOCK]
+
+
+def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
+    """Return where up is in base axes (N, 3) of a whole robot turned by roll, then pitch, (N, 2) [deg]."""
+    return np.array([-tilted_gravity(*tilt) / STANDARD_GRAVITY for tilt in np.deg2rad(tilts_deg).tolist()])
+
+
+def read_orientations(path: Path, model: RobotModel | None = None, frame: str | None = None) -> Floats:
+    """Read how a sensor was turned while it rested, a row each, and return where up was (N, 3).
+
+    The table has columns roll_deg and pitch_deg of the whole robot, or the joints [rad|m] by name of the arm on a level
+    base that carries the sensor on a frame, its tip when None.
+    """
+    if model is None:
+        return up_of_tilts(read_rows(path, ("roll_deg", "pitch_deg")))
+    return forward_kinematics(model, read_rows(path, model.joint_names), frame).rotation[:, 2, :]  # R^T z
+
+
+def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _UNKNOWN) -> TumbleOutcome:
+    """Compute mounting and bias of a recorded sensor that rested for a second or more in known orientations, in order.
+
+    `start` is what is known already: position, ranges, name.
+    """
+    still = rests(recording)
+    if len(still) != len(up):
+        raise InputError(
+            f"the recording has {len(still)} rests of {SHORTEST:g} s or more, the orientations are {len(up)}: "
+            "expected as many, in the same order"
+        )
+    fit = fit_orientations([s.force for s in still], up)
+    if np.isnan(fit.residual):
+        return _outcome(start, still, replace(fit, rotation=start.rotation, bias=start.bias, scale=start.scale))
+    wrong, checked = check_gyroscope(recording)
+    return _outcome(start, still, replace(fit, faults=(*fit.faults, *wrong)), checked=checked)
+
+
+def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
+    """Return what is wrong with a recorded gyroscope by the turns between rests, and whether they show it right."""
+    if recording.rate is None:
+        return [], False
+    rows, pieces = rest_rows(recording), []
+    for before, after in itertools.pairwise(rows):
+        # from within one rest into the next, as gravity of that place is known there
+        part = slice(before[-1] - len(before) // 4, after[0] + len(after) // 4)
+        time, rate = recording.time[part], recording.rate[part]
+        good = np.isfinite(recording.force[part]).all(axis=1) & np.isfinite(rate).all(axis=1)
+        good &= np.diff(time, prepend=-np.inf) > 0.0
+        time, rate = time[good], rate[good]
+        if len(time) > 2 and np.diff(time).max() < BLOCK:
+            pieces.append((time, recording.force[part][good], time, integrated(time, rate)))
+    span = sum(float(piece[0][-1] - piece[0][0]) for piece in pieces)
+    found = compare(pieces, accelerations(SensorRules(), span) + SHAKEN * span)
+    if found.fault is not Fault.NONE:
+        return [f"{found.fault.message}; {found.remedy}".rstrip("; ")], False
+    noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)
+    if float(np.linalg.norm(noise)) > RestRate.ABSURD:
+        return [f"{Fault.RATE_UNIT.message}: its noise at rest is {np.linalg.norm(noise):.2g}"], False
+    return [], found.agrees

@@ -98,8 +98,7 @@ def _check_words(where: str, number: signal.Signals, out: str, errors: str) -> N
 
 def _check_project(where: str, project: Path) -> None:
     """It opens, its lock is free, and what stands in it is whole or says what makes it again."""
-    from catenary.workflows.project.folder import Project, project_settings
-    from catenary.workflows.project.lock import FolderLock
+    from catenary.workflows.project.folder import FolderLock, Project, project_settings
 
     if not project.exists():
         return

@@ -13,8 +13,8 @@ from catenary.simulation.plant_state import restore_plant
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
-from catenary.workflows.project.deploy import Deployment, deploy_on_robot
 from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.robot import Deployment, deploy_on_robot
 from catenary.workflows.simulated_recording import record_simulated
 from recordings import data_of, fitted, recording
 from simulated_project import POSITIONS, SHORT

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from catenary.errors import FileFormatError, InUseError
-from catenary.workflows.project.lock import LOCK, FolderLock
+from catenary.workflows.project.folder import LOCK, FolderLock
 
 HOLDS = """
 import sys, time
 from pathlib import Path
 sys.argv = ["catenary", "calibrate", "my project"]
-from catenary.workflows.project.lock import FolderLock
+from catenary.workflows.project.folder import FolderLock
 FolderLock(Path(sys.orig_argv[-1])).take()
 print("held", flush=True)
 time.sleep(60)

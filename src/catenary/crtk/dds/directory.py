@@ -121,7 +121,11 @@ class Directory:
                 if not sample.sample_info.valid_data:
                     known.pop(handle, None)
                 elif handle not in known:
-                    known[handle] = _endpoint(sample)
+                    kept, reliable = sample.qos[Policy.Durability], sample.qos[Policy.Reliability]
+                    is_reliable = isinstance(reliable, Policy.Reliability.Reliable)
+                    quality = Quality(is_reliable, kept not in (None, Policy.Durability.Volatile))
+                    ids = sample.key.bytes, sample.participant_key.bytes
+                    known[handle] = Endpoint(*ids, sample.topic_name, sample.type_name, quality)
                     came.append(known[handle])
         for told in taken(self._discovery):
             if told.sample_info.valid_data:
@@ -166,10 +170,3 @@ def taken(reader: DataReader[Any]) -> Iterator[Any]:
         yield from samples
         if len(samples) < MANY:
             return
-
-
-def _endpoint(sample: Any) -> Endpoint:
-    reliability, durability = sample.qos[Policy.Reliability], sample.qos[Policy.Durability]
-    is_reliable = isinstance(reliability, Policy.Reliability.Reliable)
-    quality = Quality(is_reliable, durability not in (None, Policy.Durability.Volatile))
-    return Endpoint(sample.key.bytes, sample.participant_key.bytes, sample.topic_name, sample.type_name, quality)

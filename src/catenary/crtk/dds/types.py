@@ -20,7 +20,7 @@ from cyclonedds.idl import types as idl
 
 from catenary.crtk.message import HEADER
 from catenary.errors import InputError
-from catenary.recording.messages import Field, current_name, fields, ros2_name, typestore
+from catenary.recording.messages import NUMBERS, Field, current_name, fields, ros2_name, typestore
 
 DISCOVERY = "ros_discovery_info"  # where each program tells which nodes it has; no topic of ROS
 _TYPE = re.compile(r"(\w+)::msg::dds_::(\w+)_")
@@ -81,12 +81,8 @@ def message_hash(name: str) -> str:
     return typestore(2).hash_rihs01(ros2_name(name))
 
 
-_NUMBERS = {
-    "bool": bool, "byte": idl.uint8, "char": idl.uint8,
-    "int8": idl.int8, "int16": idl.int16, "int32": idl.int32, "int64": idl.int64,
-    "uint8": idl.uint8, "uint16": idl.uint16, "uint32": idl.uint32, "uint64": idl.uint64,
-    "float32": idl.float32, "float64": idl.float64,
-}  # fmt: skip
+_NUMBERS = {name: getattr(idl, name) for name in NUMBERS if name not in ("bool", "byte", "char")}
+_NUMBERS |= {"bool": bool, "byte": idl.uint8, "char": idl.uint8}
 _TIMES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 _EMPTY = {"structure_needs_at_least_one_member": idl.uint8}  # ROS 2's field of a type that has none
 # their brackets make types, which their hints do not know

@@ -138,8 +138,7 @@ class Node:
     def call(self, name: str, type_name: str, request: bytes) -> bytes:
         """Return a service's answer; rospy waits for it without end."""
         proxy = rospy.ServiceProxy(name, service_class(type_name))
-        answer: bytes = proxy(raw_class(f"{type_name}Request")(request)).data
-        return answer
+        return proxy(raw_class(f"{type_name}Request")(request)).data
 
     def end_services(self) -> None:
         """Offer none any more."""

@@ -104,8 +104,7 @@ def _read_greeting(sock: Any, buffer: BytesIO, size: int) -> dict[str, str]:
     if length > _GREETING:
         raise rosgraph.network.ROSHandshakeException(f"a header of {length} bytes was announced")
     said = head + sock.recv(length, socket.MSG_WAITALL)  # one that is cut off is refused
-    header: dict[str, str] = rosgraph.network.decode_ros_handshake_header(said)
-    return header
+    return rosgraph.network.decode_ros_handshake_header(said)
 
 
 class _Peer:

@@ -68,12 +68,10 @@ class Ros1Transport(Transport):
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher:
         """Begin to publish; `queue` counts messages beyond what the system's socket holds."""
-        made: Publisher = self.node.publisher(topic, type_name, latch=latch, queue=queue)
-        return made
+        return self.node.publisher(topic, type_name, latch=latch, queue=queue)
 
     def _hear(self, topic: str, type_name: str) -> HeardTopic:
-        made: HeardTopic = self.node.topic(topic, type_name, self.steady)
-        return made
+        return self.node.topic(topic, type_name, self.steady)
 
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse what rospy would only mention in a log, while nothing arrives."""

@@ -12,7 +12,7 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import pose_message, rotation_of
 from catenary.crtk.serving.served_arm import BASE, ServedArm
-from catenary.crtk.serving.tool_forces import FrameOfForces, exerted, jacobian
+from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, jacobian
 from catenary.errors import CatenaryError
 from catenary.plant import JointState
 from catenary.spatial import Pose

@@ -121,9 +121,13 @@ class CommandSource:
                 return False
             if stamp > self._begin:
                 return True
-        waits = self._waits and not self._is_newcomer(arrival.process)
+        name, _, where = arrival.process.partition(" ")
+        # a program that is known not to have published the topic when the server began; one that was there before the
+        # server, and has been connected for less than a second
+        is_newcomer = where and self._old and self._old.isdisjoint((arrival.process, f"{name} "))
+        is_from_before = arrival.process in self._old and 0 <= now - self._since.get(name, now) < SETTLE
         sent = now if arrival.sent is None else arrival.sent - self._set
-        if waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
+        if (self._waits and not is_newcomer) or (arrival.is_first and is_from_before):
             kind, reason = "from before", "its client was there before this server"
         elif arrival.is_first and now - sent > OLDEST:
             kind, reason = "old", f"sent {(now - sent) / SECOND:.2f} s before it came"
@@ -134,13 +138,3 @@ class CommandSource:
         text = f"{reason}, so this may be an old command: not obeyed, send it anew"
         self._reports.say(f"{self.topic.name}: {kind}", text, now)
         return False
-
-    def _is_newcomer(self, process: str) -> bool:
-        """Return whether a program is known not to have published the topic when the server began."""
-        name, _, where = process.partition(" ")
-        return bool(where and self._old) and self._old.isdisjoint((process, f"{name} "))
-
-    def _is_from_before(self, process: str, now: int) -> bool:
-        """Return whether a program was there before the server, and has been connected for less than a second."""
-        since = self._since.get(process.partition(" ")[0], now)
-        return process in self._old and 0 <= now - since < SETTLE

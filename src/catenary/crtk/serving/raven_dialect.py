@@ -136,7 +136,10 @@ class RavenDialect(Dialect):
         if self._slow is None or not 0 <= now - self._slow < SLOW:
             self._slow = now
             if self._joint_states.heard:
-                self._joint_states.publish(_JointState(header(now), _RVIZ_NAMES, self._rviz()))
+                gold, green = self.arms["gold"], self.arms["green"]
+                rows = (gold.measured.q, green.measured.q, gold.setpoint.q, green.setpoint.q)
+                joints = np.concatenate([_RVIZ_SIGN * q + _RVIZ_SHIFT for q in rows])
+                self._joint_states.publish(_JointState(header(now), _RVIZ_NAMES, joints))
 
     @property
     def state(self) -> OperatingState:
@@ -155,25 +158,18 @@ class RavenDialect(Dialect):
             arm.machine.command("disable")
         return f"the {faulty[0].arm} arm is in FAULT, so all are stopped"
 
-    def _rviz(self) -> Floats:
-        gold, green = self.arms["gold"], self.arms["green"]
-        rows = (gold.measured.q, green.measured.q, gold.setpoint.q, green.setpoint.q)
-        return np.concatenate([_RVIZ_SIGN * q + _RVIZ_SHIFT for q in rows])
-
     def obey(self, topic: CrtkTopic, message: Message) -> None:
         """Obey a command, as every dialect; `raven_automove` moves those arms that are ready."""
         if topic.verb == "raven_automove":
             self._automove(message)
-        elif topic.verb == GRAV_DIR:
-            self._switch_own_gravity(message)
+        elif topic.verb == GRAV_DIR:  # of the arms' own compensation, in whole cm/s2 with z down; zeros are off
+            for arm in (one for one in self.arms.values() if one.machine.can_change):
+                switch = getattr(arm.plant, "switch_own_gravity", None)
+                if switch is None:
+                    raise InputError("the arm has no gravity compensation of its own")
+                switch(tuple(message) if any(message) else None)
         else:
             super().obey(topic, message)
-
-    def _switch_own_gravity(self, message: Message) -> None:
-        """Switch the gravity compensation of the arms' own, by whole cm/s2 with z down; zeros are off."""
-        for arm in self.arms.values():
-            if arm.machine.can_change:
-                arm.switch_own_gravity(tuple(message) if any(message) else None)
 
     def _automove(self, message: Message) -> None:
         for i, arm in enumerate((self.arms["gold"], self.arms["green"])):

@@ -1,7 +1,7 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -9,8 +9,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
-from catenary.crtk.serving.tool_forces import ToolState
-from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.crtk.serving.tool_pose import ToolPose, ToolState
 from catenary.crtk.topic_names import DialectName
 from catenary.errors import CatenaryError, InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant
@@ -63,8 +62,7 @@ class Increments:
     @property
     def total(self) -> Floats:
         """Sum of all that waits (n,) [rad|m]."""
-        total: Floats = np.sum([dq for dq, _ in self._waiting], axis=0)
-        return total
+        return np.sum([dq for dq, _ in self._waiting], axis=0)
 
     def clear(self) -> None:
         """Forget what waits."""
@@ -100,8 +98,7 @@ class Goal:
         self._steps -= 1
         if self._steps <= 0 or (step == way).all():
             self._q, self._steps = None, 0
-        moved: Floats = setpoint + step
-        return moved
+        return setpoint + step
 
     def clear(self) -> None:
         """Forget the goal."""
@@ -229,13 +226,6 @@ class ServedArm:
         self._do(self._follow_planned(plan))
         self._is_moving = True
 
-    def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
-        """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off."""
-        switch = getattr(self.plant, "switch_own_gravity", None)
-        if switch is None:
-            raise InputError("the arm has no gravity compensation of its own")
-        switch(grav_dir)
-
     def hold(self) -> None:
         """Forget all commands and stay."""
         self._jaw = self._jaw_wanted = None
@@ -343,8 +333,7 @@ class ServedArm:
     def _beyond_weight(self) -> Floats:
         """Return the measured joint torques (n,) less those that hold the arm's own weight."""
         measured = self.measured
-        torques: Floats = measured.tau - self.gravity_torque(measured.q, measured.gravity)
-        return torques
+        return measured.tau - self.gravity_torque(measured.q, measured.gravity)
 
     def _step_velocity(self) -> Floats:
         """Return how fast the setpoint goes (n,); where control has just begun, it has not gone anywhere."""

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from catenary.crtk.client import STARTS
 from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import WATCH, Commander
 from catenary.crtk.inbox import Arrival
@@ -21,7 +22,6 @@ from catenary.crtk.serving.dialect import Dialect, LazyPublisher
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
-from catenary.crtk.start_button import STARTS
 from catenary.crtk.topic_names import (
     BUTTON,
     BUTTON_TYPE,

@@ -66,7 +66,7 @@ def simulated_arm(
     friction: ArrayLike | None = None,
     viscous: ArrayLike | None = None,
 ) -> SimulatedArm:
-    """Put an arm on a base, switch it on and home it.
+    """Put an arm on a base, a level one when None, switch it on and home it.
 
     RAVEN-II's positioning joints, behind their cables, with the gains of the robot's own control: what it believes of
     itself, also where the simulated robot is another (`seed`). Of any other robot the rigid bodies of its model, and
@@ -74,17 +74,10 @@ def simulated_arm(
 
     Args:
         robot: raven2 or raven2_right, or any other robot with inertia: a name or a file.
-        base: What it stands on from the start; a level base when None.
         payload: Mass at the tool's wrist, or at the tip [kg], of which the model knows nothing.
-        seed: Draws another robot of the same kind, which cables have; the nominal one when None.
-        massless: Links of a file that are meant to have no mass; see `load_robot`, also for `strict`.
         kp: Stiffness of PD, one number or (n,) [Nm/rad|N/m]; kd: its damping [Nms/rad|Ns/m]; the arm's own when None.
         friction: Coulomb friction of a robot without cables, one number or (n,) [Nm|N]; viscous: likewise
             [Nms/rad|Ns/m]; what was identified, if anything, when None.
-
-    Raises:
-        UnsupportedModelError: A seed for a robot that has no cables, or joint friction for one that has.
-        NotReadyError: An axis that homes met no stop.
     """
     drives = None if friction is None and viscous is None else JointHardware()  # which only some robots have
     where = Simulated(seed, base, payload, hardware=drives)

@@ -58,15 +58,11 @@ def make_motion(
     axes: Sequence[str] = ("x", "y", "z"),
     seconds: float = 20.0,
 ) -> Motion:
-    """Return a motion of all joints by name.
-
-    Args:
-        name: "cartesian", the paper's sinusoids of the tip along `axes` of the base by an amplitude [m]; "random", each
-            joint by itself over half of its range for some seconds; "poses", at rest at POSES positions along the first
-            joint's range.
-        limits: Its plant or itself: the joint limits to keep.
-        q_start: (n,) where cartesian begins, and where the other joints of poses stand [rad|m]; RAVEN_START, or the
-            middle of the range, when None.
+    """Return a motion of all joints by name, within limits.
+    "cartesian" are the paper's sinusoids of the tip along `axes` of the base, from `q_start` (n,) [rad|m] on, by an
+    amplitude [m]; "random" moves each joint by itself over half of its range for some seconds; "poses" rests at POSES
+    positions along the first joint's range, the others at `q_start`: RAVEN_START, or the middle of the range, when
+    None.
     """
     if name not in MOTIONS:
         raise InputError(f'motion "{name}": expected one of {", ".join(MOTIONS)}')

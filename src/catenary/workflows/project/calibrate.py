@@ -227,15 +227,6 @@ def fit_models(
         project.run(f"fit {name}", made_from, [path, card_path(path)], work)
 
 
-def _inputs_of(results: Mapping[str, Any]) -> dict[str, list[int]]:
-    """Return how many features the models take for each joint."""
-    counts = {}
-    for name, result in results.items():
-        of_joint = {joint: len(group.columns) for group in result.model.groups for joint in group.joints}
-        counts[name] = [of_joint[joint] for joint in sorted(of_joint)]
-    return counts
-
-
 def _hashes(paths: Sequence[Path]) -> list[str]:
     for path in paths:
         if not path.is_file():
@@ -277,10 +268,12 @@ def conclude(
 
     def work() -> None:
         write(evaluation, concluded.summary())
+        groups = {name: result.model.groups for name, result in results.items()}
+        counts = {name: {j: len(g.columns) for g in each for j in g.joints} for name, each in groups.items()}
         fitted_to, tested_on = (recordings_for(best.model, paths, reading) for paths in (train, test))
         write_project_report(
             page, project.settings.connection, best.model, best.card, concluded.evaluations, fitted_to, tested_on,
-            deployment, notes=best.notes, inputs=_inputs_of(results),
+            deployment, notes=best.notes, inputs={name: [of[j] for j in sorted(of)] for name, of in counts.items()},
         )  # fmt: skip
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]

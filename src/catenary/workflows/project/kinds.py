@@ -13,7 +13,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM, PSM_JOINTS, psm_topics
 from catenary.open_robot import OverTopics, Simulated, open_robot, tilted_base
-from catenary.raven2.topics import ARM_OF_SIDE, EXT_JPOS, ROBOT, Arm, raven_topics
+from catenary.raven2.topics import ARM_OF_SIDE, EXT_JPOS, ROBOT, raven_topics
 from catenary.raven2.transmission import CALIBRATED
 from catenary.recording.import_formats.importer import Synchronisation
 from catenary.recording.import_formats.known_layouts import read_psm, read_raven
@@ -74,11 +74,6 @@ class ProjectKind:
         return cast(CrtkClient, open_robot(self.robot, where))
 
 
-def arm_of(settings: ProjectSettings) -> Arm:
-    """Return the arm of a RAVEN-II that a project is about."""
-    return ARM_OF_SIDE[settings.side]
-
-
 def kind_of(settings: ProjectSettings) -> ProjectKind:
     """Return the kind of robot that a project is about."""
     return _psm(settings) if settings.robot == "dvrk_psm" else _raven(settings)
@@ -97,7 +92,7 @@ def _full_reversals(lower: Floats, upper: Floats, fastest: Floats) -> Motion:
 
 def _raven(settings: ProjectSettings) -> ProjectKind:
     """Return a RAVEN-II's left or right arm, trained on a zig-zag."""
-    arm = arm_of(settings)
+    arm = ARM_OF_SIDE[settings.side]
     topics = raven_topics(arm, state_rate=settings.state_rate_hz)
 
     def numbers() -> Any:

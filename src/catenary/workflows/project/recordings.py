@@ -28,16 +28,17 @@ def extract_recording(project: Project, name: str) -> bool:
     if missing([recording]) and project.outputs_of(f"record {name}") is None:
         raise ConfigError(f"{project.folder}: record {name} was not done yet")
 
-    def as_it_is() -> list[str]:
-        now = contents(describe(project.folder, [recording]), f"recordings/{name}")
-        return [now, *project.settings.columns]
-
-    made_from, changed = _noted(project, name), []
-    if made_from is None:
-        made_from = as_it_is()
-    elif not project.done(step, made_from, files) and not _is_as_noted(project, name, recording):
-        changed = [f"{recording}: is no longer what was recorded; what is there was extracted"]
-        made_from = as_it_is()
+    below, outputs, changed = f"recordings/{name}", project.outputs_of(f"record {name}"), list[str]()
+    made_from = list[str]()
+    if outputs is not None:  # motion, and recorded files as their step noted them
+        made_from = [project.fingerprint_of(f"record {name}"), contents(outputs, below)]
+        noted = {key: one for key, one in outputs.items() if key.startswith(f"{below}/")}
+        is_done = project.done(step, [*made_from, *project.settings.columns], files)
+        if not is_done and not hold(project.folder, [recording], noted):
+            changed = [f"{recording}: is no longer what was recorded; what is there was extracted"]
+    if outputs is None or changed:
+        made_from = [contents(describe(project.folder, [recording]), below)]
+    made_from += project.settings.columns
 
     def work() -> dict[str, Any]:
         sources = open_recordings([recording])
@@ -86,22 +87,6 @@ def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
     return sorted(project.folder / path for path in written)
 
 
-def _noted(project: Project, name: str) -> list[str] | None:
-    """Return what a log is made from: motion, recorded files as their step noted them, columns; None without a step."""
-    step = f"record {name}"
-    outputs = project.outputs_of(step)
-    if outputs is None:
-        return None
-    recorded = contents(outputs, f"recordings/{name}")
-    return [project.fingerprint_of(step), recorded, *project.settings.columns]
-
-
-def _is_as_noted(project: Project, name: str, recording: Path) -> bool:
-    outputs = project.outputs_of(f"record {name}") or {}
-    below = {key: one for key, one in outputs.items() if key.startswith(f"recordings/{name}/")}
-    return hold(project.folder, [recording], below)
-
-
 def motion_log_path(project: Project, name: str) -> Path:
     """Return the path of a recording's motion log."""
     return project.folder / f"{name}.parquet"
@@ -114,11 +99,6 @@ class Imported:
     log: MotionLog
     path: Path  # imported/NAME.parquet
     made_from: Any
-
-    @property
-    def step(self) -> str:
-        """Name of the step that keeps it."""
-        return f"import {self.path.stem}"
 
 
 def read_imports(project: Project, paths: Sequence[Path], mapping: RecordingMapping) -> list[Imported]:
@@ -147,5 +127,5 @@ def keep_imports(project: Project, imports: Sequence[Imported]) -> list[Path]:
             one.path.parent.mkdir(exist_ok=True)
             write_parquet(one.log, one.path)
 
-        project.run(one.step, one.made_from, [one.path], work)
+        project.run(f"import {one.path.stem}", one.made_from, [one.path], work)
     return [one.path for one in imports]

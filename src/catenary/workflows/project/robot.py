@@ -11,30 +11,129 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
+from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.evaluate import rms
 from catenary.calibration.model import CalibrationModel
-from catenary.config import plain_data
+from catenary.config import IN_FILES, plain_data
+from catenary.control.loop import Tick, run_loop
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
 from catenary.recording.journal import About, LeftOff
 from catenary.recording.recorder import Recorder
 from catenary.side_by_side import Progress, silent
+from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.trajectories.reference import GoneOn, Trajectory
+from catenary.trajectories.reference import Embedded, GoneOn, Trajectory
 from catenary.trajectories.smoothed_path import go_to
-from catenary.workflows.project.deploy import deploy_on_robot
+from catenary.units import DISPLAY
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import ProjectKind, kind_of
 from catenary.workflows.robot import homing
-from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, pause, paused_if_interrupted
+from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, move_to, pause, paused_if_interrupted
 from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off, record_passes
 from catenary.workflows.simulated_recording import driven
+
+Known = float | None  # None where the encoders said nothing
+Microseconds = dict[str, float]  # of a loop's durations
+
+
+@dataclass(frozen=True)
+class DeployedJoint:
+    """Errors of a joint of the model against its true position, in deg or mm."""
+
+    name: str
+    unit: str
+    raw_rmse: Known
+    rmse: Known
+    outside_valid_range: Known  # share of ticks
+    coverage: Known  # share of errors within the model's intervals; None without any
+
+
+@dataclass(frozen=True)
+class Deployment:
+    """What a deployed model did in a loop, as deployment.json holds it."""
+
+    __pydantic_config__ = IN_FILES
+
+    simulated: bool
+    ticks: Annotated[int, Field(ge=0)]
+    rate_hz: float
+    compute_us: Microseconds | None
+    jitter_us: Microseconds | None
+    correction_us: Microseconds | None  # of the model's part of each tick
+    overruns: Annotated[int, Field(ge=0)] | None  # None where nobody kept time
+    real_time_priority: bool
+    leaps: dict[str, int]  # by input: positions that play states did not follow
+    coverage_asked: float | None  # by the model's intervals
+    joints: tuple[DeployedJoint, ...]
+    loop: Annotated[Any, Field(exclude=True)] = None  # its LoopReport, where it has just run
+
+
+def deploy_on_robot(
+    plant: FirmwarePlant[Any] | CrtkClient, model: CalibrationModel, trajectory: Trajectory, *, real_time: bool = False
+) -> Deployment:
+    """Run a model in the 1 kHz loop of a robot, homed and enabled, that follows a trajectory by its own firmware.
+
+    A trajectory beyond the limits, and a robot that lacks what the model takes, are refused before anything moves.
+    """
+    places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
+    corrector = Corrector(model)
+    # refuses before anything moves
+    corrector.prepare(plant.joint_names, plant.joint_units, 1.0 / plant.period)
+    joints = [plant.joint_names[j] for j in places]
+    check_motion(plant, trajectory, joints=joints)
+    move_to(plant, trajectory(0.0).q, joints=joints)
+    motion = Embedded(trajectory, places, plant.setpoint_js().q)
+    true: list[Floats] = []
+    ticks: list[Tick] = []
+
+    def observe(tick: Tick) -> None:  # light: it is part of the loop
+        true.append(plant.external_encoders())
+        ticks.append(tick)
+
+    report = run_loop(plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time)
+    scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
+    known = np.array(true)
+    half_widths = np.array([tick.state.q_interval[places] for tick in ticks]) * scale
+    rows = np.isfinite(known).all(axis=1)
+    before = (known - np.array([tick.q_nominal[places] for tick in ticks]))[rows] * scale
+    after = (known - np.array([tick.state.q[places] for tick in ticks]))[rows] * scale
+    held = np.abs(after) <= half_widths[rows]
+    deployed = tuple(
+        DeployedJoint(
+            name,
+            DISPLAY[unit][0],
+            rms(before[:, k]) if rows.any() else None,
+            rms(after[:, k]) if rows.any() else None,
+            (report.outside_valid_range or ())[places[k]],
+            None if model.intervals is None or not rows.any() else float(np.mean(held[:, k])),
+        )
+        for k, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
+    )
+    return Deployment(
+        simulated=plant.simulated,
+        ticks=report.ticks,
+        rate_hz=report.rate_hz,
+        compute_us=report.compute and report.compute.in_us(),
+        jitter_us=report.jitter and report.jitter.in_us(),
+        correction_us=report.correction and report.correction.in_us(),
+        overruns=report.overruns,
+        real_time_priority=report.has_priority,
+        leaps=corrector.leaps,
+        coverage_asked=None if model.intervals is None else model.intervals.level,
+        joints=deployed,
+        loop=report,
+    )
+
 
 _log = logging.getLogger(__name__)
 
@@ -295,7 +394,9 @@ class RosRobot(ProjectRobot):
             raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
         kind = kind_of(project.settings)
         if not client.operating_state().is_homed:
-            self._have(kind.encoders, lambda: self._no_encoders(kind))  # their readings count from the homing on
+            topic = kind.required[-1].name  # whose readings count from the homing on
+            absent = f"nobody publishes {topic}"
+            self._have(kind.encoders, lambda: None if topic in self._transport.topics() else absent)
             homing.home_client(client, self._guide, patience=self._homing_patience)
         if not self._comes(lambda: _not_registered(client, kind)):
             self._have(kind.encoders, lambda: _not_registered(client, kind))
@@ -321,10 +422,6 @@ class RosRobot(ProjectRobot):
                 return True
             self._transport.sleep(homing.LOOK)
         return missing() is None
-
-    def _no_encoders(self, kind: ProjectKind) -> str | None:
-        topic = kind.required[-1].name
-        return None if topic in self._transport.topics() else f"nobody publishes {topic}"
 
 
 def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:

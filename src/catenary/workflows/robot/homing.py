@@ -11,11 +11,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.client import CrtkClient
+from catenary.crtk.client import CrtkClient, press_button
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.start_button import press_button
 from catenary.errors import CatenaryError, NotReadyError, TransportError
-from catenary.plant import OperatingState, Plant, state_in_words
+from catenary.plant import OperatingState, state_in_words
 from catenary.workflows.robot.motion import pause, paused_if_interrupted
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
@@ -117,11 +116,18 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
                 home_client(plant, guide)
                 pause(plant)
         else:
-            _home_here(plant)
-    now = plant.measured_js()
+            if plant.operating_state().state != "ENABLED":
+                plant.state_command("enable")
+            plant.state_command("home")
+            while plant.operating_state().is_busy:
+                plant.wait()
+    now, seen = plant.measured_js(), plant.telemetry().get("ext_jpos")
+    if isinstance(plant, CrtkReader):
+        seen = plant.external_encoders()
+        seen = seen if np.isfinite(seen).any() else None
     return Homing(
         robot.name, plant.simulated, was_run, now.time - begin, plant.joint_names, plant.joint_units, now.q,
-        _external_encoders(plant), plant.operating_state(),
+        None if seen is None else np.array(seen), plant.operating_state(),
     )  # fmt: skip
 
 
@@ -154,14 +160,6 @@ def not_homed(now: OperatingState) -> str | None:
     if now.is_homed and not now.is_busy:
         return None
     return f"the robot is {now.state}, {'busy' if now.is_busy else 'not homed'}"
-
-
-def _home_here(plant: Plant) -> None:
-    if plant.operating_state().state != "ENABLED":
-        plant.state_command("enable")
-    plant.state_command("home")
-    while plant.operating_state().is_busy:
-        plant.wait()
 
 
 def _press_button(client: CrtkClient, guide: Guide) -> None:
@@ -201,11 +199,3 @@ def _stop(client: CrtkClient, error: BaseException, *, asked: bool) -> None:
             error.add_note("the robot was homing; it was disabled")
     except CatenaryError as another:
         error.add_note(f"the robot may still be homing, press its e-stop; disabling it failed: {another}")
-
-
-def _external_encoders(plant: Plant) -> Floats | None:
-    if isinstance(plant, CrtkReader):
-        found = plant.external_encoders()
-        return found if np.isfinite(found).any() else None
-    telemetry = plant.telemetry()
-    return np.array(telemetry["ext_jpos"]) if "ext_jpos" in telemetry else None

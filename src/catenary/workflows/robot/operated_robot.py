@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from catenary.arrays import Floats
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import MissingInertiaError
+from catenary.gravity import torque
 from catenary.open_robot import KINDS, OverTopics, Simulated, open_robot
 from catenary.plant import JointState, Plant
 from catenary.robots.catalog import load_robot
@@ -82,11 +84,8 @@ class OperatedRobot:
 
     def gravity_torque(self, state: JointState) -> Floats | None:
         """Return torques that hold the model's joints still (n,) [Nm|N]; None for a model without inertia."""
-        from catenary.errors import MissingInertiaError
-        from catenary.gravity.torque import gravity_torque
-
         try:
-            return np.asarray(gravity_torque(self.model, state.q[: self.model.n], state.gravity))
+            return np.asarray(torque.gravity_torque(self.model, state.q[: self.model.n], state.gravity))
         except MissingInertiaError:
             return None
 
@@ -94,9 +93,8 @@ class OperatedRobot:
 def operated_robot(robot: str, where: Simulated | OverTopics, *, real_time: bool = True) -> OperatedRobot:
     """Open a robot of the catalogue or a file, in real time; one behind a transport is the caller's to close."""
     plant, model = open_robot(robot, where), load_robot(robot)
-    if isinstance(plant, CrtkReader):
-        return OperatedRobot(model.name, plant, model, lambda: plant.late)
-    if not real_time:
-        return OperatedRobot(model.name, plant, model, lambda: 0)
-    paced = PacedPlant(plant)
-    return OperatedRobot(model.name, cast(Plant, paced), model, lambda: paced.late)
+    if not isinstance(plant, CrtkReader):
+        if not real_time:
+            return OperatedRobot(model.name, plant, model, lambda: 0)
+        plant = cast(Any, PacedPlant(plant))
+    return OperatedRobot(model.name, plant, model, lambda: plant.late)

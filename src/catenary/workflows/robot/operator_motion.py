@@ -20,7 +20,7 @@ from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError
 from catenary.files import TEXT_ENDINGS, table_ending
-from catenary.plant import JointState, MotionLog, OperatingState, Plant, require_ready
+from catenary.plant import JointState, OperatingState, Plant, require_ready
 from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.logs import read_parquet
 from catenary.robots.catalog import RAVEN_SIDES
@@ -86,7 +86,11 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
     if ending in TEXT_ENDINGS:
         found = _read_text(path, rows_per_second)
     elif ending == ".parquet":
-        found = _of_log(path, read_parquet(path))
+        log = read_parquet(path)
+        if log.time is None or len(log.starts) > 1:
+            what = "holds no times" if log.time is None else f"holds {len(log.starts)} recordings"
+            raise FileFormatError(f"{path}: {what}; expected one motion with times, to be followed")
+        found = FollowedFile(path.name, log.joint_names, log.joint_units, log.time, log.q_nominal)
     elif ending == ".npz":
         found = _read_npz(path)
     else:
@@ -131,14 +135,6 @@ def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
         values = values[:, [0, *positions]]
     found = _in_si(path, names[1:], units[1:], values[:, 0] * SECONDS[units[0]], values[:, 1:])
     return replace(found, notes=tuple(f"{path.name}: {note}" for note in table.notes[len(table.head.notes) :]))
-
-
-def _of_log(path: Path, log: MotionLog) -> FollowedFile:
-    if log.time is None:
-        raise FileFormatError(f"{path}: a motion log without times; it cannot be followed")
-    if len(log.starts) > 1:
-        raise FileFormatError(f"{path}: holds {len(log.starts)} recordings; give one")
-    return FollowedFile(path.name, log.joint_names, log.joint_units, log.time, log.q_nominal)
 
 
 def _read_npz(path: Path) -> FollowedFile:
