@@ -1,9 +1,10 @@
 """Homing again, explained and cured.
 
 Why: J1, J2 and J3 run towards their stops together. Where joint 2 is there first, its motor goes on by the nominal
-coupling while joint 1 moves, which is not quite the true one: first the cable that was wound up at the stop relaxes,
-then joint 2 leaves its stop, and there it is registered. Homings from 40 drawn poses of the test motions' box show the
-shift of joint 2's registration against the coupling's error times how far joint 1 still went.
+coupling while joint 1's motor turns: by the coupling's error, which is small, while joint 1 moves, and by the whole
+coupling while joint 1's cable is wound up at its own stop, which moves no joint. So its registration shifts by a step,
+which goes where the cable of joint 1 is stiff.
+Homings from 40 drawn poses of the test motions' box show the shift against how far joint 1 still went.
 
 Cures, each through 20 minutes of random motion before, between and after five homings, begun where the arm stands or,
 at worst, from the corner of the box from which joint 2 is first by most. Go to the home pose first, from which joint 1
@@ -40,6 +41,7 @@ from papers.kit import Missing, by_robot, grid, rows, table, unless_missing
 
 HOMINGS = 5
 POSES = 40
+FIRST_BY = 0.5  # [deg] that joint 1 still goes where joint 2 was first at its stop
 NETWORKS = 2
 HERE, CORNER, FIRST, TWICE = "where it stands", "the box's corner", "the home pose", "twice"
 ORDERS = (HERE, CORNER, FIRST, TWICE)
@@ -199,13 +201,13 @@ def report(o: Outcomes) -> Report:
         return [*way, model, *told, f"{after.max():.3f}"]
 
     mechanism = (
-        "robot | coupling error [deg/deg] | J2 first | slope | R² | shift, SD [deg] | shift, most | J2 left its stop "
-        "by at most [deg]"
+        "robot | coupling error [deg/deg] | J2 first | step [deg] | R² | shift, SD [deg] | shift, most | J2 left its "
+        "stop by at most [deg]"
     )
     header = f"homing from | cure | model | before | after {count} | mean after | greatest"
     caption = (
         "Left: joint 2 of the nominal robot at its stop; dotted, when joint 1 meets its own. Middle: 40 homings of "
-        "every robot; the line is the coupling's error. Right: linear model, mean over robots"
+        "every robot. Right: linear model, mean over robots"
     )
     return Report(
         [
@@ -218,22 +220,23 @@ def report(o: Outcomes) -> Report:
 
 
 def _fit(result: Result) -> tuple[float, float]:
-    """Return shift over what the coupling's error accounts for, of homings in which joint 2 was first, and R^2."""
-    expected = result["coupling_error"] * np.array(result["travel"])
-    shift = np.array(result["shift"])
-    line = np.polyfit(expected, shift, 1)
-    left = shift - np.polyval(line, expected)
-    return float(line[0]), float(1.0 - left.var() / shift.var()) if shift.var() > 0.0 else 0.0
+    """Return the step of shifts where joint 2 was first [deg], and R^2 of it and of the coupling's error."""
+    shift, travel = np.array(result["shift"]), np.array(result["travel"])
+    first, left = travel > FIRST_BY, shift - result["coupling_error"] * travel
+    if first.all() or not first.any():
+        return float("nan"), float("nan")
+    step = left[first].mean() - left[~first].mean()
+    return float(step), float(1.0 - (left - step * first).var() / shift.var())
 
 
 def _mechanism(o: Outcomes) -> list[list[str]]:
     content = []
     for told, result in o.items(registrations):
-        slope, share = _fit(result)
-        shift, first = np.array(result["shift"]), np.array(result["travel"]) > 0.5
+        step, share = _fit(result)
+        shift, first = np.array(result["shift"]), np.array(result["travel"]) > FIRST_BY
         content.append([
             *("nominal" if told["seed"] is NOMINAL else f"{told['seed']}", f"{result['coupling_error']:.4f}"),
-            *(f"{int(first.sum())} of {len(first)}", f"{slope:.2f}", f"{share:.3f}"),
+            *(f"{int(first.sum())} of {len(first)}", f"{step:.3f}", f"{share:.3f}"),
             *(f"{shift.std():.3f}", f"{np.abs(shift).max():.3f}", f"{max(result['left']):.3f}"),
         ])  # fmt: skip
     return content
@@ -249,8 +252,8 @@ def _remarks(o: Outcomes) -> str:
     return (
         f"The linear model's error on joint 2, {corner[:, 0].mean():.3f} deg after calibration, becomes {of_corner} "
         f"when the arm is homed from the corner of its box, {of_first} when it is homed from the home pose, and "
-        f"{of_back} when the registration from the corner is taken back; the coupling's error times joint 1's way "
-        f"after joint 2 met its stop explains {explained:.0f} % of the variance of joint 2's registration."
+        f"{of_back} when the registration from the corner is taken back; a step where joint 2 is first, and the "
+        f"coupling's error times joint 1's way, explain {explained:.0f} % of the variance of joint 2's registration."
     )
 
 
@@ -259,11 +262,8 @@ def _picture(o: Outcomes) -> Any:
     for told, result in o.items(registrations):
         if told["seed"] is NOMINAL:
             _draw_homings(homing, result["traces"])
-        expected = result["coupling_error"] * np.array(result["travel"])
-        mechanism.plot(expected, result["shift"], "o", ms=3, alpha=0.7)
-    end = max([*mechanism.get_xlim(), 1.0])
-    mechanism.plot([0.0, end], [0.0, end], color="#1c2430", linewidth=1)
-    mechanism.set_xlabel("coupling's error x way of J1 after J2 [deg]", fontsize=8)
+        mechanism.plot(result["travel"], result["shift"], "o", ms=3, alpha=0.7)
+    mechanism.set_xlabel("way of J1 after J2 met its stop [deg]", fontsize=8)
     mechanism.set_title("shift of J2's registration [deg]", fontsize=10)
     for (order, cure), color in DRAWN.items():
         label = (f"from {order}" if order != TWICE else order) + ("" if cure == NOTHING else f", {cure}")
