@@ -180,10 +180,7 @@ def _refresh_group(
     if outside.any():
         share = f"{names}: {outside.mean():.1%} of the new rows lie outside the valid range"
         a, b = (
-            [
-                np.square(_left_on_blocks([_Ridge(_no_columns(block))], each, block)[1][outside]).mean()
-                for each in errors.T
-            ]
+            [np.square(_left_on_blocks([_zero_of(block)], each, block)[1][outside]).mean() for each in errors.T]
             for errors in (error - correction, of_offset)
         )
         if np.less_equal(a, b).all():
@@ -201,9 +198,10 @@ def _refresh_group(
     for k, joint in enumerate(joints):
         position = f"q:{model.joint_names[joint]}"
         place = own.index(position) if position in own else None
-        seen = _motion_shown(group, model, data, joint)
-        held = _held(model, group, joint, correction[rows, k], seen[1])
-        designs = _designs(model, X[rows], correction[rows, k], q[rows, k], place, held)
+        trained = _trained(group, model, joint)
+        seen = _motion_shown(data.q_nominal[:, joint], trained)
+        held = _held(model, joint, correction[rows, k], q[rows, k], place, trained, seen[1])
+        designs: list[_Ridge | _Held] = [held, *(_Ridge(X[rows], ridge) for ridge in SLOPES_RIDGES)]
         of_candidates = _left_on_blocks(designs, residual[:, k], parts)
         kept = [c for c, each in enumerate(HOW) if each != SLOPES or _is_shown(seen, residual[:, k], of_candidates[c])]
         chosen = kept[first_within_one_error(of_candidates[kept], parts)]
@@ -213,7 +211,7 @@ def _refresh_group(
         how.append(HOW[chosen])
         left[rows, k] = of_candidates[chosen]
         if chosen:
-            slopes, bias[k] = designs[chosen - 1].regression(np.ones(len(rows), dtype=bool), residual[:, k])
+            slopes, bias[k] = designs[chosen - 1].regression(slice(None), residual[:, k])
             if HOW[chosen] == SLOPES:
                 linear[:, k] = slopes
             elif HOW[chosen] == SCALE and len(slopes):
@@ -227,15 +225,20 @@ def _refresh_group(
     return replace(group, predictor=predictor), how, left, moved, notes
 
 
-def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationData, joint: int) -> tuple[float, int]:
-    """Return which share of a joint's trained range new rows show, and how often they sweep half of it or more."""
-    name = f"q:{model.joint_names[joint]}"
-    watched = [model.features.names[c] for c in group.watched]
-    q = data.q_nominal[:, joint]
+def _trained(group: JointGroup, model: CalibrationModel, joint: int) -> tuple[float, float] | None:
+    """Return mean and range of a joint's positions in training; None where the model asks nothing of them."""
+    name, watched = f"q:{model.joint_names[joint]}", [model.features.names[c] for c in group.watched]
     if name not in watched:
-        return 1.0, len(q)  # the model asks nothing of it: nothing is known of its training
-    place = watched.index(name)
-    box = float(group.valid_range.upper[place] - group.valid_range.lower[place]) * group.valid_range.seen
+        return None
+    place, known = watched.index(name), group.valid_range
+    return float(known.mean[place]), float(known.upper[place] - known.lower[place]) * known.seen
+
+
+def _motion_shown(q: Floats, trained: tuple[float, float] | None) -> tuple[float, int]:
+    """Return which share of a joint's trained range new rows show, and how often they sweep half of it or more."""
+    if trained is None:
+        return 1.0, len(q)  # nothing is known of its training
+    box = trained[1]
     sweeps, low, high, up = 0, q[0], q[0], None
     for value in q.tolist():
         if up is not True and value - low >= SWEPT * box:
@@ -265,7 +268,7 @@ def _only_offset(
     """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
     how, moved, left = list[str](), np.zeros(of_offset.shape[1]), of_offset.copy()
     for k, error in enumerate(of_offset.T):
-        candidates = _left_on_blocks([_Ridge(_no_columns(block))], error, block)
+        candidates = _left_on_blocks([_zero_of(block)], error, block)
         chosen = first_within_one_error(candidates, block)
         how.append(HOW[chosen])
         left[:, k] = candidates[chosen]
@@ -308,7 +311,7 @@ class _Ridge:
     columns: Floats
     ridge: float = 0.0
 
-    def regression(self, rows: Flags, residual: Floats) -> tuple[Floats, float]:
+    def regression(self, rows: Flags | slice, residual: Floats) -> tuple[Floats, float]:
         """Return slopes (c,) and a zero, by which residuals of the rows (N,) are predicted."""
         columns = self.columns[rows]
         mean, scale = standardisation(columns)
@@ -329,10 +332,10 @@ class _Held:
     looks: float
     claimed: float  # [rad|m] standard deviation of the error that the model claims; 0 when it claims none
 
-    def regression(self, rows: Flags, residual: Floats) -> tuple[Floats, float]:
+    def regression(self, rows: Flags | slice, residual: Floats) -> tuple[Floats, float]:
         """Return slopes (c,) and a zero, by which residuals of the rows (N,) are predicted."""
         y, columns = residual[rows], self.columns[rows]
-        slopes, zero = _Ridge(columns, SCALE_RIDGE).regression(np.ones(len(y), dtype=bool), y)
+        slopes, zero = _Ridge(columns, SCALE_RIDGE).regression(slice(None), y)
         noise = max(float(np.square(y - zero - columns @ slopes).mean()), self.claimed**2, RESOLUTION**2)
         drift = max(noise, float(np.square(y).mean()))
         unit = np.where(self.spread > 0.0, self.spread, 1.0)
@@ -344,45 +347,35 @@ class _Held:
 
 
 def _held(
-    model: CalibrationModel, group: JointGroup, joint: int, correction: Floats, sweeps: int
-) -> tuple[Floats, Floats, float, float]:
-    """Return middle and spread of a joint's correction and position in training, looks, and the error claimed."""
-    name = f"q:{model.joint_names[joint]}"
-    watched = [model.features.names[c] for c in group.watched]
-    middle, spread = 0.0, 0.0
-    if name in watched:
-        place, seen = watched.index(name), group.valid_range
-        middle = float(seen.mean[place])
-        spread = float(seen.upper[place] - seen.lower[place]) * seen.seen / np.sqrt(12.0)
-    moved = np.sqrt(np.square(correction - model.offset[joint]).mean())
-    largest = 0.5 * (model.largest[joint] - abs(model.offset[joint]))
-    claimed = 0.0
-    if model.intervals is not None:
-        claimed = model.intervals.inside[joint] / NormalDist().inv_cdf(0.5 + 0.5 * model.intervals.level)
-    spreads = np.array([max(moved, largest if np.isfinite(largest) else 0.0), spread])
-    return np.array([model.offset[joint], middle]), spreads, 0.5 * (sweeps + 1), float(claimed)
-
-
-def _designs(
     model: CalibrationModel,
-    X: Floats,
+    joint: int,
     correction: Floats,
     q: Floats,
     place: int | None,
-    held: tuple[Floats, Floats, float, float],
-) -> list[_Ridge | _Held]:
-    """Return what each candidate but the first is regressed on."""
-    middle, spread, looks, claimed = held
-    slopes = np.column_stack([correction, q])
-    if place is None:
-        # a slope of the correction is one of the position too, where positions are what the model gives
-        taken = 0 if model.target == "position" else 1
-        slopes, middle, spread = slopes[:, :taken], middle[:taken], spread[:taken]
-    return [_Held(slopes, middle, spread, looks, claimed), *(_Ridge(X, ridge) for ridge in SLOPES_RIDGES)]
+    trained: tuple[float, float] | None,
+    sweeps: int,
+) -> _Held:
+    """Return a joint's zero and slopes of its correction and position (N,), as far as sweeps show them."""
+    offset = model.offset[joint]
+    largest = 0.5 * (model.largest[joint] - abs(offset))
+    moved = max(np.sqrt(np.square(correction - offset).mean()), largest if np.isfinite(largest) else 0.0)
+    middle, box = (0.0, 0.0) if trained is None else trained
+    claimed = 0.0
+    if model.intervals is not None:
+        claimed = model.intervals.inside[joint] / NormalDist().inv_cdf(0.5 + 0.5 * model.intervals.level)
+    # a slope of the correction is one of the position too, where positions are what the model gives
+    taken = 2 if place is not None else 0 if model.target == "position" else 1
+    return _Held(
+        np.column_stack([correction, q])[:, :taken],
+        np.array([offset, middle])[:taken],
+        np.array([moved, box / np.sqrt(12.0)])[:taken],
+        0.5 * (sweeps + 1),
+        float(claimed),
+    )
 
 
-def _no_columns(rows: NDArray[Any]) -> Floats:
-    return np.zeros((len(rows), 0))
+def _zero_of(rows: NDArray[Any]) -> _Ridge:
+    return _Ridge(np.zeros((len(rows), 0)))
 
 
 def _left_on_blocks(designs: Sequence[_Ridge | _Held], residual: Floats, block: Integers) -> Floats:

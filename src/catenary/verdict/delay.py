@@ -99,9 +99,7 @@ def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: fl
     reach, rows = reach_of(log)
     step = reach / rows if rows else 0.0
     t = np.arange(len(log), dtype=float)
-    if (
-        log.time is not None
-    ):  # stamps that never go back: what follows such a step, another recording, begins after a pause
+    if log.time is not None:  # stamps never go back: what follows such a step, another recording, begins after a pause
         steps = np.diff(log.time, prepend=log.time[:1])
         t = np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
     inside = log.ok & _unbroken(t, step, about, reach)
