@@ -4,9 +4,9 @@ A linear model of the positioning joints is trained level on zig-zags at 1/2, 1/
 anew, follows 30 s of random motion in the calibrated box by PD+DG, level, at 20 deg about Z0 and rocking, and is held
 by gravity compensation alone at five base angles. The gravity model, or the whole control, takes reported or calibrated
 joints: calibrated by the model's zeros, and once by the rig's, which calls the same stops otherwise (the elbow's by 7.5
-deg, the insertion's by 10.5 mm). In the whole control the calibration's input torque is
-what the control has just asked for; so there is one without valid range, and one that takes positions alone. Damping
-is relative to the reference's velocity.
+deg, the insertion's by 10.5 mm). In the whole control the calibration's input torque is what the control has just
+asked for: the loop gives it slowly; once it is taken at once, and one calibration takes positions alone. Damping is
+relative to the reference's velocity.
 
 The other way round, models trained level or on several tilts take the robot's torque less the gravity model's in place
 of the torque itself; conditions and raw torque are those of calibration on tilted and rocking bases.
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from catenary import CablePlant, GravityPD, JointState, MotionLog, Reference, random_sinusoids
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
@@ -29,12 +29,13 @@ from catenary.control.gravity_pd import GravityHold
 from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
+from catenary.plant import Plant
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.trials import HOLD_START, hold, with_approach
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond import tilted_calibration as tilted
 from papers.beyond.tilted_calibration import BASES, LEVEL_BASE, ROCKING, homed_level, put_on
-from papers.calibration.recordings import SPARSITIES, calibration_log, draws, fitted, unguarded
+from papers.calibration.recordings import SPARSITIES, calibration_log, draws, fitted
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.gravity.raven_base import SHOWN, turned_base
@@ -43,9 +44,9 @@ from papers.kit import JOINTS, UNITS, Missing, by_robot, cells, rows, sample, ta
 N = 3
 SETTLE = 1.0  # [s] at a motion's start
 REPORTED, INSIDE, BOTH, RIG = ("reported", "calibrated in gravity", "calibrated in all", "calibrated, rig's zeros")
-FREE, STILL = "calibrated in all, everywhere", "calibrated in all, by positions"
-CONTROLLERS = (REPORTED, INSIDE, BOTH, FREE, STILL, RIG)
-IN_ALL = (BOTH, FREE, STILL)
+AT_ONCE, STILL = "calibrated in all, torque at once", "calibrated in all, by positions"
+CONTROLLERS = (REPORTED, INSIDE, BOTH, AT_ONCE, STILL, RIG)
+IN_ALL = (BOTH, AT_ONCE, STILL)
 HOLDS = (REPORTED, INSIDE, RIG)
 CONTROL_BASES = (LEVEL_BASE, tilted.TILTED, ROCKING)
 ANGLES_DEG = (0.0, 20.0, 45.0, 90.0, 180.0)
@@ -54,7 +55,7 @@ TRAININGS = (tilted.LEVEL, tilted.SEVERAL)
 TORQUES = {tilted.PAPERS: "raw torque", tilted.LESS_GRAVITY: "torque less gravity"}
 NEWTONS = ("Nm", "Nm", "N")
 COLORS = dict(zip(CONTROLLERS, ("#8a94a3", "#2f8f6b", "#b8bfc9", "#c9a227", "#d9622b", "#4b6b94"), strict=True))
-DRAWN = (REPORTED, INSIDE, STILL, RIG)
+DRAWN = (REPORTED, INSIDE, STILL, BOTH)
 
 
 class CalibratedGravity:
@@ -77,6 +78,18 @@ class CalibratedGravity:
         return total
 
 
+class AtOnce:
+    """A corrector that takes torques as they are measured, which `run_loop` gives slowly."""
+
+    def __init__(self, corrector: Corrector, plant: Plant) -> None:
+        """Take a corrector and the arm that it is asked about."""
+        self.prepare, self._corrector, self._plant = corrector.prepare, corrector, plant
+
+    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
+        """Write calibrated positions (n,) [rad|m], whether each is inside the valid range, and half-widths [rad|m]."""
+        self._corrector.correct_state(state._replace(tau=self._plant.measured_js().tau), out, inside, interval)
+
+
 def prepared(arm: SimulatedArm, model: CalibrationModel) -> Corrector:
     """Return a model's corrector for an arm at 1 kHz."""
     corrector = Corrector(model)
@@ -87,8 +100,7 @@ def prepared(arm: SimulatedArm, model: CalibrationModel) -> Corrector:
 def calibrations(plant: CablePlant, log: MotionLog) -> dict[str, CalibrationModel]:
     """Fit linear models of the positioning joints, by the names of the controllers that take them.
 
-    All but one give the gravity model's zeros. Where control itself takes calibrated joints, its torque comes back as
-    an input of the calibration: so one model is asked beyond its valid range too, and one takes positions alone.
+    All but one give the gravity model's zeros; one takes positions alone.
     """
     turned = plant.firmware.stop_value[:N] - plant.encoders.rig.registered
     if log.q_encoder is None:
@@ -100,12 +112,12 @@ def calibrations(plant: CablePlant, log: MotionLog) -> dict[str, CalibrationMode
         RIG: fitted([log], options),
         INSIDE: model,
         BOTH: model,
-        FREE: unguarded(model),
+        AT_ONCE: model,
         STILL: fitted([own], FitOptions(kind="linear", inputs=POSITIONING_INPUTS[:N])),
     }
 
 
-@run(revision=2)
+@run(revision=3)
 def control(seed: int | None, base: str, sparsities: Sequence[float], seconds: float) -> Result:
     """Calibrate a robot level, put it on a base, and follow random motion in the calibrated box with every controller.
 
@@ -126,6 +138,8 @@ def _followed(
     arm = raven_arm(plant)
     controller: GravityPD | CalibratedGravity = GravityPD(arm.model, *arm.gains)
     corrector: StateCorrector | None = prepared(arm, models[name]) if name in IN_ALL else None
+    if name == AT_ONCE:
+        corrector = AtOnce(prepared(arm, models[name]), arm.plant)
     if name in (INSIDE, RIG):
         controller = CalibratedGravity(arm, models[name], gains=True)
     motion, begin = with_approach(arm, random_sinusoids(draws(seed, 60), seconds), SETTLE)
@@ -271,8 +285,9 @@ def _in_gravity(o: Outcomes) -> str:
     return (
         f"With calibrated joints the gravity model is wrong by {joints(INSIDE, 'gravity')} Nm/Nm/N in place of "
         f"{joints(REPORTED, 'gravity')}, and PD's share goes from {joints(REPORTED, 'pd_share', 1)} to "
-        f"{joints(INSIDE, 'pd_share', 1)} %; where PD, too, takes joints calibrated by positions alone, the true error "
-        f"goes from {joints(REPORTED, 'true')} to {joints(STILL, 'true')} deg/deg/mm."
+        f"{joints(INSIDE, 'pd_share', 1)} %; where PD, too, takes calibrated joints, the true error goes from "
+        f"{joints(REPORTED, 'true')} to {joints(BOTH, 'true')} deg/deg/mm, to {joints(STILL, 'true')} where they are "
+        f"calibrated by positions alone, and to {joints(AT_ONCE, 'true')} where torques are taken at once."
     )
 
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.control.limits import TorqueLimits
-from catenary.control.loop import FADE, Tick, run_loop
+from catenary.control.loop import FADE, SlowTorque, Tick, run_loop
 from catenary.control.loop_report import LoopReport
 from catenary.control.pd import JointPD
 from catenary.errors import InputError, LimitError, NotReadyError, SensorError, UnsupportedCommandError
@@ -24,6 +24,7 @@ from catenary.trajectories.reference import Reference, Rest
 from oracles.ideal_plant import MassPlant
 
 ZERO = np.zeros(2)
+STIFFNESS = 100.0  # [Nm/rad]
 
 
 class Swing:
@@ -126,6 +127,40 @@ def test_controller_sees_calibrated_positions() -> None:
     assert report.outside_valid_range == (0.0, pytest.approx(0.5, abs=1e-3))
     assert report.tracking_calibrated is not None
     assert max(report.tracking_calibrated) < min(report.tracking_nominal)
+
+
+class BehindASpring(MassPlant):
+    """Motors whose joints do not move: springs to them pull back; they stretch by tau / STIFFNESS."""
+
+    def _load(self) -> Floats:
+        return STIFFNESS * self.q
+
+
+class Stretch(Shift):
+    """A corrector that takes off the stretch that torques tell."""
+
+    def correct_state(self, state: JointState, out: Floats, inside: Floats, interval: Floats) -> None:
+        out[:] = state.q - state.tau / STIFFNESS
+        inside[:], interval[:] = True, 0.0
+
+
+@pytest.mark.parametrize("gain", [0.5 * STIFFNESS, 2.0 * STIFFNESS, 8.0 * STIFFNESS])
+def test_pd_at_positions_corrected_by_its_own_torque_is_stable(gain: float) -> None:
+    plant, goal = BehindASpring(ZERO, friction=20.0), np.array([0.01, -0.02])
+    pd = JointPD([gain, gain], [2.0 * np.sqrt(gain)] * 2)
+    seen: list[Tick] = []
+    run_loop(plant, pd, Rest(goal, 15.0), corrector=Stretch(0.0), observers=[seen.append])
+    # at rest tau = STIFFNESS q, so that the corrected position is the joint's, 0, and PD asks gain * goal
+    assert_allclose(seen[-1].tau, gain * goal, rtol=1e-2)
+    assert_allclose(seen[-1].q_nominal, gain * goal / STIFFNESS, rtol=1e-2)
+
+
+def test_slow_torques_pass_nan_on_and_forget_it() -> None:
+    slow, seen = SlowTorque(0.001), np.array([1.0, np.nan])
+    assert_array_equal(slow.of(seen), seen)
+    for _ in range(200):  # a time constant
+        last = slow.of(np.array([1.0, 2.0]))
+    assert_allclose(last, [1.0, 2.0 * (1.0 - np.exp(-1.0))])
 
 
 def test_a_slower_loop_lets_the_robot_take_several_of_its_ticks() -> None:

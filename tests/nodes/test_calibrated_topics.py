@@ -196,14 +196,36 @@ def test_robot_without_the_models_joints_is_refused() -> None:
         Deployed(other)
 
 
-def test_torques_that_come_no_more_are_flagged_until_they_are_back() -> None:
+def model_of_torques() -> CalibrationModel:
+    """Its correction is OFFSET, and 0.01 rad/Nm of the elbow's torque on that joint."""
     q = START[:3] + np.array([0.2, 0.2, 0.02]) * np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))
     tau = np.random.default_rng(1).uniform(-1.0, 1.0, (400, 3))
     log = MotionLog(
-        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q, q_encoder=q + OFFSET,
+        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
+        q_encoder=q + OFFSET + 0.01 * tau[:, 1:2] * [0.0, 1.0, 0.0],
         ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0, tau=tau,
     )  # fmt: skip
-    deployed = Deployed(fitted(log, kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion", "tau:elbow")))
+    return fitted(log, kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion", "tau:elbow"))
+
+
+def test_torques_are_slow_for_control_alone() -> None:
+    model, risen = model_of_torques(), []
+    for for_control in (False, True):
+        deployed = Deployed(model, for_control=for_control)
+        deployed.ticks(5)
+        deployed.robot.robot.plant.telemetry = lambda: {"tau": np.full(7, 0.01)}  # type: ignore[method-assign]
+        deployed.heard["measured_js"].take()
+        deployed.ticks(202)
+        elbow = np.array([joint_values(one.message, JOINTS)[1] for one in deployed.heard["measured_js"].take()])
+        rise = elbow - START[1] - OFFSET[1]
+        first = np.flatnonzero(rise > 1e-7)[0]
+        risen.append(rise[[first, first + 199]])
+    assert risen[0][0] == pytest.approx(risen[0][1])
+    assert_allclose(risen[1] / risen[0], [1.0 - np.exp(-0.005), 1.0 - np.exp(-1.0)], rtol=1e-3)  # a time constant
+
+
+def test_torques_that_come_no_more_are_flagged_until_they_are_back() -> None:
+    deployed = Deployed(model_of_torques())
     deployed.ticks(10)
     robot = deployed.robot.robot
     assert not deployed.topics.stale

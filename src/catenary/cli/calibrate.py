@@ -180,6 +180,9 @@ def deploy(
     name: str | None = replace(NODE_NAME, goes_with="ros"),
     as_is: bool = option(None, "The robot's reports are corrected already: take them as they are.", False),
     gravity_torque: bool = option(None, "With --ros: also publish gravity torques.", False, goes_with="ros"),
+    for_control: bool = option(
+        None, "With --ros: for a controller of the corrected positions.", False, goes_with="ros"
+    ),
     as_json: bool = AS_JSON,
 ) -> None:
     """Run a model in a robot's loop, or next to a robot on ROS.
@@ -207,7 +210,7 @@ def deploy(
         make_transport(str(ros), node_name("deploy", name)) as transport,
         reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, gravity=gravity) as client,
     ):
-        topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque)
+        topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque, for_control=for_control)
         failure: BaseException | None = None
         try:
             _tell_while_deployed(topics, client, float("inf") if seconds is None else seconds)

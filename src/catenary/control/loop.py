@@ -21,6 +21,7 @@ from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
 
 FADE = 1.5  # [s] from a leap until all of it has come on
+SETTLES = 0.2  # [s] time constant of the torques that a correction takes: slower than an arm under PD
 Flags = NDArray[np.bool_]
 # [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
 LEAP = {"rad": 0.02, "m": 0.002}
@@ -46,6 +47,26 @@ class Fade:
         left = self._left
         self._left = left - np.clip(left, -self._step, self._step)
         return left
+
+
+class SlowTorque:
+    """The torques that a correction takes where control takes the corrected positions: a first-order low-pass.
+
+    A correction of -tau / k undoes the stretch of a cable of stiffness k. PD of gain kp at such positions commands
+    tau = -kp (q - tau / k): at once, where kp is above k, it pushes the arm the way that it is off. Behind a low-pass
+    slower than the arm that loop's gain is kp / (kp + k), always below one.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Begin at the first torques, in ticks of `period` [s]."""
+        self._tau, self._share = np.empty(0), -math.expm1(-period / SETTLES)
+
+    def of(self, tau: Floats) -> Floats:
+        """Return a tick's torques (n,) [Nm|N], slow; one that is not finite is passed on, and forgotten."""
+        known = np.isfinite(tau)
+        last = self._tau if self._tau.size else np.where(known, tau, 0.0)
+        self._tau = np.where(known, last + self._share * (tau - last), last)
+        return np.where(known, self._tau, tau)
 
 
 class StateCorrector(Protocol):
@@ -103,7 +124,8 @@ def run_loop(
     The robot is where the trajectory begins: by its setpoint without a controller, else as it is measured, or by its
     calibrated positions. A correction comes on within FADE seconds where the trajectory begins at the
     position that the robot reports, and where it changes between model and fixed offset: the controller sees no leap.
-    Until then the state's half-widths are wider by what is left out.
+    Until then the state's half-widths are wider by what is left out. The torques that it takes are slow where a
+    controller takes its positions (`SlowTorque`), else as measured.
 
     At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
     paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last finite position or gets zero torque,
@@ -147,7 +169,7 @@ def run_loop(
         _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), LEAP)
     else:
         correction[~_require_near(plant, first, "the robot", state.q, correction, SAG)] = 0.0
-    fade = Fade(correction, dt)
+    fade, slow = Fade(correction, dt), SlowTorque(dt)
     if limits is None:
         limits = TorqueLimits(np.full(n, np.inf))
     limits.reset(state.tau)
@@ -189,7 +211,8 @@ def run_loop(
                 q, was_inside, interval = np.empty(n), inside, np.empty(n)
                 inside = np.empty(n, dtype=bool)
                 asked = time.perf_counter()
-                corrector.correct_state(state, q, inside, interval)
+                known = state if controller is None else state._replace(tau=slow.of(state.tau))
+                corrector.correct_state(known, q, inside, interval)
                 if number > 0:
                     correcting.add(time.perf_counter() - asked)
                 if controller is not None:

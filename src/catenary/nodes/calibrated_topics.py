@@ -24,6 +24,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
+from catenary.control.loop import SlowTorque
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received
@@ -92,9 +93,19 @@ class CalibratedTopics:
     """Corrects each message of an arm's measured_js and publishes the result."""
 
     def __init__(
-        self, client: CrtkReader, model: CalibrationModel, *, rate_hz: float = 1000.0, gravity_torque: bool = False
+        self,
+        client: CrtkReader,
+        model: CalibrationModel,
+        *,
+        rate_hz: float = 1000.0,
+        gravity_torque: bool = False,
+        for_control: bool = False,
     ) -> None:
-        """Begin to receive and to publish, beside a RAVEN-II's arm or a dVRK PSM that publishes at a rate [Hz]."""
+        """Begin to receive and to publish, beside a RAVEN-II's arm or a dVRK PSM that publishes at a rate [Hz].
+
+        For control that takes the corrected positions, torques reach the model through `SlowTorque`.
+        """
+        self._period, self._for_control, self._slow = 1.0 / rate_hz, for_control, SlowTorque(1.0 / rate_hz)
         self._client, self._model = client, model
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
@@ -140,7 +151,7 @@ class CalibratedTopics:
         came = self._messages.take(timeout)
         for received in came:
             if self._note_silence(received.time):  # another motion begins, perhaps another robot's
-                self._corrector.reset()
+                self._begin_anew()
                 self._stamps = None
             self.is_silent = False
             self._last = received.time
@@ -177,6 +188,10 @@ class CalibratedTopics:
         for publisher in self._publishers.values():
             publisher.close()
 
+    def _begin_anew(self) -> None:
+        self._corrector.reset()
+        self._slow = SlowTorque(self._period)
+
     def _note_silence(self, now: int) -> bool:
         """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
         silence = (now - self._last) / SECOND
@@ -192,19 +207,20 @@ class CalibratedTopics:
         stamp, now = received.message.header.stamp, self._client.transport.steady
         if not self._is_homed():
             self._told.not_homed += 1
-            self._corrector.reset()
+            self._begin_anew()
             return
         try:
             state = self._client.state_of(received.message)
         except CatenaryError:
             self._told.unreadable += 1
-            self._corrector.reset()
+            self._begin_anew()
             return
         self.stale = self._client.stale_inputs() if self._has_other_inputs else ()
         self._told.stale += bool(self.stale)
         first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
         self._stamps = (first, stamp, count + 1)
-        self._corrector.correct_state(state, self._out, self._inside, self._interval)
+        known = state._replace(tau=self._slow.of(state.tau)) if self._for_control else state
+        self._corrector.correct_state(known, self._out, self._inside, self._interval)
         if not is_newest and now() - received.time > LATE * SECOND:
             self._told.late += 1
             return

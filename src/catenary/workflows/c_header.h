@@ -84,6 +84,9 @@ static inline void {{ name }}_feedforward(const double *q, const double *qd, con
 /* Calibrated positions of {{ calibration | joints }}, at {{ "%g" | format(rate_hz) }} Hz:
    one call a tick. q[{{ count }}]: reported positions; signals[{{ signals | length }}]: {{ signals | join(", ") }}.
    inside[{{ count }}]: 0 where the model is asked outside of what it has seen; a fixed offset is added there.
+{% if slow %}
+   Control that takes these positions must pass tau through a low-pass of {{ slow }} s; else it may diverge.
+{% endif %}
 {% if calibration.intervals %}
    ..._interval(state)[{{ count }}]: half-widths of the last tick's intervals, which hold {{ "%g" | format(100.0 * calibration.intervals.level) }} per cent of errors.
 {% else %}
