@@ -54,7 +54,7 @@ SECONDS, HOLD_SECONDS = 30.0, 5.0
 TRAININGS = (tilted.LEVEL, tilted.SEVERAL)
 TORQUES = {tilted.PAPERS: "raw torque", tilted.LESS_GRAVITY: "torque less gravity"}
 NEWTONS = ("Nm", "Nm", "N")
-COLORS = dict(zip(CONTROLLERS, ("#8a94a3", "#2f8f6b", "#b8bfc9", "#c9a227", "#d9622b", "#4b6b94"), strict=True))
+COLORS = dict(zip(CONTROLLERS, ("#8a94a3", "#2f8f6b", "#4b6b94", "#c9a227", "#d9622b", "#b8bfc9"), strict=True))
 DRAWN = (REPORTED, INSIDE, STILL, BOTH)
 
 
