@@ -19,7 +19,7 @@ from catenary.plant import Bounded, OperatingState
 from catenary.teleop.driver import AXES, BACKWARD, COMMANDS, FORWARD, HOLD, TeleopDriver
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes
-from catenary.view.shown import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl, Shown
+from catenary.view.shown import NOBODY, Change, Control, ControlTab, Shown
 from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.snapshots import watch_robot
@@ -163,12 +163,13 @@ class ControlledArm(WatchedArm):
 def held_tabs(limits: Bounded) -> tuple[ControlTab, ...]:
     """Return tabs of buttons: one pair per joint, nine joints at most, and one per axis that the tip moves along."""
     joints = [
-        HeldControl(f"{HELD}{key}", f"{name} {sign}")
+        Control("held", f"{HELD}{key}", f"{name} {sign}")
         for name, keys in zip(limits.joint_names, zip(FORWARD, BACKWARD, strict=True), strict=False)
         for key, sign in zip(keys, "+-", strict=True)
     ]
     axes = [
-        HeldControl(f"{HELD}{key}", f"{'xyz'[axis]} {'+' if sign > 0.0 else '-'}") for key, (axis, sign) in AXES.items()
+        Control("held", f"{HELD}{key}", f"{'xyz'[axis]} {'+' if sign > 0.0 else '-'}")
+        for key, (axis, sign) in AXES.items()
     ]
     text = "Moves for as long as a button is held."
     return (
@@ -179,6 +180,6 @@ def held_tabs(limits: Bounded) -> tuple[ControlTab, ...]:
 
 def _rows(tab: str) -> tuple[Control, ...]:
     return (
-        ButtonsControl(f"{LEVEL}{tab}", "run level", tuple(LEVELS), hint="Home wants to be pressed twice."),
-        ButtonsControl(f"{STOP}{tab}", "motion", tuple(STOPS), hint="Stop: at once. The robot stays enabled."),
+        Control("buttons", f"{LEVEL}{tab}", "run level", None, tuple(LEVELS), "Home wants to be pressed twice."),
+        Control("buttons", f"{STOP}{tab}", "motion", None, tuple(STOPS), "Stop: at once. The robot stays enabled."),
     )
