@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -309,18 +309,17 @@ class DrivenArm:
         gravity = state.gravity if reading is None else reading.gravity
         operating = plant.operating_state()
         corrector = self._corrector if operating.is_homed else None
-        encoder = None
-        if corrector is not None and isinstance(world.plant, CablePlant):
-            encoder = world.plant.external_encoders()
+        known: dict[str, Any] = {}
+        if corrector is not None:
+            known = {"calibrated": corrector.calibrated, "inside": corrector.inside, "interval": corrector.interval}
+            if isinstance(world.plant, CablePlant):
+                known["encoder"] = world.plant.external_encoders()
         snapshot = Snapshot(
-            state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            None if corrector is None else corrector.calibrated,
-            None if corrector is None else corrector.inside,
-            None if corrector is None else corrector.interval,
-            encoder=encoder, tau=state.tau, gravity_tau=gravity_torque(self.arm.model, state.q, gravity),
-            gravity=gravity, gravity_age=state.gravity_age if reading is None else reading.age, fault=fault_of(plant),
-            operating=operating, lower=plant.lower, upper=plant.upper, rate_hz=self._ticks.hertz(now),
-            late=self._late.within(now), error=state.q - self.arm.q_true() if operating.is_homed else None,
+            state.time, plant.joint_names, plant.joint_units, state.q, setpoint, tau=state.tau, gravity=gravity,
+            gravity_tau=gravity_torque(self.arm.model, state.q, gravity), fault=fault_of(plant), operating=operating,
+            gravity_age=state.gravity_age if reading is None else reading.age, lower=plant.lower, upper=plant.upper,
+            rate_hz=self._ticks.hertz(now), late=self._late.within(now),
+            error=state.q - self.arm.q_true() if operating.is_homed else None, **known,
         )  # fmt: skip
         notes = list(world.warnings())
         if now - self._said[0] < SAID:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.errors import CatenaryError
 from catenary.monitor import Snapshot
 from catenary.plant import Bounded, OperatingState
@@ -34,7 +33,11 @@ def view_state(snapshot: Snapshot, n: int, nominal_hz: float, *, notes: Sequence
     themselves: a RAVEN-II's encoders call other places zero. `known` are fields of ViewState that a snapshot does not
     have.
     """
-    rows = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot)}
+    encoder, error = snapshot.encoder, snapshot.error
+    true = None if error is None else snapshot.q[: len(error)] - error
+    if encoder is not None and (snapshot.calibrated is not None or error is None) and np.isfinite(encoder).any():
+        true = encoder
+    rows = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": true}
     known = {name: value for name, value in known.items() if value is not None}
     known |= {name: np.asarray(row, dtype=float)[:n] for name, row in rows.items() if row is not None}
     known |= {} if snapshot.gravity is None else {"gravity": snapshot.gravity}
@@ -51,14 +54,6 @@ def operating_in_words(state: OperatingState | None) -> str:
         return ""
     homed = "homing" if state.is_busy else "homed" if state.is_homed else "not homed"
     return f"{state.state}, {homed}"
-
-
-def _true(snapshot: Snapshot) -> Floats | None:
-    encoder, error = snapshot.encoder, snapshot.error
-    compared = snapshot.calibrated is not None or error is None
-    if encoder is not None and compared and np.isfinite(encoder).any():
-        return encoder
-    return None if error is None else snapshot.q[: len(error)] - error
 
 
 class WatchedArm:
