@@ -6,8 +6,8 @@ not run again. One process at a time writes; what only reads needs no lock, and 
 
 The system holds the lock (flock on the file `.lock`) and frees it when the process ends, however it ends: what the file
 says only tells. On NFS, Linux asks the server (v4, or v3 with lockd) and all hosts see it; it is freed when the process
-ends, or some minutes after its host is lost. Where locks are kept per host (`nolock`, `local_lock`), or not at all,
-what the file says is believed: a process on another host that did not take its name off is not passed over.
+ends, or some minutes after its host is lost. Where locks are kept per host (`nolock`, `local_lock`), what the file says
+is believed: a process on another host that did not take its name off is not passed over; without any locks, none is.
 """
 
 import contextlib
