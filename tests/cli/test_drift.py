@@ -50,17 +50,22 @@ def test_the_date_since_when_a_joint_drifts_is_told(tmp_path: Path, folds: str) 
     assert catenary("drift", model, days[1]).code == 0
 
 
-def test_a_homing_cuts_a_recording(tmp_path: Path) -> None:
-    model = str(tmp_path / "arm.npz")
-    assert (
-        catenary("fit", written(a_day(0, 0.0), tmp_path / "0.parquet"), "--model", "linear", "--out", model).code == 0
-    )
+@pytest.fixture(scope="module")
+def of_day_0(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model, and beside it the recording that it is of, monday.parquet."""
+    folder = tmp_path_factory.mktemp("model")
+    line = ("fit", written(a_day(0, 0.0), folder / "monday.parquet"), "--model", "linear", "--out", folder / "arm.npz")
+    assert catenary(*line).code == 0
+    return folder / "arm.npz"
+
+
+def test_a_homing_cuts_a_recording(of_day_0: Path, tmp_path: Path) -> None:
     log = a_day(1, 0.0)
     homed = np.arange(len(log)) >= 900
     assert log.q_encoder is not None
     shifted = log.q_encoder + np.column_stack([np.zeros(len(log)), 1e-3 * homed])
     log = replace(log, q_encoder=shifted, signals={"encoffsets:elbow": 7.0 * homed})
-    found = json.loads(catenary("drift", model, written(log, tmp_path / "1.parquet"), "--json").out)
+    found = catenary("drift", of_day_0, written(log, tmp_path / "1.parquet"), "--json").json
     assert [(s["homing"], s["rows"], s["beyond"]) for s in found["stretches"]] == [
         (0, 900, [False, False]),
         (1, 900, [False, True]),
@@ -74,17 +79,8 @@ def in_deg_and_mm(log: MotionLog) -> MotionLog:
     return replace(log, q_nominal=factor * log.q_nominal, q_encoder=factor * log.q_encoder)
 
 
-@pytest.fixture(scope="module")
-def of_day_0(tmp_path_factory: pytest.TempPathFactory) -> str:
-    folder = tmp_path_factory.mktemp("model")
-    model = str(folder / "arm.npz")
-    line = ("fit", written(a_day(0, 0.0), folder / "0.parquet"), "--model", "linear", "--out", model)
-    assert catenary(*line).code == 0
-    return model
-
-
 @pytest.mark.parametrize("command", ["drift", "evaluate", "refresh"])
-def test_wrong_data_are_no_fault_of_a_model(of_day_0: str, tmp_path: Path, command: str) -> None:
+def test_wrong_data_are_no_fault_of_a_model(of_day_0: Path, tmp_path: Path, command: str) -> None:
     day = a_day(1, 0.0)
     out = ("--out", str(tmp_path / "new.npz")) if command == "refresh" else ()
     line = (command, of_day_0, written(in_deg_and_mm(day), tmp_path / "deg.parquet"), *out)
@@ -101,35 +97,30 @@ def test_wrong_data_are_no_fault_of_a_model(of_day_0: str, tmp_path: Path, comma
 
 
 @pytest.fixture
-def days(tmp_path: Path) -> tuple[Path, Path]:
-    """A model of Monday, and a recording of Tuesday, whose J2 is off by almost a millimetre."""
-    monday = written(a_day(0, 0.0), tmp_path / "monday.parquet")
-    assert catenary("fit", monday, "--model", "linear", "--out", tmp_path / "arm.npz").code == 0
-    written(replace(a_day(1, 0.00098), name="tuesday"), tmp_path / "tuesday.parquet")
-    return tmp_path / "arm.npz", tmp_path / "tuesday.parquet"
+def tuesday(tmp_path: Path) -> Path:
+    """A recording whose J2 is off by almost a millimetre."""
+    return Path(written(replace(a_day(1, 0.00098), name="tuesday"), tmp_path / "tuesday.parquet"))
 
 
-def test_the_command_says_what_moved_since_when_and_the_card_of_what_it_was_made(days: tuple[Path, Path]) -> None:
-    model, tuesday = days
-    out = model.with_name("new.npz")
-    result = catenary("refresh", str(model), str(tuesday), "--out", str(out))
+def test_the_command_says_what_moved_since_when_and_the_card_of_what_it_was_made(of_day_0: Path, tuesday: Path) -> None:
+    out = tuesday.with_name("new.npz")
+    result = catenary("refresh", of_day_0, tuesday, "--out", out)
     assert result.code == 0
     assert "moved: J2 +0.98 mm since 14 May 2026" in result.out
     (entry,) = load_model(out)[1]["refreshed"]
-    assert entry["model_sha256"] == sha256_of(model)
+    assert entry["model_sha256"] == sha256_of(of_day_0)
     assert entry["recordings"] == [{"name": "tuesday", "sha256": sha256_of(tuesday)}]
     assert entry["recorded"] == "2026-05-15"
     assert [joint["change"] for joint in entry["joints"]] == ["nothing", "zero and scale"]
 
 
-def test_a_page_shows_what_is_promised_of_the_rest_of_the_day(days: tuple[Path, Path]) -> None:
-    model, tuesday = days
-    page = model.with_name("refresh.html")
-    result = catenary("refresh", model, tuesday, "--out", model.with_name("new.npz"), "--report", page, "--json")
+def test_a_page_shows_what_is_promised_of_the_rest_of_the_day(of_day_0: Path, tuesday: Path) -> None:
+    out, page = (tuesday.with_name(name) for name in ("new.npz", "refresh.html"))
+    result = catenary("refresh", of_day_0, tuesday, "--out", out, "--report", page, "--json")
     stated = json.loads(result.out)["joints"]
     rest = a_day(7, 0.00098)
     assert rest.q_encoder is not None
-    new = load_model(model.with_name("new.npz"))[0]
+    new = load_model(out)[0]
     rmse = np.sqrt(np.mean((rest.q_encoder - new.calibrate(rest)) ** 2, axis=0)) * [np.rad2deg(1.0), 1e3]
     for joint, true in zip(stated, rmse, strict=True):
         assert 0.9 * joint["rmse_low"] <= true <= 1.1 * joint["rmse_high"]
@@ -139,10 +130,9 @@ def test_a_page_shows_what_is_promised_of_the_rest_of_the_day(days: tuple[Path, 
     assert "19 times of 20" in text
 
 
-def test_a_recording_that_the_model_knows_is_refused(days: tuple[Path, Path]) -> None:
-    model, tuesday = days
-    out = model.with_name("new.npz")
-    result = catenary("refresh", str(model), str(tuesday.with_name("monday.parquet")), "--out", str(out))
+def test_a_recording_that_the_model_knows_is_refused(of_day_0: Path, tuesday: Path) -> None:
+    out = tuesday.with_name("new.npz")
+    result = catenary("refresh", of_day_0, of_day_0.with_name("monday.parquet"), "--out", out)
     assert result.code == 2
     assert "expected one of a new day" in result.err
     assert not out.exists()

@@ -80,9 +80,6 @@ def test_a_coverage_is_asked_for_and_without_folds_there_is_none(tmp_path: Path,
     content = fit_json(here, "--model", "linear", "--folds", "0")
     assert any(note.startswith("no intervals") for note in content["notes"])
     assert evaluate_json(tmp_path / "out.npz", run)["intervals"] is None
-    refused = catenary("fit", run, "--model", "linear", "--out", tmp_path / "o.npz", "--coverage", "90")
-    assert refused.code != 0
-    assert "expected a share between 0 and 1" in refused.err
 
 
 def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
@@ -116,10 +113,6 @@ def test_an_ascii_terminal_still_shows_the_numbers(run: Path, tmp_path: Path, mo
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        (
-            {"q_des": np.full((400, 3), np.nan)},
-            "no row has all of q_nominal, q_encoder; 400 of 400 rows without q_nominal",
-        ),
         ({"q_act": np.full((400, 3), np.nan)}, "no usable row: q_encoder is measured on none"),
         ({"ok": np.zeros(400, dtype=bool)}, "no usable row: ok is set on none that has q_encoder"),
         ({"rows": 11}, "with one of 5 blocks left out 8 remain"),

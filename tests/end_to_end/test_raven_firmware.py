@@ -83,7 +83,3 @@ def test_page_has_the_torques_that_the_file_and_the_robots_own_compensation_give
         weigh(firmware, load_robot(name).tree, own, control)
         for given in (by_file[arm], control.gravity_torque[:3]):
             assert_allclose(given, np.array(told, dtype=float), rtol=0.0, atol=0.5e-4)  # four digits
-
-
-def test_the_file_is_of_a_size_to_be_read_at_once() -> None:
-    assert (EXAMPLE / "grav_comp.cpp").read_text().count("\n") < 120

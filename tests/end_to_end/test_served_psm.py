@@ -57,14 +57,6 @@ def test_poses_are_those_of_the_dvrks_kinematics(robot):
         assert_allclose(told.rotation, there[:3, :3], atol=1e-12)
 
 
-def test_servo_jp_moves_the_six_joints_and_not_the_jaw(robot):
-    before = robot.plant.setpoint_js().q
-    goal = before[:6] + np.array([0.01, -0.01, 0.001, 0.05, -0.03, 0.02])
-    for _ in range(100):
-        robot.joints("servo_jp", goal)
-    assert_allclose(robot.plant.setpoint_js().q, [*goal, before[6]], atol=1e-12)
-
-
 def test_it_homes_by_state_commands_and_moves_nowhere_before():
     robot = ServedPsm(PsmPlant())
     with client_of(robot) as client:

@@ -18,15 +18,11 @@ from catenary import CrtkClient, MotionLog, forward_kinematics, gravity_torque, 
 from catenary.calibration.model_file import save_model
 from catenary.crtk import network
 from catenary.crtk.message_values import joint_values, pose_of
-from catenary.crtk.topic_names import find_topic
-from catenary.recording.bag_reader import open_recording
-from catenary.recording.layout import topic_named
 from command_line import Outcome, catenary
 from meeting import Meeting
 from patience import until
 from recordings import fitted
 from ros import NODE, PATIENT_COMMAND, Program
-from typist import Typist
 
 pytestmark = pytest.mark.slow
 
@@ -120,20 +116,6 @@ def setpoint() -> np.ndarray:
         return q
 
 
-def at_rest(robot: CrtkClient) -> np.ndarray:
-    """Setpoint that a hundred messages agree on: whatever the robot was told before is done by then."""
-    topic = find_topic("raven", "setpoint_js", "gold")
-    heard, rows = robot.transport.subscribe(topic.name, topic.type), [np.full(7, np.inf)]
-
-    def rests() -> bool:
-        rows.extend(joint_values(one.message, robot.joint_names) for one in heard.take())
-        return len(rows) > 100 and bool((np.array(rows[-100:]) == rows[-1]).all())
-
-    wait_until(rests)
-    heard.close()
-    return np.array(rows[-1])
-
-
 def write_model(folder: Path) -> Path:
     """A model that adds OFFSET, trusted around the home position."""
     q = HOME + np.array([0.3, 0.3, 0.05]) * np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))
@@ -176,67 +158,6 @@ def test_goto_arrives(ready: None) -> None:
     assert outcome.code == 0, outcome
     assert_allclose(setpoint()[:3], goal, atol=1e-5)  # floats of 32 bits on the wire
     assert_allclose([joint["q"] for joint in outcome.json["joints"]][:3], goal, atol=0.01)
-
-
-@ONCE
-def test_ctrl_c_holds_the_robot_where_it_is(meeting: Meeting, ready: None) -> None:
-    begin = setpoint()
-    goal = np.rad2deg(begin[0]) + (20.0 if begin[0] < HOME[0] else -20.0)
-    # it takes 17 s: it is stopped long before, also by a machine that is busy
-    arguments = ("goto", "--q-deg", f"{goal:.3f}", "--speed", "0.1", "--ros", MET[0].ros, "--simulated")
-    with Program(meeting.network, PATIENT_COMMAND, *arguments) as going, client() as robot:
-        wait_until(lambda: abs(robot.setpoint_js().q[0] - begin[0]) > 0.02)
-        going.interrupt()
-        out, _ = going.finish()
-        held = at_rest(robot)
-        assert_allclose(at_rest(robot), held)
-        assert robot.operating_state().state == "PAUSED"
-    assert going.process.returncode == 130
-    assert "stopped by Ctrl-C" in out
-    assert abs(held[0] - begin[0]) < np.deg2rad(19.0)
-
-
-@ONCE
-def test_keys_move_the_robot_and_quitting_pauses_it(meeting: Meeting, ready: None) -> None:
-    begin = setpoint()
-    forward = b"q" if begin[0] < HOME[0] else b"a"
-    program, environment = ("-c", PATIENT_COMMAND), meeting.network.environment
-    with Typist("--ros", MET[0].ros, "--simulated", program=program, environment=environment) as typist:
-        typist.wait_for(b"catenary teleop")
-        pressed = time.monotonic()
-        with client() as robot:
-            typist.hold(forward, lambda: abs(robot.setpoint_js().q[0] - begin[0]) > 0.04)
-        typist.type(b"Q")
-        end = typist.end()
-        took = time.monotonic() - pressed
-    assert end["ended_by"] == "quit"
-    assert end["state"]["state"] == "PAUSED"
-    way = (setpoint()[0] - begin[0]) * (1.0 if forward == b"q" else -1.0)
-    # it holds where its last message of the setpoint said; at 0.05 rad/s, its first speed, it gets no further
-    assert 0.005 < way < 0.05 * took
-
-
-def test_what_others_do_is_recorded(ready: None, tmp_path: Path) -> None:
-    project = tmp_path / "project"
-    outcome = catenary(
-        "record", project, "--ros", MET[0].ros, "--no-motion", "--hours", "0.0007", "--name", "hand", "--simulated",
-        "--json",
-    )  # fmt: skip
-    assert outcome.code == 0, outcome
-    recording = open_recording(project / "recordings" / "hand")
-    arrivals: dict[str, list[int]] = {}
-    for name, arrived, _ in recording.messages():
-        arrivals.setdefault(name, []).append(arrived)
-    told = {topic["name"]: topic for topic in outcome.json["topics"]}
-    for name in ("/ravenstate", "/ext_jpos"):
-        assert told[name]["lost"] == 0
-        assert len(arrivals[name]) == told[name]["kept"] > 1
-        # of what comes between the ticks of the topic's rate, one is kept; the machine may let none come
-        topic = topic_named(name)
-        assert topic is not None
-        furthest = 1e-9 * np.diff(arrivals[name]).max()
-        assert furthest < 1.0 / topic.rate + told[name]["longest_gap"] + 1e-6
-    assert recording.about.simulated
 
 
 def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_path) -> None:
@@ -294,12 +215,3 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_
     assert report["rate_hz"] < 210.0
     assert report["latency_us"]["median"] > 0.0
     assert report["outside_valid_range"] == {"shoulder": 0.0, "elbow": 0.0, "insertion": 0.0}
-
-
-@ONCE
-def test_monitor_prints_a_line_a_second_and_sends_nothing(ready: None) -> None:
-    begin = setpoint()
-    outcome = catenary("monitor", "--ros", MET[0].ros, "--simulated", "--seconds", "1.2")
-    assert outcome.code == 0, outcome
-    assert "ENABLED, homed" in outcome.out
-    assert_allclose(setpoint(), begin)

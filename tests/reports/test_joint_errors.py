@@ -3,8 +3,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 import simulated_arm
@@ -88,9 +86,3 @@ def test_an_interval_far_narrower_than_raw_errors_is_seen_close_up(
     assert high - low > 0.2 * np.ptp(close.get_ylim())
     assert high - low < 0.02 * np.ptp(whole.get_ylim())
     assert "interval, 90 %" in [text.get_text() for text in figure.legends[0].get_texts()]
-
-
-@given(st.lists(st.text(st.characters(codec="ascii", exclude_categories=("C", "Z")), min_size=1), min_size=1))
-def test_wrapping_loses_no_letter(words: list[str]) -> None:
-    label = " ".join(words)
-    assert joint_errors.wrapped(label).replace("\n", "").replace(" ", "") == "".join(words)

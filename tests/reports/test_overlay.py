@@ -38,12 +38,10 @@ def test_a_log_that_was_re_timed_is_drawn_as_it_was_recorded_too() -> None:
         assert_allclose(np.interp(y[inside, 0], *x.T), y[inside, 1], atol=0.8)  # each less its own median
 
 
-@pytest.mark.parametrize("name", ["late.png", "late.svg"])
-def test_check_draws_it(tmp_path: Path, name: str) -> None:
+def test_check_draws_it(tmp_path: Path) -> None:
     write_parquet(late(cable_arm(), LATE), tmp_path / "late.parquet")
-    assert catenary("check", tmp_path / "late.parquet", "--picture", tmp_path / name).code == 1
-    head = (tmp_path / name).read_bytes()[:2000]
-    assert head.startswith(b"\x89PNG") or b"<svg" in head
+    assert catenary("check", tmp_path / "late.parquet", "--picture", tmp_path / "late.svg").code == 1
+    assert b"<svg" in (tmp_path / "late.svg").read_bytes()[:2000]
 
 
 def test_a_robot_has_no_such_picture(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.reports.tip import arm_picture, kinematics_of, tip_blocks, tip_errors
+from catenary.reports.tip import kinematics_of, tip_blocks, tip_errors
 from catenary.robots.catalog import load_robot
 from recordings import data_of, fitted
 
@@ -50,13 +50,3 @@ def test_joints_are_matched_by_name_or_by_the_first_units_and_others_must_not_mo
     assert kinematics_of(None, model) is None
     with pytest.raises(InputError, match="its tip cannot be had"):
         tip_errors(load_robot("panda"), model, evaluation)
-
-
-def test_the_arm_is_drawn_with_both_errors_in_its_caption() -> None:
-    raven = load_robot("raven2")
-    tip = tip_errors(raven, *found(np.array([0.0, 0.0, 0.002]), raven.joint_names, UNITS))
-    drawn = arm_picture(tip, "offset", np.array([20, 40]))
-    assert "2.000 mm raw" in drawn.caption
-    assert drawn.alt
-    still = tip._replace(true=tip.true[:1], reported=tip.reported[:1], corrected=tip.corrected[:1])
-    assert arm_picture(still, "offset", np.zeros(0)).png

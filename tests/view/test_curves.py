@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.view.curves import SPAN, Curves, JointColumns
+from catenary.view.curves import SPAN, Curves
 from view.arms import RAVEN, Q, state
 
 
@@ -57,7 +57,7 @@ def test_curves_span_half_a_minute_and_begin_anew_when_time_goes_back() -> None:
 def test_recording_is_drawn_about_the_present() -> None:
     time = np.arange(0.0, 100.0, 0.1)
     rows = np.tile(time[:, None], (1, 3))
-    curves = Curves(RAVEN, JointColumns(time, *[rows] * 8))
+    curves = Curves(RAVEN, {"time": time, "tau": rows})
     curves.add(state(40.0))
     torque = curves.plots(0)[1]
     assert_allclose(torque.time[[0, -1]], [-15.0, 15.0], atol=0.11)

@@ -12,14 +12,12 @@ import pytest
 
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.topic_names import JOINT_STATE, find_topic
-from catenary.sensing.vector import tilted_gravity
-from catenary.view.page_process import PageProcess
 from dds import Network
 from patience import until
 from ros import COMMAND, PATIENT_COMMAND, Program
 from view.browser import PATIENCE, SIZE, LookedAtPage, looked_at, looked_at_empty
 from view.command import model_of_positions, view
-from view.connected import page_of_an_arm, shown_arm
+from view.connected import page_of_an_arm
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -116,16 +114,6 @@ class OtherPage(BaseHTTPRequestHandler):
         pass
 
 
-def test_a_narrow_window_says_what_is_prepared_and_then_gives_most_of_its_room_to_the_arm() -> None:
-    with PageProcess(port=18545) as page, looked_at_empty({"width": 900, "height": 700}) as looked:
-        looked.page.goto(page.url, timeout=PATIENCE)
-        looked.wait_for_text("Preparing the robot")
-        page.open(shown_arm())
-        canvas = looked.page.locator("canvas").first
-        looked.wait_until(lambda: 500.0 < canvas.bounding_box()["width"] < 900.0)  # curves folded away, controls not
-        assert "Preparing" not in looked.words()
-
-
 def test_other_pages_and_names_of_this_machine_reach_nothing() -> None:
     import viser
 
@@ -155,7 +143,7 @@ def test_other_pages_and_names_of_this_machine_reach_nothing() -> None:
         assert page.changes() == []
 
 
-LEVEL_BASE, SENSED = "PD + gravity of a level base (SG)", "PD + sensed gravity (DG)"
+SENSED = "PD + sensed gravity (DG)"
 
 
 @pytest.fixture(scope="module")
@@ -188,35 +176,6 @@ def test_the_reported_and_the_calibrated_arm_are_seen_apart_and_the_reported_one
     looked.wait_for_joint("shoulder", round(goal), within=2.0)
     looked.wait_until(lambda: np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01)
     rest(looked)
-
-
-def test_tilted_base_turns_sensed_gravity_and_only_one_controller_knows(looked: LookedAtPage) -> None:
-    looked.tab("Surroundings")
-    looked.set_slider("base roll [deg]", 30.0)
-    looked.set_slider("base pitch [deg]", -20.0)
-    expected, level = tilted_gravity(*np.deg2rad([30.0, -20.0])), tilted_gravity(0.0, 0.0)
-    looked.wait_until(lambda: np.abs(gravity(looked) - expected).max() < 0.3)
-    looked.wait_until(lambda: apart(looked) < 1.0)
-    looked.tab("Drive")
-    looked.choose("controller", LEVEL_BASE)
-    angle = np.rad2deg(np.arccos(expected @ level / (level @ level)))
-    looked.wait_until(lambda: abs(apart(looked) - angle) < 2.0)
-    looked.choose("controller", SENSED)
-    looked.tab("Surroundings")
-    looked.set_slider("base roll [deg]", 0.0)
-    looked.set_slider("base pitch [deg]", 0.0)
-    looked.wait_until(lambda: np.abs(gravity(looked) - level).max() < 0.3)
-
-
-def gravity(looked: LookedAtPage) -> np.ndarray:
-    found = re.search(r"gravity measured: (\S+), (\S+), (\S+) m/s", looked.words())
-    assert found is not None
-    return np.array([float(text.replace("−", "-")) for text in found.groups()])
-
-
-def apart(looked: LookedAtPage) -> float:
-    found = re.search(r"(\S+) deg apart", looked.words())
-    return np.nan if found is None else float(found[1])
 
 
 def test_switched_on_the_model_puts_the_calibrated_joint_where_the_slider_says(looked: LookedAtPage) -> None:

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace
-from catenary.view.shapes import arm_length, arm_shapes, form_mesh, grown, joined, shapes_of, tube
+from catenary.view.shapes import arm_length, arm_shapes, form_mesh, grown, shapes_of, tube
 
 ARM = """<robot name="arm">
   <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>
@@ -82,11 +82,6 @@ def test_tube_along_an_arc_has_the_volume_of_a_bent_cylinder() -> None:
     whole = np.pi * 0.1**2 * np.pi / 2.0 + 4.0 / 3.0 * np.pi * 0.1**3
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(whole, rel=0.05)
-
-
-def test_joined_meshes_keep_their_volumes() -> None:
-    a, b = tube([[0.0, 0, 0], [1.0, 0, 0]], 0.1), tube([[0.0, 1, 0], [1.0, 1, 0]], 0.2)
-    assert as_trimesh(joined([a, b])).volume == pytest.approx(as_trimesh(a).volume + as_trimesh(b).volume)
 
 
 def test_grown_tube_is_a_thicker_one() -> None:

@@ -3,19 +3,11 @@
 import numpy as np
 import pytest
 
-from catenary.view.shown import (
-    ButtonsControl,
-    ChoiceControl,
-    Control,
-    HeldControl,
-    SliderControl,
-    ToggleControl,
-    accepted,
-)
+from catenary.view.shown import Control, accepted
 
-SLIDER = SliderControl("s", "s", -2.0, 3.0, 0.1, 0.0)
-CHOICE, BUTTONS = ChoiceControl("c", "c", ("a", "b"), "a"), ButtonsControl("b", "b", ("a", "b"))
-SWITCHES = (ToggleControl("t", "t", False), HeldControl("h", "h"))
+SLIDER = Control("slider", "s", "s", 0.0, (-2.0, 3.0, 0.1))
+CHOICE, BUTTONS = Control("choice", "c", "c", "a", ("a", "b")), Control("buttons", "b", "b", None, ("a", "b"))
+SWITCHES = (Control("switch", "t", "t", False), Control("held", "h", "h"))
 
 
 @pytest.mark.parametrize(("value", "expected"), [(1, 1.0), (-2.0, -2.0), (1e9, 3.0), (-1e300, -2.0)])

@@ -119,5 +119,5 @@ def test_shown_arm_has_a_slider_for_each_joint_within_its_limits(raven: DrivenAr
     shown = raven.shown("x")
     sliders = [c for tab in shown.tabs for c in tab.controls if c.name.startswith("goto:")]
     assert [c.name for c in sliders] == ["goto:shoulder", "goto:elbow", "goto:insertion"]
-    assert all(c.low <= c.value <= c.high for c in sliders)
+    assert all(c.options[0] <= c.value <= c.options[1] for c in sliders)
     assert set(shown.legend) == {"reported", "true"}

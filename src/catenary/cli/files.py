@@ -11,7 +11,7 @@ import catenary
 from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one
 from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
-from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
+from catenary.cli.robot_options import LoadedOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
 from catenary.errors import InputError
 from catenary.files import write_atomically
@@ -75,8 +75,7 @@ def recover(
 
 
 def export(
-    description: DescriptionOptions,
-    carried: PayloadOptions,
+    loaded: LoadedOptions,
     what: str | None = argument("[ROBOT|MODEL]", "With --c a robot, none with --model; with --onnx a model.", None),
     c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
     onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
@@ -98,11 +97,11 @@ def export(
     if what is None and (c is None or model is None):
         needed = "the calibration model" if c is None else "a robot, or --model for its correction alone"
         raise InputError(f"export: expected {needed}")
-    if (c is None or what is None) and (carried != PayloadOptions() or friction or viscous):
+    if (c is None or what is None) and (loaded.payload or friction or viscous):
         raise InputError("export: --payload, --friction and --viscous are for --c of a robot")
     if c is not None:
         loads = {"friction": friction, "viscous": viscous}
-        known = None if what is None else carried.on(description.load(what))
+        known = None if what is None else loaded.load(what)
         _c(known, c, model, rate_hz, loads, as_json)
     elif onnx is not None and what is not None:
         _onnx(Path(what), onnx, as_json)

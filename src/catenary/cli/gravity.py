@@ -15,7 +15,7 @@ from catenary.cli.robot_options import (
     SIMULATED_SEED,
     DescriptionOptions,
     JointOptions,
-    PayloadOptions,
+    LoadedOptions,
     beyond_limits,
     one_or_each,
 )
@@ -125,8 +125,7 @@ def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
 
 def gravity(
     given: GivenGravity,
-    description: DescriptionOptions,
-    carried: PayloadOptions,
+    loaded: LoadedOptions,
     joints: JointOptions,
     robot: str = ROBOT,
     latex: bool = option(None, "Print formulas for LaTeX, without --q.", False, not_with=("q", "q_deg", "as_json")),
@@ -144,7 +143,7 @@ def gravity(
     from catenary.gravity.vendors import in_controller_base, vendor_command, vendor_of
     from catenary.spatial import LEVEL
 
-    model = carried.on(description.load(robot))
+    model = loaded.load(robot)
     model.require_masses()
     gravity = given.told(model)
     if latex:

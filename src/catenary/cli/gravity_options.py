@@ -32,27 +32,37 @@ def base_tilt(text: str) -> tuple[float, float]:
 LEVEL_BASE = (0.0, 0.0)  # roll and pitch [deg]
 BASE_TILT = option("R,P", "Turn the base by R about x, then by P about its own y.", read=base_tilt)
 GRAVITY = option("X,Y,Z", "Gravity vector in base axes, z up, in m/s2. [default: 0,0,-9.81]")
-IMU_READING = option("AX,AY,AZ", "Instead of --gravity: accelerometer's reading on the base at rest, m/s2.")
 MOUNTING_FILE = option("FILE", "Sensor's mounting file.")
 _SI = ("port", "simulated")  # sensors whose numbers come in SI
 
 
-def gravity_of_reading(reading: Triple, told: "Mounting | None" = None) -> "Floats":
-    """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting."""
-    from catenary.arrays import as_array
-    from catenary.sensing.mounting import Mounting
-    from catenary.sensing.vector import Kind
+@group
+class StatedGravity:
+    """Options that say which way gravity points in an arm's base at rest; down on a level one without any."""
 
-    return (told or Mounting()).gravity(as_array("--imu-reading", reading, (3,)), Kind.SPECIFIC_FORCE)
+    vector: Triple | None = replace(GRAVITY, flag="--gravity", not_with=("base_tilt_deg", "imu_reading"))
+    imu_reading: Triple | None = option(
+        "AX,AY,AZ", "Instead of --gravity: accelerometer's reading on the base at rest, m/s2.", not_with="base_tilt_deg"
+    )
+
+    def stated(self, told: "Mounting | None" = None) -> "Floats":
+        """Return gravity, (3,) in base axes [m/s2]; a reading is corrected and turned by the sensor's mounting."""
+        from catenary.arrays import as_array
+        from catenary.sensing.mounting import Mounting
+        from catenary.sensing.vector import Kind
+        from catenary.spatial import LEVEL
+
+        if self.imu_reading is not None:
+            reading = as_array("--imu-reading", self.imu_reading, (3,))
+            return (told or Mounting()).gravity(reading, Kind.SPECIFIC_FORCE)
+        return LEVEL if self.vector is None else as_array("gravity", self.vector, (3,))
 
 
 @group
-class GivenGravity:
-    """Options that say which way gravity points in an arm's base at rest; down on a level one without any."""
+class GivenGravity(StatedGravity):
+    """The same by the base's tilt too, and by a sensor's place on the robot."""
 
     base_tilt_deg: tuple[float, float] | None = BASE_TILT
-    vector: Triple | None = replace(GRAVITY, flag="--gravity", not_with=("base_tilt_deg", "imu_reading"))
-    imu_reading: Triple | None = replace(IMU_READING, not_with="base_tilt_deg")
     mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu_reading")
     imu_frame: str | None = option(
         "FRAME", "Frame of the sensor in the robot's description.", goes_with="imu_reading", not_with="mounting"
@@ -60,19 +70,13 @@ class GivenGravity:
 
     def told(self, model: "catenary.RobotModel") -> "Floats":
         """Return gravity, (3,) in axes of a robot's base [m/s2]."""
-        from catenary.arrays import as_array
         from catenary.sensing.mounting import Mounting, load_mounting
         from catenary.sensing.vector import tilted_gravity
-        from catenary.spatial import LEVEL
 
-        if self.imu_reading is not None:
-            told = Mounting() if self.mounting is None else load_mounting(self.mounting).in_base_of(model)
-            return gravity_of_reading(
-                self.imu_reading, told if self.imu_frame is None else told.at(model, self.imu_frame)
-            )
         if self.base_tilt_deg is not None:
             return tilted_gravity(*map(math.radians, self.base_tilt_deg))
-        return LEVEL if self.vector is None else as_array("gravity", self.vector, (3,))
+        told = Mounting() if self.mounting is None else load_mounting(self.mounting).in_base_of(model)
+        return self.stated(told if self.imu_frame is None else told.at(model, self.imu_frame))
 
     def doubts(self, gravity: "Floats") -> list[str]:
         """Return in words why this gravity may not be the one that was meant."""

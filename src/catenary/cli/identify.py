@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import typer
 
 import catenary
-from catenary.cli.gravity_options import GRAVITY, IMU_READING, gravity_of_reading
+from catenary.cli.gravity_options import GRAVITY, StatedGravity
 from catenary.cli.options import (
     AS_JSON,
     REPORT,
@@ -27,34 +27,25 @@ from catenary.cli.options import (
 )
 from catenary.cli.out_files import EXCITATION, EXTERNAL, NAMED_AS_TYPED, PARAMETERS, TRAJECTORY, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
-from catenary.cli.robot_options import DescriptionOptions, PayloadOptions
+from catenary.cli.robot_options import LoadedOptions
 from catenary.cli.terminal import print_notes, print_page, print_result
 from catenary.errors import InputError
 from catenary.files import card_path
 from catenary.reports.page import Column, Table
 
 if TYPE_CHECKING:
+    from catenary.arrays import Floats
     from catenary.workflows.excitation import MotionSurroundings
 
 Place = tuple[str, float, float, float]
 LOGS = argument("LOG", "Recordings: .parquet, or .npz with q, dq, tau and fs or t (SI); others with --map.")
-IN_PLACE_OF_GRAVITY = replace(IMU_READING, not_with="gravity")
 _CONSISTENT = "--consistent/--free"
 CUT_OFF = option("F", "Cut-off of the filter. [default: the robot file's]")
 
 
-def gravity_vector(vector: Triple | None, reading: Triple | None) -> Triple:
-    """Return the gravity that --gravity or --imu-reading gives, level when neither does."""
-    from catenary.identification.identify_options import NOMINAL_GRAVITY
-
-    if reading is not None:
-        x, y, z = gravity_of_reading(reading).tolist()
-        return x, y, z
-    return vector or NOMINAL_GRAVITY
-
-
 def identify(
     recordings: RecordingOptions,
+    gravity: StatedGravity,
     data: Sequence[Path] = LOGS,
     robot: str = option("ROBOT", "Catalogue name or file; needs no inertia.", REQUIRED),
     out: Path = option("FILE", f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=PARAMETERS),
@@ -74,8 +65,6 @@ def identify(
     joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
     currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
     load: tuple[float, Path] | None = option("KG LOG", "Mass at the tip, recording with it.", goes_with="currents"),
-    gravity: Triple | None = GRAVITY,
-    imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
     accept: Sequence[str] = ACCEPT,
     urdf: Path | None = option("FILE", "Also write the robot as URDF; not with --free.", writes=URDF),
     report: Path | None = REPORT,
@@ -98,7 +87,7 @@ def identify(
 
     parts = FRICTION_PARTS if friction is None else () if friction == ("none",) else friction
     options = IdentifyOptions(
-        terms=cast(Any, terms), gravity=gravity_vector(gravity, imu_reading), cutoff_hz=cutoff_hz,
+        terms=cast(Any, terms), gravity=cast(Any, tuple(gravity.stated().tolist())), cutoff_hz=cutoff_hz,
         period_samples=period, weighting=cast(Any, weighting), consistent=consistent, friction=parts, prior=prior,
         find_rotors=not no_rotors, rotors=rotors, blocks=blocks,
     )  # fmt: skip
@@ -193,7 +182,7 @@ def payload(
 
     require_one(model=model, wrist_sensor=wrist_sensor)
     if model is None:
-        _wrist_tool(data, wrist_sensor or "", sensor_frame, gravity_vector(gravity, None), as_json)
+        _wrist_tool(data, wrist_sensor or "", sensor_frame, StatedGravity(gravity).stated(), as_json)
         return
     reading = recordings.reading()
     how: dict[str, Any] = {"unloaded": unloaded, "cutoff_hz": cutoff_hz, "reading": reading, "accept": accept}
@@ -245,7 +234,7 @@ def _external(data: Sequence[Path], model: Path, out: Path, as_json: bool, **how
     print_result(as_json, content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
 
 
-def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Triple, as_json: bool) -> None:
+def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: "Floats", as_json: bool) -> None:
     from catenary.workflows.identify import wrist_tool_of_file
 
     if len(data) != 1:
@@ -329,8 +318,8 @@ class LimitOptions:
 
 
 def excitation(
-    description: DescriptionOptions,
-    carried: PayloadOptions,
+    loaded: LoadedOptions,
+    gravity: StatedGravity,
     limits: LimitOptions,
     collisions: CollisionOptions,
     robot: str = argument("ROBOT", "Catalogue name or file; needs no inertia."),
@@ -346,8 +335,6 @@ def excitation(
     harmonics: int = option("N", "Harmonics of the motion, 3 or more.", 5),
     rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz"),
     trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1),
-    gravity: Triple | None = GRAVITY,
-    imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
     seed: int = option("N", "Seed of everything random.", 0, least=0),
     as_json: bool = AS_JSON,
 ) -> None:
@@ -362,14 +349,14 @@ def excitation(
     from catenary.identification.excitation import room_of
     from catenary.workflows.excitation import design_excitation, write_motion, write_trajectory
 
-    model = carried.on(description.load(robot))
+    model = loaded.load(robot)
     given = {name: values for name, values in vars(limits).items() if values is not None}
     if static is not None:  # poses are held: how fast they are reached is the robot's
         given.setdefault("velocity", (1.0,) * model.n)
     room = room_of(model, **given)
     around = collisions.around(robot, model)
     result = design_excitation(
-        model, room, around, np.random.default_rng(seed), gravity=np.array(gravity_vector(gravity, imu_reading)),
+        model, room, around, np.random.default_rng(seed), gravity=gravity.stated(),
         static=static, period=period, harmonics=harmonics, rate=rate, trials=trials,
     )  # fmt: skip
     design = result.design

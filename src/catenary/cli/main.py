@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import Any, TextIO, cast
+from typing import Any, NoReturn, TextIO, cast
 
 import typer
 from typer.core import TyperGroup
@@ -165,7 +165,6 @@ def main() -> None:
 
 def _run() -> None:
     from catenary.cli.terminal import NotesOfLogs, is_for_people
-    from catenary.errors import CatenaryError
 
     notes, log = NotesOfLogs(), logging.getLogger("catenary")
     log.addHandler(notes)
@@ -177,11 +176,11 @@ def _run() -> None:
             sys.stdout.flush()
             log.removeHandler(notes)
     except CatenaryError as error:
-        _fail(_with_notes(str(error), error), 2)
+        _fail(str(error), 2, error)
     except (InterruptedCommand, KeyboardInterrupt) as error:
         cause = error.__cause__ or error
         name = str(cause)
-        _fail(_with_notes(f"ended by {name}" if name else "interrupted", cause), exit_code(name))
+        _fail(f"ended by {name}" if name else "interrupted", exit_code(name), cause)
     except ClosedOutput as error:
         _close_output()  # nothing is left to say
         sys.exit(getattr(error.__context__, "code", 0))  # as the command had ended
@@ -192,14 +191,11 @@ def _run() -> None:
         _fail(f"a name cannot be written as text: {error}", 2)
 
 
-def _with_notes(message: str, error: BaseException) -> str:
-    """Return an error's message with its notes, such as that a robot could not be paused."""
-    return "; ".join([message, *getattr(error, "__notes__", [])])
-
-
-def _fail(message: str, code: int) -> None:
+def _fail(message: str, code: int, error: BaseException | None = None) -> NoReturn:
+    """End with an error's message and its notes, such as that a robot could not be paused."""
+    said = "; ".join([message, *getattr(error, "__notes__", [])])
     with contextlib.suppress(OSError):  # a terminal that was closed
-        print(f"catenary: {message[:MOST_SAID]}", file=sys.stderr)
+        print(f"catenary: {said[:MOST_SAID]}", file=sys.stderr)
     sys.exit(code)
 
 

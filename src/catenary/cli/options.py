@@ -127,9 +127,7 @@ class _Asked:
     def __init__(self, name: str, kind: Any, declared: Option) -> None:
         self.name, self.option = name, declared
         self.default = _default(declared, kind)
-        rest = [
-            one for one in get_args(kind) if one is not NoneType
-        ]  # of what need not be given, its type without None
+        rest = [one for one in get_args(kind) if one is not NoneType]  # of what need not be given
         self._kind = rest[0] if NoneType in get_args(kind) and len(rest) == 1 else kind
         self._is_repeatable = _is_repeatable(kind)
 

@@ -42,8 +42,8 @@ class DescriptionOptions:
 
 
 @group
-class PayloadOptions:
-    """Options of what a robot carries."""
+class LoadedOptions(DescriptionOptions):
+    """Options of a robot's description, and of what the robot carries."""
 
     payload: float = option("KG", "Mass that the robot carries.", 0.0, least=0.0)
     payload_on: str | None = option("FRAME", "Frame it is fixed to. [default: the tip]", goes_with="payload")
@@ -52,11 +52,12 @@ class PayloadOptions:
         "XX,XY,XZ,YY,YZ,ZZ", "Its inertia about that point, in kg m2. [default: a point mass]", goes_with="payload"
     )
 
-    def on(self, model: "catenary.RobotModel") -> "catenary.RobotModel":
-        """Return the robot with it; the same robot without."""
+    def load(self, robot: str) -> "catenary.RobotModel":
+        """Return the robot of a name or a file, with what it carries."""
         from catenary.gravity.payload import Payload
 
-        if self == PayloadOptions():
+        model = super().load(robot)
+        if not self.payload:
             return model
         return Payload(self.payload, self.payload_on, self.payload_at, self.payload_inertia).on(model)
 

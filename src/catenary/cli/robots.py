@@ -9,7 +9,7 @@ from catenary.cli.gravity_options import GivenGravity
 from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option
 from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_options import ROBOT, DescriptionOptions, JointOptions, PayloadOptions, beyond_limits
+from catenary.cli.robot_options import ROBOT, DescriptionOptions, JointOptions, LoadedOptions, beyond_limits
 from catenary.cli.terminal import print_notes, print_result, without_notes
 from catenary.errors import InputError
 from catenary.reports.page import Column, Table, write_picture
@@ -165,8 +165,7 @@ def _goal(position_mm: Triple, rpy_deg: Triple | None, quaternion: Numbers | Non
 
 def plot(
     given: GivenGravity,
-    description: DescriptionOptions,
-    carried: PayloadOptions,
+    loaded: LoadedOptions,
     recordings: ModelRecordingOptions,
     joints: JointOptions,
     robot: str = replace(ROBOT, metavar="ROBOT|MODEL", help=f"{ROBOT.help} With LOG: a calibration model."),
@@ -190,12 +189,11 @@ def plot(
     from catenary.reports.robot_plot import plot as draw
 
     if log is not None:
-        nothing = GivenGravity(), DescriptionOptions(), PayloadOptions(), JointOptions(), None
-        if (given, description, carried, joints, hide) != nothing:
+        if (given, loaded, joints, hide) != (GivenGravity(), LoadedOptions(), JointOptions(), None):
             raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
         _plot_errors(Path(robot), log, joint, recordings, out, as_json=as_json)
         return
-    model = carried.on(description.load(robot))
+    model = loaded.load(robot)
     gravity = given.told(model)
     values = joints.given(model)
     pose = middle_pose(model) if values is None else values

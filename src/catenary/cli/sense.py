@@ -4,7 +4,7 @@ import math
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -104,9 +104,9 @@ def sense(
     from catenary.workflows.sense import (
         ATTITUDES,
         SETTLE,
+        Feed,
         replay_feed,
         run_tumble,
-        serial_feed,
         simulated_feed,
         simulated_reader,
     )
@@ -140,7 +140,8 @@ def sense(
             device = stack.enter_context(SerialAccelerometer(port, Mailbox(size, reading.convention())))
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
-            feed, told = serial_feed(device), device.with_ranges(told)
+            feed = Feed(device.mailbox, hello.has_gyroscope, link=lambda: asdict(device.counts))
+            told = device.with_ranges(told)
         else:
             base = FixedBase(*map(math.radians, base_tilt_deg or LEVEL_BASE))
             sensor = SimulatedSensor(base, Mailbox(), model, seed=seed)

@@ -46,11 +46,6 @@ def without_notes(silent: bool) -> Iterator[None]:
         _SILENT.reset(before)
 
 
-def print_json(content: Any) -> None:
-    """Print one JSON document on standard output."""
-    print(json_text(content))
-
-
 def print_json_line(content: Any) -> None:
     """Print one JSON document on one line, so that a program can read them as they come."""
     print(json.dumps(json.loads(json_text(content))), flush=True)
@@ -62,7 +57,7 @@ def print_result(as_json: bool, content: Any, *parts: Any, notes: Sequence[str] 
     Parts are lines, tables and lists of facts (name, text), which are aligned; None is left out.
     """
     if as_json:
-        print_json(content)
+        print(json_text(content))
         return
     print_notes(notes)
     width = max((len(name) for part in parts if isinstance(part, list) for name, _ in part), default=0)

@@ -12,7 +12,7 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
 from catenary.reports import joint_errors
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text, write_page
-from catenary.reports.tip import TipErrors, arm_picture, kinematics_of, tip_blocks, tip_errors, tip_rmse
+from catenary.reports.tip import TipErrors, kinematics_of, tip_blocks, tip_errors, tip_rmse
 from catenary.robots.model import RobotModel
 
 MOST_JOINTS = 6  # that a sentence can name with their numbers
@@ -55,7 +55,6 @@ def write_calibration_report(
     of_tip: list[Block] = [Heading("Error of the tip"), Text(missing)]
     if tip is not None:
         of_tip = tip_blocks(tip, name, evaluation.data.joint_names)
-        of_tip.append(arm_picture(tip, name, joint_errors.row_breaks(evaluation)))
     noted: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
     crossed: list[Block] = [Heading("Cross-validation"), joint_errors.spread_table(spread, name)] if spread else []
     blocks: list[Block] = [
@@ -129,17 +128,6 @@ class JointGain(NamedTuple):
     against: str  # empty where the correction is recommended
 
 
-def gains_of(evaluation: Evaluation) -> list[JointGain]:
-    """Return what the correction does for each joint: against it speaks an error near the fixed offset's or above."""
-    gains = []
-    for joint in evaluation.joints:
-        far = f"{joint.outside_valid_range:.0%} of rows are outside its trained range"
-        beyond = far if joint.outside_valid_range > MUCH_OUTSIDE else ""
-        against = _against(joint.rmse, joint.offset_rmse) or beyond
-        gains.append(JointGain(joint.name, joint.unit, joint.raw_rmse, joint.rmse, against))
-    return gains
-
-
 def headline(
     evaluation: Evaluation, *, unseen: bool = True, spread: Sequence[Spread] = (), tip: TipErrors | None = None
 ) -> str:
@@ -149,12 +137,17 @@ def headline(
     range; of data that was fitted, not `unseen`, the errors of the cross-validation in `spread` count.
     """
     on_blocks = not unseen and bool(spread)
-    gains = gains_of(evaluation)
     if on_blocks:
-        errors = [(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean) for s in spread]
-        gains = [JointGain(*each, _against(each[3], each[2])) for each in errors]
+        gains = [
+            JointGain(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean, _against(s.rmse_mean, s.offset_rmse_mean))
+            for s in spread
+        ]
         start = "On data that it did not see, the correction brings joints' RMS error after the fixed offset"
     else:
+        gains = [
+            JointGain(j.name, j.unit, j.raw_rmse, j.rmse, _against(j.rmse, j.offset_rmse, j.outside_valid_range))
+            for j in evaluation.joints
+        ]
         start = "The" if unseen else "No test, since the model was fitted to this data: the"
         start += " correction brings the RMS error of joints as reported"
     sentence = f"{start} {_numbers(gains)}"
@@ -192,7 +185,10 @@ def _listed(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
-def _against(after: float, offset: float) -> str:
+def _against(after: float, offset: float, outside: float = 0.0) -> str:
+    """Return what speaks against a correction: an error near the fixed offset's or above, rows outside its range."""
     if after > WORSE * offset:
         return "worse than the fixed offset"
-    return "no better than the fixed offset" if CLOSE * after > offset else ""
+    if CLOSE * after > offset:
+        return "no better than the fixed offset"
+    return f"{outside:.0%} of rows are outside its trained range" if outside > MUCH_OUTSIDE else ""

@@ -195,21 +195,10 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, na
 def draw_legend(figure: "Figure", **where: Any) -> None:
     """Name the lines and the interval of a joint's errors once, above its panels."""
     named = [each for axes in figure.axes for each in zip(*axes.get_legend_handles_labels(), strict=True)]
-    legend = figure.legend([line for line, _ in named], [wrapped(label) for _, label in named], **where)
+    labels = ["\n".join(textwrap.wrap(label, LONGEST_LABEL)) or label for _, label in named]
+    legend = figure.legend([line for line, _ in named], labels, **where)
     for handle in legend.get_lines():
         handle.set_linewidth(3.0)
-
-
-def wrapped(label: str) -> str:
-    """Return a legend's label in lines, none of it lost."""
-    return "\n".join(textwrap.wrap(label, LONGEST_LABEL)) or label
-
-
-def row_breaks(evaluation: Evaluation) -> np.ndarray:
-    """Return the rows before which rows are missing or another recording begins."""
-    new, step = _new_recordings(evaluation), np.diff(evaluation.data.time)
-    usual = np.median(step[~new]) if (~new).any() else 0.0
-    return np.flatnonzero(new | (step > LONGEST_STEP * usual)) + 1
 
 
 def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
@@ -233,7 +222,10 @@ def draw_errors_over_time(
     whole, close = panels
     x, recordings = running_time(evaluation)
     shown = np.arange(0, len(x), len(x) // MOST_POINTS + 1)
-    gaps = np.unique(np.searchsorted(shown, row_breaks(evaluation)))
+    new, step = _new_recordings(evaluation), np.diff(evaluation.data.time)
+    usual = np.median(step[~new]) if (~new).any() else 0.0
+    breaks = np.flatnonzero(new | (step > LONGEST_STEP * usual)) + 1  # before these rows some are missing
+    gaps = np.unique(np.searchsorted(shown, breaks))
     unit, scale = DISPLAY[evaluation.data.joint_units[j]]
 
     def parted(values: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""How far the tip is off by reported and by corrected joints: a table, and a picture of the arm with its tip's path."""
+"""How far the tip is off by reported and by corrected joints."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,25 +11,17 @@ from catenary.calibration.evaluate import Evaluation, rms
 from catenary.calibration.model import CalibrationModel
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.reports.joint_errors import MODEL, RAW, wrapped
-from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
-from catenary.reports.robot_plot import draw_links, equal_axes
+from catenary.reports.page import Block, Column, Heading, Table, Text
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 
 STILL = 1e-9  # [m] that a tip moves by rounding
-MEASURED = "#1c2430"
-MOST_POINTS = 3_000  # of a path
-STRETCH = 120  # rows of the path that are drawn close up
-LEAST_ROWS = 6  # of them
-FARTHEST = 12.0  # times the raw error: how far the tip goes in them
 
 
 class TipErrors(NamedTuple):
     """Where the tip is by measured joints, and by the others; tips are (N, 3) in the base frame [m]."""
 
     robot: RobotModel
-    q: Floats  # (N, n) of the robot by measured joints [rad|m]
     true: Floats  # by measured joints
     reported: Floats
     offset: Floats  # by reported joints after the fixed offset
@@ -59,17 +51,17 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
         )
     measured = evaluation.data.q_nominal + evaluation.raw
 
-    def full(error: Floats | float) -> Floats:
+    def tip(error: Floats) -> Floats:
         q = np.zeros((len(measured), robot.n))
         q[:, places] = measured - error
-        return q
+        return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))])
 
-    rows = [full(error) for error in (0.0, evaluation.raw, evaluation.after_offset, evaluation.after_model)]
-    true, reported, offset, corrected = (
-        np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))]) for q in rows
+    none = np.zeros_like(evaluation.raw)
+    true, reported, offset, corrected = map(
+        tip, (none, evaluation.raw, evaluation.after_offset, evaluation.after_model)
     )
     moves = tuple(_moves_tip(robot, [place]) for place in places)
-    return TipErrors(robot, rows[0], true, reported, offset, corrected, moves)
+    return TipErrors(robot, true, reported, offset, corrected, moves)
 
 
 def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
@@ -118,44 +110,3 @@ def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
     q[1, list(places)] = 0.0
     first, second = forward_kinematics(robot, q)[1]
     return bool(np.linalg.norm(first - second) > STILL)
-
-
-def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
-    """Draw the arm with its tip's path, and a stretch close up; rows are missing before those of `row_breaks` (B,)."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 5.0), layout="constrained")
-    arm = figure.add_subplot(1, 2, 1, projection="3d")
-    close = figure.add_subplot(1, 2, 2, projection="3d")
-    kept = np.arange(0, len(tip.true), max(1, len(tip.true) // MOST_POINTS))
-    path = 1e3 * np.insert(tip.true[kept], np.searchsorted(kept, row_breaks), np.nan, axis=0)
-    arm.plot(*path.T, color=MEASURED, linewidth=0.5, alpha=0.6)
-    middle = int(np.argmin(np.linalg.norm(tip.true - tip.true.mean(axis=0), axis=1)))
-    points = draw_links(arm, tip.robot, tip.q[middle])
-    equal_axes(arm, np.vstack([points, path[np.isfinite(path).all(axis=1)]]))
-    arm.set_title("arm and path of its tip", fontsize=9)
-
-    rows = _stretch(tip, row_breaks)
-    drawn = ((tip.reported, RAW, "raw", "-"), (tip.corrected, MODEL, name, "-"), (tip.true, MEASURED, "measured", "--"))
-    for points, color, label, style in drawn:
-        close.plot(*1e3 * points[rows].T, color=color, linewidth=1.4, linestyle=style, label=wrapped(label))
-    equal_axes(close, 1e3 * np.vstack([points[rows] for points, *_ in drawn]))
-    close.set_title(f"close up: {rows.stop - rows.start} rows of the path", fontsize=9)
-    figure.legend(*close.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9)
-    caption = (
-        f"Left: robot {tip.robot.name} in its base frame (square: base, dot: tip), and the path of its tip by measured "
-        f"joints. Right: a stretch of the path, and where the tip is by raw joints and after {name}. RMSE of the tip: "
-        f"{tip_rmse(tip)[0]:.3f} mm raw, {tip_rmse(tip)[1]:.3f} mm after {name}."
-    )
-    return picture(figure, caption, "The arm drawn in space with the path of its tip, and a part of the path close up.")
-
-
-def _stretch(tip: TipErrors, row_breaks: Floats) -> slice:
-    """Return rows without a gap, so short that the raw error can be seen beside the way that the tip goes."""
-    starts = np.concatenate([[0], row_breaks, [len(tip.true)]]).astype(int)
-    longest = int(np.argmax(np.minimum(np.diff(starts), STRETCH)))
-    first, end = starts[longest], min(starts[longest] + STRETCH, starts[longest + 1])
-    away = np.linalg.norm(tip.true[first:end] - tip.true[first], axis=1)
-    far = np.flatnonzero(away > FARTHEST * rms(tip.distances(tip.reported)))
-    least = min(first + LEAST_ROWS, end)
-    return slice(int(first), int(max(least, first + far[0])) if len(far) else int(end))

@@ -1,6 +1,7 @@
 """Curves over the last half minute: errors of a joint, its torque in parts, rates and ages."""
 
 from collections import deque
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -47,24 +48,13 @@ def _level(values: Floats) -> Floats:
 REPORTED, CALIBRATED, TRUE, GRAVITY, PD, REST = ("#4b6b94", "#1f9d55", "#e07b00", "#7a4fbf", "#c0392b", "#8a8f98")
 
 
-class JointColumns(NamedTuple):
-    """States one after the other, as arrays (K, n) [SI]; NaN where something is not known."""
-
-    time: Floats  # (K,) [s]
-    q: Floats
-    calibrated: Floats
-    interval: Floats
-    true: Floats
-    setpoint: Floats
-    tau: Floats
-    gravity_tau: Floats
-    feedback: Floats
-
-
 class Curves:
-    """What is drawn of the last half minute of states, or of the part of a recording around the present one."""
+    """What is drawn of the last half minute of states, or of the part of a recording around the present one.
 
-    def __init__(self, joints: Jointed, recording: JointColumns | None = None) -> None:
+    A recording has for fields of ViewState that are numbers of joints an array (K, n) [SI], and its `time` (K,) [s].
+    """
+
+    def __init__(self, joints: Jointed, recording: Mapping[str, Floats] | None = None) -> None:
         """Begin without any state."""
         self._names, self._units, self._recording = joints.joint_names, joints.joint_units, recording
         self.span = (-SPAN, 0.0) if recording is None else (-0.5 * SPAN, 0.5 * SPAN)  # [s] from now that is drawn
@@ -83,44 +73,42 @@ class Curves:
         """Return the plots of a joint: errors [deg|mm], torque [Nm|N] and, of a robot that runs, the loop."""
         name, unit = self._names[joint], self._units[joint]
         if self._recording is not None:
-            near = np.abs(self._recording.time - self._now) <= 0.5 * SPAN
-            part = JointColumns(*(column[near] for column in self._recording))
-            return joint_plots(part._replace(time=part.time - self._now), joint, name, unit)
-
-        def of(name: str) -> Floats:
-            return np.array([getattr(state, name) for state in self._states], dtype=float)
-
-        columns = JointColumns(*(of(name) for name in JointColumns._fields))
-        if self._states:
-            columns = columns._replace(time=columns.time - self._states[-1].time)
+            near = np.abs(self._recording["time"] - self._now) <= 0.5 * SPAN
+            part = {key: column[near] for key, column in self._recording.items()}
+            return joint_plots(part, part["time"] - self._now, joint, name, unit)
+        numbers = (field for field in ViewState._fields if field not in ("mode", "warnings", "values"))
+        columns = {key: np.array([getattr(state, key) for state in self._states], dtype=float) for key in numbers}
+        time = columns["time"] - (self._states[-1].time if self._states else 0.0)
         loop = (
-            Curve("rate %", 100.0 * of("rate"), REPORTED),
-            Curve("late ticks/s", of("late"), PD),
-            Curve("gravity age ms", 1e3 * of("gravity_age"), GRAVITY),
+            Curve("rate %", 100.0 * columns["rate"], REPORTED),
+            Curve("late ticks/s", columns["late"], PD),
+            Curve("gravity age ms", 1e3 * columns["gravity_age"], GRAVITY),
         )
-        return (*joint_plots(columns, joint, name, unit), Plot("loop", columns.time, loop))
+        return (*joint_plots(columns, time, joint, name, unit), Plot("loop", time, loop))
 
 
-def joint_plots(columns: JointColumns, joint: int, name: str, unit: str) -> tuple[Plot, Plot]:
+def joint_plots(columns: Mapping[str, Floats], time: Floats, joint: int, name: str, unit: str) -> tuple[Plot, Plot]:
     """Return the plots of a joint: errors [deg|mm] and torque [Nm|N] in parts."""
     shown, scale = DISPLAY[unit]
-    if len(columns.time) == 0:
-        return Plot(f"{name}: error [{shown}]", columns.time, ()), Plot(f"{name}: torque", columns.time, ())
-    c = JointColumns(columns.time, *(column[:, joint] for column in columns[1:]))
+    titles = f"{name}: error [{shown}]", f"{name}: torque [{TORQUE_UNIT[unit]}]"
+    if len(time) == 0:
+        return Plot(titles[0], time, ()), Plot(titles[1], time, ())
+
+    def of(key: str) -> Floats:
+        return columns[key][:, joint] if key in columns else np.full(len(time), np.nan)
+
+    q, true, tau, gravity, interval = map(of, ("q", "true", "tau", "gravity_tau", "interval"))
     errors = (
-        Curve("reported", scale * (c.q - c.true), REPORTED),
-        Curve("calibrated", scale * (c.calibrated - c.true), CALIBRATED),
-        Curve("interval \u00b1", scale * c.interval, CALIBRATED, True),
-        Curve("", -scale * c.interval, CALIBRATED, True),
-        Curve("tracking", scale * (c.q - c.setpoint), REST),
+        Curve("reported", scale * (q - true), REPORTED),
+        Curve("calibrated", scale * (of("calibrated") - true), CALIBRATED),
+        Curve("interval \u00b1", scale * interval, CALIBRATED, True),
+        Curve("", -scale * interval, CALIBRATED, True),
+        Curve("tracking", scale * (q - of("setpoint")), REST),
     )
     torques = (
-        Curve("total", c.tau, REPORTED),
-        Curve("gravity", c.gravity_tau, GRAVITY),
-        Curve("PD", c.feedback, PD),
-        Curve("friction, inertia", c.tau - c.gravity_tau, REST, True),
+        Curve("total", tau, REPORTED),
+        Curve("gravity", gravity, GRAVITY),
+        Curve("PD", of("feedback"), PD),
+        Curve("friction, inertia", tau - gravity, REST, True),
     )
-    return (
-        Plot(f"{name}: error [{shown}]", c.time, errors),
-        Plot(f"{name}: torque [{TORQUE_UNIT[unit]}]", c.time, torques),
-    )
+    return Plot(titles[0], time, errors), Plot(titles[1], time, torques)

@@ -22,7 +22,6 @@ DRAW_HZ = 20.0
 WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of curves and paths
 START_WITHIN = 120.0  # [s]
 PORT = 8080
-_ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
 
 
 class PageProcess:
@@ -61,10 +60,10 @@ class PageProcess:
         try:
             if not self._pipe.poll(START_WITHIN):
                 raise CatenaryError(f"the view's page did not start within {START_WITHIN:g} s")
-            kind, text = self._pipe.recv()
+            failed, text = self._pipe.recv()
         except (EOFError, OSError):
-            kind, text = _FAILED, "the process of the view's page ended"
-        if kind == _FAILED:
+            failed, text = True, "the process of the view's page ended"
+        if failed:
             raise CatenaryError(str(text))
         return str(text)
 
@@ -120,18 +119,18 @@ def _run_page(pipe: Connection, port: int) -> None:
 
     try:
         server, url = open_server(port)
-        pipe.send((_ADDRESS, url))
+        pipe.send((False, url))
         shown = pipe.recv()
         if shown is None:
             server.stop()
             return
         with lock:  # a browser that is there already tells nothing before the answer
             page = ViserPage(shown, server, tell)
-            pipe.send((_SHOWN, ""))
+            pipe.send((False, ""))
     except EOFError:
         return
     except Exception as error:
-        pipe.send((_FAILED, f"the view's page cannot be opened: {error}"))
+        pipe.send((True, f"the view's page cannot be opened: {error}"))
         return
     with contextlib.suppress(EOFError, OSError):
         draw(page, lambda: newest(pipe))

@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -187,8 +186,7 @@ def _spherical_joints(model: RobotModel, near: float) -> list[int]:
         chained = parent == i - 1 and (i == 0 or np.linalg.norm(tree.origin[i]) < near)
         if not chained:
             return []
-        if tree.prismatic[i]:
-            # what slides runs through the centre
+        if tree.prismatic[i]:  # what slides runs through the centre
             return found if len(found) >= 2 else []
         found.append(i)
     return []
@@ -203,8 +201,7 @@ def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius:
     size = ARC * abs(middle)
     # unit vectors to the hubs of joint i and i + 1, both in the frame of link i: axes turn nothing about themselves
     toward = np.sign(middle) * (tree.rotation[slider] @ tree.axis[slider])
-    rail_end = (max(abs(low), abs(high)) / abs(middle)) * abs(middle) * toward
-    parts[joints[-1]].append(tube([size * toward, rail_end], 0.8 * radius))
+    parts[joints[-1]].append(tube([size * toward, max(abs(low), abs(high)) * toward], 0.8 * radius))
     for joint in reversed(joints):
         axis = tree.axis[joint]
         hub = axis if axis @ toward > 0.0 else -axis
@@ -268,33 +265,30 @@ def form_mesh(form: Form) -> Mesh | None:
         return None
     if isinstance(form, TriangleMesh):
         return Mesh(np.asarray(form.vertices), form.triangles.astype(np.uint32))
-    if isinstance(form, MeshFile):
-        return _read(form.path, form.scale)
     if isinstance(form, Capsule):
         half = np.array([0.0, 0.0, max(0.5 * form.length, 1e-9)])
         return tube([-half, half], form.radius)
-    if isinstance(form, Cylinder):
-        return _mesh(trimesh.creation.cylinder(radius=form.radius, height=form.length, sections=32))
-    if isinstance(form, Box):
-        return _mesh(trimesh.creation.box(extents=(form.x, form.y, form.z)))
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    size = np.full(3, form.radius) if isinstance(form, Ball) else np.array((form.x, form.y, form.z))
-    return Mesh(np.asarray(ball.vertices) * size, np.asarray(ball.faces, dtype=np.uint32))
+    if isinstance(form, MeshFile):
+        mesh = _read(form)
+    elif isinstance(form, Cylinder):
+        mesh = trimesh.creation.cylinder(radius=form.radius, height=form.length, sections=32)
+    elif isinstance(form, Box):
+        mesh = trimesh.creation.box(extents=form)
+    else:
+        mesh = trimesh.creation.icosphere(subdivisions=2)
+        mesh.apply_scale(form.radius if isinstance(form, Ball) else form)
+    return Mesh(np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.uint32))
 
 
-def _read(path: Path, scale: tuple[float, float, float]) -> Mesh:
+def _read(file: MeshFile) -> Any:
+    """Return a file's mesh, of the size that is asked for; a mirrored one is turned inside out again."""
     import trimesh
 
     try:
-        mesh = _mesh(trimesh.load(path, force="mesh"))
+        mesh: Any = trimesh.load(file.path, force="mesh")
     except Exception as error:  # whatever a reader of a foreign format raises
-        raise FileFormatError(f"{path}: cannot be read as a mesh: {error}") from error
+        raise FileFormatError(f"{file.path}: cannot be read as a mesh: {error}") from error
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
-        raise FileFormatError(f"{path}: holds no triangles of finite numbers")
-    factors = np.array(scale)
-    faces = mesh.faces[:, ::-1] if np.prod(factors) < 0.0 else mesh.faces
-    return Mesh(mesh.vertices * factors, np.ascontiguousarray(faces))
-
-
-def _mesh(mesh: Any) -> Mesh:
-    return Mesh(np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.uint32))
+        raise FileFormatError(f"{file.path}: holds no triangles of finite numbers")
+    mesh.apply_scale(file.scale)
+    return mesh

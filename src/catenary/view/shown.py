@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
 from catenary.plant import Bounded, JointRanges
 from catenary.robots.model import RobotModel
-from catenary.view.curves import JointColumns
 from catenary.view.shapes import ArmShapes
 
 Value = float | bool | str
@@ -25,49 +24,19 @@ class Change(NamedTuple):
     value: Value
 
 
-@dataclass(frozen=True)
-class Control:
-    """Something to press, pull or choose."""
+class Control(NamedTuple):
+    """Something to press, pull or choose.
 
+    Of buttons in a row the one that is pressed is the change's value; a held button changes something for as long as it
+    is held: a change comes HOLD_HZ times a second.
+    """
+
+    kind: Literal["slider", "choice", "switch", "buttons", "held"]
     name: str
     label: str  # with its unit
-    hint: str = field(default="", kw_only=True)
-
-
-@dataclass(frozen=True)
-class SliderControl(Control):
-    """A number to pull."""
-
-    low: float
-    high: float
-    step: float
-    value: float
-
-
-@dataclass(frozen=True)
-class ChoiceControl(Control):
-    """One of several."""
-
-    options: tuple[str, ...]
-    value: str
-
-
-@dataclass(frozen=True)
-class ToggleControl(Control):
-    """On or off."""
-
-    value: bool
-
-
-@dataclass(frozen=True)
-class ButtonsControl(Control):
-    """Buttons in a row; the one that is pressed is the change's value."""
-
-    options: tuple[str, ...]
-
-
-class HeldControl(Control):
-    """A button that changes something for as long as it is held: a change comes HOLD_HZ times a second."""
+    value: Value | None = None  # none of buttons
+    options: tuple[Any, ...] = ()  # what may be chosen; a slider's low and high end, and its step
+    hint: str = ""
 
 
 HOLD_HZ = 20.0  # as terminals repeat a key; a dead man's switch lets go at three that are missing
@@ -85,12 +54,13 @@ class ControlTab:
 
 def accepted(control: Control, value: object) -> Value | None:
     """Return a value from a browser as the control may have it, within a slider's ends; None where it may not."""
-    if isinstance(control, SliderControl):
+    if control.kind == "slider":
+        low, high, _ = control.options
         finite = isinstance(value, int | float) and math.isfinite(value)
-        return min(max(float(value), control.low), control.high) if finite else None  # type: ignore[arg-type]
-    if isinstance(control, ToggleControl | HeldControl):
+        return min(max(float(value), low), high) if finite else None  # type: ignore[arg-type]
+    if control.kind in ("switch", "held"):
         return value if isinstance(value, bool) else None
-    return str(value) if isinstance(control, ChoiceControl | ButtonsControl) and value in control.options else None
+    return str(value) if value in control.options else None
 
 
 @dataclass(frozen=True)
@@ -103,7 +73,7 @@ class Shown:
     tabs: tuple[ControlTab, ...] = ()
     start: Floats | None = None  # (n,) [rad|m] where the camera finds it; the middle of its ranges when None
     legend: Mapping[str, str] = field(default_factory=dict)  # by arm: what it is
-    recording: JointColumns | None = None  # of which curves are drawn; those of the states when None
+    recording: Mapping[str, Floats] | None = None  # of which curves are drawn; those of the states when None
 
 
 def extent_of(shown: Shown) -> tuple[Floats, float]:

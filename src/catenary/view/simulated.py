@@ -1,11 +1,9 @@
 """A simulated arm driven from the page: its base, payload, sensor, friction and wear; its control loop and controls."""
 
-import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -34,28 +32,15 @@ from catenary.units import DISPLAY
 from catenary.view import steering
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
-from catenary.view.shown import (
-    ButtonsControl,
-    Change,
-    ChoiceControl,
-    Control,
-    ControlTab,
-    Shown,
-    SliderControl,
-    ToggleControl,
-    Value,
-    finite_ranges,
-)
+from catenary.view.shown import Change, Control, ControlTab, Shown, Value, finite_ranges
 from catenary.view.state import ViewState
 from catenary.view.watched import operating_in_words, view_state
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
 from catenary.workflows.gravity.trials import make_controller, make_hold
 
-NOISY = 0.5  # [m/s2] standard deviation of an axis of a reading
 # of the sensor, by what the page calls them
-FAULTS: Mapping[str, str | None] = {
-    "none": None, "unplugged": "drop_out", "stuck": "stuck", "noisy": None, "wrong sign": "wrong_sign",
-    "spikes": "spikes", "came loose": "jump",
+FAULTS = {
+    "unplugged": "drop_out", "stuck": "stuck", "wrong sign": "wrong_sign", "spikes": "spikes", "came loose": "jump",
 }  # fmt: skip
 # what takes the place of a reading that does not come (SensedGravity)
 AGED = {
@@ -99,7 +84,6 @@ class Surroundings:
         self.has_cables = isinstance(self.plant, CablePlant)
         self._torque = np.where(np.isfinite(arm.largest_torque), arm.largest_torque, 1.0)
         self._sensor, mounting = base_sensor(PlantBase(self.plant), start=self.plant.time)
-        self._quiet = self._sensor.model
         self._sensed = SensedGravity(self._sensor.mailbox, mounting, feed=self._sensor.advance)
         self._attitude = {"roll_deg": 0.0, "pitch_deg": 0.0, "rocking_deg": 0.0, "rocking_hz": 0.5}
         self._base = SteeredBase()
@@ -109,7 +93,7 @@ class Surroundings:
         """Change something by the name of its control; False for an unknown name."""
         plant = self.plant
         if name == "sensor":
-            self._break_sensor(str(value))
+            self._sensor.faults = (InjectedFault(FAULTS[value], plant.time),) if value in FAULTS else ()
             return True
         if name in self._attitude:
             self._attitude[name] = float(value)
@@ -148,12 +132,6 @@ class Surroundings:
             said.append(f"sensor: {reading.faults.message}")
         return tuple(said)
 
-    def _break_sensor(self, fault: str) -> None:
-        kind = FAULTS.get(fault)
-        self._sensor.faults = () if kind is None else (InjectedFault(kind, self.plant.time),)
-        noise = NOISY / math.sqrt(0.5 * self._quiet.rate_hz)
-        self._sensor.model = replace(self._quiet, noise=noise) if fault == "noisy" else self._quiet
-
 
 def driving_tabs(
     limits: Bounded, q: Floats, *, motion: str, controller: str, has_cables: bool, has_model: bool
@@ -162,31 +140,29 @@ def driving_tabs(
     drive = ControlTab(
         "Drive",
         (
-            ButtonsControl("level", "run level", LEVELS, hint="Home: against the stops, as a real RAVEN-II does."),
-            ChoiceControl("motion", "motion", MOTIONS if has_cables else MOTIONS[:3], motion),
-            ChoiceControl("controller", "controller", tuple(CONTROLLERS), controller),
+            Control("buttons", "level", "run level", None, LEVELS, "Home: against the stops, as a real RAVEN-II does."),
+            Control("choice", "motion", "motion", motion, MOTIONS if has_cables else MOTIONS[:3]),
+            Control("choice", "controller", "controller", controller, tuple(CONTROLLERS)),
             *joint_sliders(limits, q),
         ),
     )
-    world: list[Control] = [
-        SliderControl("roll_deg", "base roll [deg]", -90.0, 90.0, 1.0, 0.0, hint="About x."),
-        SliderControl("pitch_deg", "base pitch [deg]", -90.0, 90.0, 1.0, 0.0, hint="Then about the base's own y."),
-        SliderControl("rocking_deg", "rocking, to either side [deg]", 0.0, 20.0, 0.5, 0.0, hint="About x."),
-        SliderControl("rocking_hz", "rocking [Hz]", 0.1, 2.0, 0.1, 0.5),
-        SliderControl("payload_kg", "payload [kg]", 0.0, 1.0 if has_cables else 5.0, 0.05, 0.0,
-                      hint="The controller does not know of it."),
-        ChoiceControl("sensor", "gravity sensor's fault", tuple(FAULTS), "none"),
-        SliderControl("friction", "Coulomb friction, x its own" if has_cables else "Coulomb friction",
-                      0.0, MOST_FRICTION, 0.1, 1.0 if has_cables else 0.0),
-    ]  # fmt: skip
-    if has_cables:
-        world.append(
-            SliderControl("wear", "cable wear [share]", 0.0, 1.0, 0.05, 0.0, hint="Stretch that stays, stiffness lost.")
-        )
+    most = 1.0 if has_cables else 5.0
+    rubs = ("Coulomb friction, x its own", 1.0) if has_cables else ("Coulomb friction", 0.0)
+    sliders = [  # name, label, value, ends and step, hint
+        ("roll_deg", "base roll [deg]", 0.0, (-90.0, 90.0, 1.0), "About x."),
+        ("pitch_deg", "base pitch [deg]", 0.0, (-90.0, 90.0, 1.0), "Then about the base's own y."),
+        ("rocking_deg", "rocking, to either side [deg]", 0.0, (0.0, 20.0, 0.5), "About x."),
+        ("rocking_hz", "rocking [Hz]", 0.5, (0.1, 2.0, 0.1), ""),
+        ("payload_kg", "payload [kg]", 0.0, (0.0, most, 0.05), "The controller does not know of it."),
+        ("friction", *rubs, (0.0, MOST_FRICTION, 0.1), ""),
+        ("wear", "cable wear [share]", 0.0, (0.0, 1.0, 0.05), "Stretch that stays, stiffness lost."),
+    ]
+    world = [Control("slider", *slider) for slider in sliders[: None if has_cables else -1]]
+    world.insert(5, Control("choice", "sensor", "gravity sensor's fault", "none", ("none", *FAULTS)))
     tabs = [drive, ControlTab("Surroundings", tuple(world))]
     if has_model:
         text = "The calibrated arm shows where the model says that the joints are. Switched on, the loop goes by it."
-        switch = ToggleControl("model", "the loop goes by the model", False)
+        switch = Control("switch", "model", "the loop goes by the model", False)
         tabs.append(ControlTab("Model", (switch,), text))
     return tuple(tabs)
 
@@ -201,7 +177,7 @@ def joint_sliders(limits: Bounded, q: Floats) -> list[Control]:
         low = float(np.ceil(10.0 * scale * ranges.lower[j] - 1e-6) / 10.0)
         high = float(np.floor(10.0 * scale * ranges.upper[j] + 1e-6) / 10.0)
         value = float(np.clip(round(scale * float(q[j]), 1), low, high))
-        found.append(SliderControl(f"{GOTO}{name}", f"{name} [{shown}]", low, high, 0.1, value))
+        found.append(Control("slider", f"{GOTO}{name}", f"{name} [{shown}]", value, (low, high, 0.1)))
     return found
 
 
@@ -211,7 +187,7 @@ SAID = 8.0  # [s] for which a refusal stays on the page
 
 
 class LeaveLoop(Exception):
-    """A change that the running control loop cannot make; what comes next: resume, home, or nothing, paused."""
+    """A change that the running control loop cannot make; its text is the run level that comes next, if any."""
 
 
 class DrivenArm:
@@ -248,7 +224,6 @@ class DrivenArm:
         self._robot = robot
         self._said: tuple[float, str] = (-np.inf, "")
         self._values: dict[str, Value] = {}
-        self._page: PageProcess | None = None
 
     def shown(self, title: str) -> Shown:
         """Return what its page shows."""
@@ -303,7 +278,7 @@ class DrivenArm:
         self._count()
         if tick.number % LISTEN_EVERY == 0:
             self._listen(in_loop=True)
-        if tick.number % SHOW_EVERY == 0 and self._page is not None:
+        if tick.number % SHOW_EVERY == 0:
             setpoint = tick.reference.q
             if self.control == "gravity compensation alone":
                 setpoint = np.full(self._n, np.nan)
@@ -323,10 +298,9 @@ class DrivenArm:
             self._plant.wait()
             self._count()
         self._listen(in_loop=False)
-        if self._page is not None:
-            state = self._plant.measured_js()
-            self.surroundings.read(state.time)
-            self._page.put(self._state(state, self._plant.setpoint_js().q, None))
+        state = self._plant.measured_js()
+        self.surroundings.read(state.time)
+        self._page.put(self._state(state, self._plant.setpoint_js().q, None))
 
     def _state(self, state: JointState, setpoint: Floats, feedback: Floats | None) -> ViewState:
         """Return what is shown of a state whose q is as reported."""
@@ -335,18 +309,17 @@ class DrivenArm:
         gravity = state.gravity if reading is None else reading.gravity
         operating = plant.operating_state()
         corrector = self._corrector if operating.is_homed else None
-        encoder = None
-        if corrector is not None and isinstance(world.plant, CablePlant):
-            encoder = world.plant.external_encoders()
+        known: dict[str, Any] = {}
+        if corrector is not None:
+            known = {"calibrated": corrector.calibrated, "inside": corrector.inside, "interval": corrector.interval}
+            if isinstance(world.plant, CablePlant):
+                known["encoder"] = world.plant.external_encoders()
         snapshot = Snapshot(
-            state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            None if corrector is None else corrector.calibrated,
-            None if corrector is None else corrector.inside,
-            None if corrector is None else corrector.interval,
-            encoder=encoder, tau=state.tau, gravity_tau=gravity_torque(self.arm.model, state.q, gravity),
-            gravity=gravity, gravity_age=state.gravity_age if reading is None else reading.age, fault=fault_of(plant),
-            operating=operating, lower=plant.lower, upper=plant.upper, rate_hz=self._ticks.hertz(now),
-            late=self._late.within(now), error=state.q - self.arm.q_true() if operating.is_homed else None,
+            state.time, plant.joint_names, plant.joint_units, state.q, setpoint, tau=state.tau, gravity=gravity,
+            gravity_tau=gravity_torque(self.arm.model, state.q, gravity), fault=fault_of(plant), operating=operating,
+            gravity_age=state.gravity_age if reading is None else reading.age, lower=plant.lower, upper=plant.upper,
+            rate_hz=self._ticks.hertz(now), late=self._late.within(now),
+            error=state.q - self.arm.q_true() if operating.is_homed else None, **known,
         )  # fmt: skip
         notes = list(world.warnings())
         if now - self._said[0] < SAID:
@@ -362,14 +335,12 @@ class DrivenArm:
     # what somebody changes
 
     def _listen(self, *, in_loop: bool) -> None:
-        if self._page is None:
-            return
         for change in self._page.changes():
             try:
                 self._take(change, in_loop=in_loop)
             except CatenaryError as error:
                 self._say(str(error))
-        if in_loop and (self._ended() or (self._page is not None and not self._page.is_running)):
+        if in_loop and (self._ended() or not self._page.is_running):
             raise LeaveLoop
 
     def _take(self, change: Change, *, in_loop: bool) -> None:
@@ -414,22 +385,21 @@ class DrivenArm:
             self._controller = self._controllers[CONTROLLERS[control]]
         self._values["controller"] = control
         if in_loop and OWN in (before, control) and before != control:
-            raise LeaveLoop("resume")
+            raise LeaveLoop(ENABLE)
 
     def _change_level(self, level: str, *, in_loop: bool) -> None:
         """Leave the loop, which pauses the arm, or reach the level at once."""
-        then = {ENABLE: "resume", HOME: "home"}.get(level, "")
         if not in_loop:
-            self._reach_level(then)
-        elif then != "resume":
-            raise LeaveLoop(then)
+            self._reach_level(level)
+        elif level != ENABLE:
+            raise LeaveLoop(level)
 
-    def _reach_level(self, then: str) -> None:
-        """Enable or home the arm; the robot decides."""
+    def _reach_level(self, level: str) -> None:
+        """Enable or home the arm, or leave it paused; the robot decides."""
         state = self._plant.operating_state().state
-        if then and state != "ENABLED":
+        if level in (ENABLE, HOME) and state != "ENABLED":
             self._plant.state_command("resume" if state == "PAUSED" else "enable")
-        if then == "home":
+        if level == HOME:
             self._plant.state_command("home")
 
     def _say(self, text: str) -> None:

@@ -9,7 +9,6 @@ import re
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from functools import partial
 from html import escape
 from http.client import FORBIDDEN, OK, HTTPConnection
 from typing import Any
@@ -18,25 +17,11 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import CatenaryError
-from catenary.reports.page import Column, Table
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
 from catenary.view.curves import Curves, Plot
 from catenary.view.shapes import grown
-from catenary.view.shown import (
-    HOLD_HZ,
-    NOBODY,
-    ButtonsControl,
-    Change,
-    ChoiceControl,
-    Control,
-    HeldControl,
-    Shown,
-    SliderControl,
-    ToggleControl,
-    accepted,
-    extent_of,
-)
+from catenary.view.shown import HOLD_HZ, NOBODY, Change, Control, Shown, accepted, extent_of
 from catenary.view.state import ARMS, Scene, TipPaths, ViewState, scene_of
 
 OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
@@ -104,31 +89,19 @@ def status_html(state: ViewState) -> str:
     return _block("<br>".join(lines))
 
 
-def joints_table(shown: Shown, state: ViewState) -> Table:
-    """Return a table of the joints [deg|mm]: reported, calibrated with its interval (? outside), true."""
-    rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
-    units = [DISPLAY[unit] for unit in shown.model.joint_units]
-
-    def cell(name: str, j: int) -> str | None:
-        scale = units[j][1]
-        value, interval = scale * rows[name][j], scale * state.interval[j]
-        if not np.isfinite(value):
-            return None
-        about = f" \u00b1 {interval:.2f}" if name == "calibrated" and np.isfinite(interval) else ""
-        return f"{value:.2f}{about}{'?' if name == 'calibrated' and state.inside[j] == 0.0 else ''}"
-
-    columns: list[Column] = [("", lambda j: f"{shown.model.joint_names[j]} [{units[j][0]}]")]
-    columns += [(shown.legend[name], partial(cell, name)) for name in rows if name in shown.legend]
-    return Table(columns, range(shown.model.n))
-
-
 def joints_html(shown: Shown, state: ViewState) -> str:
-    """Return the table of the joints, its columns marked in the colours of the arms."""
-    table = joints_table(shown, state)
-    marks = ["", *(_square(colour) for name, colour in COLOURS.items() if name in shown.legend)]
-    head = [f"{mark} {escape(heading)}" for mark, heading in zip(marks, table.header, strict=True)]
-    rows = [_row("th", head), *(_row("td", [escape(cell) for cell in row]) for row in table.rows)]
-    return _block(f'<table style="width:100%">{"".join(rows)}</table>')
+    """Return a table of the joints [deg|mm], a column in each arm's colour: calibrated with its interval, ? outside."""
+    rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
+    arms = [name for name in rows if name in shown.legend]
+    lines = [_row("th", ["", *(f"{_square(COLOURS[name])} {escape(shown.legend[name])}" for name in arms)])]
+    for j, (joint, si) in enumerate(zip(shown.model.joint_names, shown.model.joint_units, strict=True)):
+        unit, scale = DISPLAY[si]
+        about = f" \u00b1 {scale * state.interval[j]:.2f}" if np.isfinite(state.interval[j]) else ""
+        marks = {"calibrated": f"{about}{'?' if state.inside[j] == 0.0 else ''}"}
+        values = [(scale * rows[name][j], marks.get(name, "")) for name in arms]
+        cells = [f"{value:.2f}{mark}" if np.isfinite(value) else "-" for value, mark in values]
+        lines.append(_row("td", [escape(f"{joint} [{unit}]"), *cells]))
+    return _block(f'<table style="width:100%">{"".join(lines)}</table>')
 
 
 def _row(kind: str, cells: list[str]) -> str:
@@ -398,21 +371,20 @@ class ViserPage:
                 self._values[name] = value
                 self._tell(Change(name, value))
 
-        if isinstance(control, HeldControl):
+        if control.kind == "held":
             handle = gui.add_button(control.label, hint=hint)
             handle.on_hold(lambda _: self._tell(Change(name, True)), callback_hz=HOLD_HZ)
             return handle
-        if isinstance(control, ButtonsControl):
-            handle = gui.add_button_group(control.label, control.options, hint=hint)
-        elif isinstance(control, SliderControl):
-            low, high, step = control.low, control.high, control.step
-            handle = gui.add_slider(control.label, low, high, step, initial_value=control.value, hint=hint)
-        elif isinstance(control, ChoiceControl):
+        if control.kind == "slider":
+            handle = gui.add_slider(control.label, *control.options, initial_value=control.value, hint=hint)
+        elif control.kind == "choice":
             handle = gui.add_dropdown(control.label, control.options, initial_value=control.value, hint=hint)
-        elif isinstance(control, ToggleControl):
+        elif control.kind == "switch":
             handle = gui.add_checkbox(control.label, control.value, hint=hint)
+        else:
+            handle = gui.add_button_group(control.label, control.options, hint=hint)
         self._values[name] = handle.value
-        (handle.on_click if isinstance(control, ButtonsControl) else handle.on_update)(changed)
+        (handle.on_click if control.kind == "buttons" else handle.on_update)(changed)
         return handle
 
 

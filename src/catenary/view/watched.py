@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.errors import CatenaryError
 from catenary.monitor import Snapshot
 from catenary.plant import Bounded, OperatingState
 from catenary.teleop.driver import AXES, BACKWARD, COMMANDS, FORWARD, HOLD, TeleopDriver
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes
-from catenary.view.shown import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl, Shown
+from catenary.view.shown import NOBODY, Change, Control, ControlTab, Shown
 from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.snapshots import watch_robot
@@ -34,7 +33,11 @@ def view_state(snapshot: Snapshot, n: int, nominal_hz: float, *, notes: Sequence
     themselves: a RAVEN-II's encoders call other places zero. `known` are fields of ViewState that a snapshot does not
     have.
     """
-    rows = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot)}
+    encoder, error = snapshot.encoder, snapshot.error
+    true = None if error is None else snapshot.q[: len(error)] - error
+    if encoder is not None and (snapshot.calibrated is not None or error is None) and np.isfinite(encoder).any():
+        true = encoder
+    rows = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": true}
     known = {name: value for name, value in known.items() if value is not None}
     known |= {name: np.asarray(row, dtype=float)[:n] for name, row in rows.items() if row is not None}
     known |= {} if snapshot.gravity is None else {"gravity": snapshot.gravity}
@@ -51,14 +54,6 @@ def operating_in_words(state: OperatingState | None) -> str:
         return ""
     homed = "homing" if state.is_busy else "homed" if state.is_homed else "not homed"
     return f"{state.state}, {homed}"
-
-
-def _true(snapshot: Snapshot) -> Floats | None:
-    encoder, error = snapshot.encoder, snapshot.error
-    compared = snapshot.calibrated is not None or error is None
-    if encoder is not None and compared and np.isfinite(encoder).any():
-        return encoder
-    return None if error is None else snapshot.q[: len(error)] - error
 
 
 class WatchedArm:
@@ -163,12 +158,13 @@ class ControlledArm(WatchedArm):
 def held_tabs(limits: Bounded) -> tuple[ControlTab, ...]:
     """Return tabs of buttons: one pair per joint, nine joints at most, and one per axis that the tip moves along."""
     joints = [
-        HeldControl(f"{HELD}{key}", f"{name} {sign}")
+        Control("held", f"{HELD}{key}", f"{name} {sign}")
         for name, keys in zip(limits.joint_names, zip(FORWARD, BACKWARD, strict=True), strict=False)
         for key, sign in zip(keys, "+-", strict=True)
     ]
     axes = [
-        HeldControl(f"{HELD}{key}", f"{'xyz'[axis]} {'+' if sign > 0.0 else '-'}") for key, (axis, sign) in AXES.items()
+        Control("held", f"{HELD}{key}", f"{'xyz'[axis]} {'+' if sign > 0.0 else '-'}")
+        for key, (axis, sign) in AXES.items()
     ]
     text = "Moves for as long as a button is held."
     return (
@@ -179,6 +175,6 @@ def held_tabs(limits: Bounded) -> tuple[ControlTab, ...]:
 
 def _rows(tab: str) -> tuple[Control, ...]:
     return (
-        ButtonsControl(f"{LEVEL}{tab}", "run level", tuple(LEVELS), hint="Home wants to be pressed twice."),
-        ButtonsControl(f"{STOP}{tab}", "motion", tuple(STOPS), hint="Stop: at once. The robot stays enabled."),
+        Control("buttons", f"{LEVEL}{tab}", "run level", None, tuple(LEVELS), "Home wants to be pressed twice."),
+        Control("buttons", f"{STOP}{tab}", "motion", None, tuple(STOPS), "Stop: at once. The robot stays enabled."),
     )

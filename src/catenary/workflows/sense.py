@@ -7,7 +7,7 @@ import itertools
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats
 from catenary.control.loop_report import GravityReport, GravityTally
-from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, SensorError
 from catenary.recording.import_formats.imu_recording import ImuRecording
@@ -93,12 +92,6 @@ def replay_feed(recording: ImuRecording) -> Feed:
             mailbox.put(stamp, recording.force[k], Kind.SPECIFIC_FORCE)
 
     return Feed(mailbox, rate is not None, deliver=deliver)
-
-
-def serial_feed(device: SerialAccelerometer) -> Feed:
-    """Return the samples of a board on a serial line that has said what it is."""
-    angular = device.hello is not None and device.hello.has_gyroscope
-    return Feed(device.mailbox, angular, link=lambda: asdict(device.counts))
 
 
 @dataclass(frozen=True)

@@ -30,9 +30,9 @@ from catenary.workflows.gravity.trials import (
 AT = np.array([0.2, np.pi / 2, 0.40])
 
 
-def of_2014(base: MovingBase, seed: int | None = None) -> SimulatedArm:
+def of_2014(base: MovingBase) -> SimulatedArm:
     """The gravity paper's robot, whose friction hides little of what gravity does."""
-    plant = CablePlant(load_cable_arm(RAVEN2_STIFF), base=base, seed=seed)
+    plant = CablePlant(load_cable_arm(RAVEN2_STIFF), base=base)
     plant.home()
     return raven_arm(plant)
 
@@ -96,27 +96,19 @@ def test_sinusoids_begin_where_asked_along_axes_it_has(name: str, start: list[fl
 POSE = (0.9, np.pi / 2, 0.40)
 
 
-def arm_at(angle_deg: float, seed: int | None = None) -> SimulatedArm:
+def arm_at(angle_deg: float) -> SimulatedArm:
     """An arm homed on a base turned about the mechanism's z0, which is the base's -y."""
-    return of_2014(FixedBase(0.0, float(-np.deg2rad(angle_deg))), seed)
+    return of_2014(FixedBase(0.0, float(-np.deg2rad(angle_deg))))
 
 
-def held(angle_deg: float, controller: str, seconds: float = 10.0, seed: int | None = None) -> Holding:
-    arm = arm_at(angle_deg, seed)
+def held(angle_deg: float, controller: str, seconds: float) -> Holding:
+    arm = arm_at(angle_deg)
     return hold(arm, make_hold(controller, arm), POSE, seconds)
 
 
 def test_sensed_gravity_holds_and_nominal_gravity_does_not_on_a_tilted_base() -> None:
     assert np.rad2deg(held(25.0, "dg", 1.0).drift[0]) < 0.1
     assert np.rad2deg(held(25.0, "sg", 1.0).drift[0]) > 5.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("angle_deg", "seed"), [(-90, None), (25, None), (135, None), (180, 1)])
-def test_sensed_gravity_holds_for_ten_seconds_on_bases_turned_either_way(angle_deg: float, seed: int | None) -> None:
-    drift = held(angle_deg, "dg", seed=seed).drift
-    assert np.rad2deg(drift[:2]).max() < 0.1
-    assert drift[2] < 1e-4
 
 
 class WithoutRates:

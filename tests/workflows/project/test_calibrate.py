@@ -34,11 +34,6 @@ def calibrated(
         return calibrate_recordings(Project(folder, ProjectSettings()), train, test, run=run)
 
 
-def test_what_was_done_is_not_repeated(finished: CalibrationResult, finished_folder: Path) -> None:
-    assert finished.repeated == (*FITS, "deploy")  # the steps before were done one by one
-    assert calibrate_short(finished_folder, with_page=False).repeated == ()
-
-
 def test_another_test_motion_repeats_what_depends_on_it(finished_folder: Path) -> None:
     repeated = calibrate_short(finished_folder, with_page=False, test_minutes=0.2).repeated
     assert repeated == ("record", "extract test", "deploy")

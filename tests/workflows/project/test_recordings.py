@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.errors import ConfigError, InputError
+from catenary.errors import InputError
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.logs import read_log
 from catenary.workflows.project.folder import Project, ProjectSettings
@@ -113,8 +113,3 @@ def test_bags_of_somebody_else_are_left_alone(project: Project) -> None:
     with pytest.raises(InputError, match="never overwritten; delete it"):
         write_bags(project, "whole", "ros1")
     assert (folder / "record_ravenstate.bag").read_bytes() == b"mine"
-
-
-def test_a_recording_that_is_not_there_is_refused(project: Project) -> None:
-    with pytest.raises(ConfigError, match="record nothing was not done yet"):
-        extract_recording(project, "nothing")

@@ -13,9 +13,8 @@ from catenary.errors import NotReadyError, RecordingError
 from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.smoothed_path import follow_waypoints
-from catenary.workflows.project import calibrate
 from catenary.workflows.project import robot as ros_robot
-from catenary.workflows.project.calibrate import RECOMMENDED, TRAIN, calibrate_robot
+from catenary.workflows.project.calibrate import TRAIN
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import RosRobot, set_aside
@@ -23,7 +22,6 @@ from catenary.workflows.robot.homing import AnswerYes
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, START, EncodedPlant
 from person import Person
-from simulated_project import QUICK_MODELS
 
 SETTINGS = ProjectSettings(connection="ros1", test_minutes=0.25)
 SWING = np.array([0.1, 0.15, 0.01])
@@ -172,20 +170,3 @@ def test_recording_that_is_stopped_leaves_the_robot_paused_and_is_begun_anew(tmp
             robot.record(opened, TRAIN, short_motion(), "short", after="home", progress=stop)
         assert setup.robot.plant.operating_state().state == "PAUSED"
     assert robot.record(opened, TRAIN, short_motion(), "short", after="home")
-
-
-@pytest.mark.slow
-def test_whole_calibration_runs_as_on_a_simulated_one(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
-    monkeypatch.setattr(calibrate, "excitation", lambda _: (short_motion(), "train"))
-    monkeypatch.setattr(calibrate, "random_motion", lambda *_: (short_motion(1), "test"))
-    setup, opened = on_loopback(EncodedPlant(ready=False)), project(tmp_path)
-    robot = RosRobot(setup.transport, AnswerYes(), simulated=True, patience=1.0)
-    result = calibrate_robot(opened, robot)
-    fits = tuple(f"fit {name}" for name in QUICK_MODELS)
-    assert result.repeated == ("home", "excite", "record", "extract train", "extract test", *fits, "deploy")
-    for joint in result.evaluations[RECOMMENDED].joints:
-        assert joint.rmse < 0.2 * joint.raw_rmse
-    assert result.deployment is not None
-    assert all(joint["rmse"] < joint["raw_rmse"] for joint in result.deployment["joints"])
-    assert calibrate_robot(opened, robot).repeated == ()

@@ -9,11 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
-from catenary.errors import ConfigError, FileFormatError, LimitError
+from catenary.errors import ConfigError, FileFormatError
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant, telemetry_of
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import TEST, TRAIN, random_motion
 from catenary.workflows.project.folder import Project
@@ -73,14 +72,6 @@ def test_a_recording_made_again_is_the_same(project: Project) -> None:
     assert ROBOT.record(project, TEST, *random_motion(project, 15.0), after=TRAIN)
     assert extract_recording(project, TEST)
     assert_allclose(read_log(motion_log_path(project, TEST)).q_nominal, before.q_nominal, rtol=0)
-
-
-def test_a_motion_out_of_reach_moves_nothing(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(CablePlant, "run", lambda *_: pytest.fail("it moved"))
-    far = go_to([0.5, 1.5, 0.4], [0.5, 1.5, 4.0], **ACROSS)
-    with pytest.raises(LimitError, match="insertion"):
-        ROBOT.record(project, "far", far, "far", after=TRAIN)
-    assert not (project.folder / "recordings" / "far").exists()
 
 
 def test_steps_on_what_was_not_done_or_by_another_robot_are_refused(project: Project) -> None:

@@ -6,8 +6,8 @@ not run again. One process at a time writes; what only reads needs no lock, and 
 
 The system holds the lock (flock on the file `.lock`) and frees it when the process ends, however it ends: what the file
 says only tells. On NFS, Linux asks the server (v4, or v3 with lockd) and all hosts see it; it is freed when the process
-ends, or some minutes after its host is lost. Where locks are kept per host (`nolock`, `local_lock`), or not at all,
-what the file says is believed: a process on another host that did not take its name off is not passed over.
+ends, or some minutes after its host is lost. Where locks are kept per host (`nolock`, `local_lock`), what the file says
+is believed: a process on another host that did not take its name off is not passed over; without any locks, none is.
 """
 
 import contextlib
@@ -56,11 +56,17 @@ class FolderLock:
         descriptor, flags = None, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
         try:
             descriptor = os.open(self.path, flags, 0o666)
-            is_locked = _flock(descriptor)
             holder = _holder(descriptor)
-            if not is_locked or not _is_here(holder):
-                gone = "" if _is_here(holder) else f", or delete {self.path} if that process is gone"
-                raise InUseError(f"{self.path.parent}: {_told(holder)}; wait until it ends{gone}")
+            refusal = f"{self.path.parent}: {_told(holder)}; wait until it ends"
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                is_believed = not _is_here(holder)  # locks may be kept per host
+            except BlockingIOError as error:
+                raise InUseError(refusal) from error
+            except OSError:  # a file system without locks: what the file says is all there is
+                is_believed = bool(holder)
+            if is_believed:
+                raise InUseError(f"{refusal}, or delete {self.path} if that process is gone")
             os.ftruncate(descriptor, 0)
             command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
             since = datetime.now().astimezone().isoformat(timespec="seconds")
@@ -96,18 +102,6 @@ class FolderLock:
         os.close(descriptor)
 
 
-def _flock(descriptor: int) -> bool:
-    """Return whether the lock was had, or the file system knows none."""
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks: what the file says is all there is
-        holder = _holder(descriptor)
-        return not (_is_here(holder) and _is_running(holder.get("pid")))
-    return True
-
-
 def _machine() -> dict[str, str]:
     """Return the host's name, and Linux's number of this run of it, which containers share."""
     try:
@@ -128,18 +122,6 @@ def _holder(descriptor: int) -> dict[str, Any]:
 def _is_here(holder: dict[str, Any]) -> bool:
     """Return whether a holder is, or was, on this machine; so is one that said nothing."""
     return not holder or any(value and holder.get(key) == value for key, value in _machine().items())
-
-
-def _is_running(pid: object) -> bool:
-    if not isinstance(pid, int) or pid <= 0 or pid == os.getpid():
-        return False
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:  # somebody else's
-        return True
-    return True
 
 
 def _told(holder: dict[str, Any]) -> str:

@@ -138,18 +138,6 @@ def deploy_on_robot(
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Take:
-    """A recording to be made."""
-
-    folder: Path
-    name: str
-    trajectory: Trajectory  # of the joints that are calibrated
-    motion: Any  # what the trajectory is, as plain data
-    after: str  # "home", or the name of the recording before
-    progress: Progress
-
-
 class ProjectRobot(ABC):
     """The steps of a project that need a robot; one that was done before is not run again."""
 
@@ -170,17 +158,22 @@ class ProjectRobot(ABC):
         """Drive it along a trajectory of the calibrated joints and record that; return whether that had to be done."""
         before = after if after == "home" else f"record {after}"
         made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(before)]
-        take = Take(project.folder / "recordings" / name, name, trajectory, motion, after, progress)
-        files = self.files(project, take)
-        return project.run(f"record {name}", made_from, files, lambda: self.drive(project, take))
+        folder = project.folder / "recordings" / name
+
+        def work() -> None:
+            self.drive(project, folder, trajectory, motion, after=after, progress=progress)
+
+        return project.run(f"record {name}", made_from, self.files(project, folder), work)
 
     @abstractmethod
-    def drive(self, project: Project, take: Take) -> None:
-        """Make a recording."""
+    def drive(
+        self, project: Project, folder: Path, trajectory: Trajectory, motion: Any, *, after: str, progress: Progress
+    ) -> None:
+        """Make a recording along a trajectory, which `motion` describes, `after` "home" or another recording."""
 
-    def files(self, project: Project, take: Take) -> list[Path]:
+    def files(self, project: Project, folder: Path) -> list[Path]:
         """Return what a recording leaves behind."""
-        return [take.folder]
+        return [folder]
 
     @abstractmethod
     def deploy(
@@ -256,36 +249,37 @@ class SimulatedRobot(ProjectRobot):
         made_from = [*who, STATE_FORMAT, kind_of(settings).numbers()]
         return project.run("home", made_from, files, work, trusted=readable)
 
-    def files(self, project: Project, take: Take) -> list[Path]:
+    def files(self, project: Project, folder: Path) -> list[Path]:
         """Return the recording's folder, and the robot as it was left."""
-        return [take.folder, left_at(project, take.name)]
+        return [folder, left_at(project, folder.name)]
 
-    def drive(self, project: Project, take: Take) -> None:
+    def drive(
+        self, project: Project, folder: Path, trajectory: Trajectory, motion: Any, *, after: str, progress: Progress
+    ) -> None:
         """Record as fast as the machine runs, from where the step before left the robot; then put it away again."""
-        settings, before = project.settings, left_at(project, take.after)
+        settings, before = project.settings, left_at(project, after)
         if not before.is_file():
-            raise ConfigError(f"{before}: is missing; do the step {take.after} first")
+            raise ConfigError(f"{before}: is missing; do the step {after} first")
         kind = kind_of(settings)
         plant = kind.plant()
         restore_plant(plant, before)
         plant.state_command("enable")
-        check_motion(plant, take.trajectory, joints=kind.joints)
-        empty(take.folder)
-        made = {"motion": take.motion}
-        about = About(robot=kind.recorded_as, simulated=True, seed=settings.seed, configuration=made)
-        rng = np.random.default_rng([0 if settings.seed is None else settings.seed, *take.name.encode()])
+        check_motion(plant, trajectory, joints=kind.joints)
+        empty(folder)
+        about = About(robot=kind.recorded_as, simulated=True, seed=settings.seed, configuration={"motion": motion})
+        rng = np.random.default_rng([settings.seed or 0, *folder.name.encode()])
         start, speeds = plant.control.setpoint[: len(kind.joints)], np.array(kind.approach)
-        approach = go_to(start, take.trajectory(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
+        approach = go_to(start, trajectory(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
         for _ in driven(plant, approach, CHUNK):
             pass
         begin = plant.time
-        with Recorder(take.folder, kind.topics, kind.columns, rng, about=about) as recorder:
-            for log, done in driven(plant, take.trajectory, CHUNK):
+        with Recorder(folder, kind.topics, kind.columns, rng, about=about) as recorder:
+            for log, done in driven(plant, trajectory, CHUNK):
                 time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
                 recorder.observe_many(np.round(time, 6), kind.telemetry(plant, log))
-                take.progress(done)
+                progress(done)
         plant.state_command("pause")
-        save_plant(plant, left_at(project, take.name))
+        save_plant(plant, left_at(project, folder.name))
 
     def deploy(
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
@@ -339,19 +333,21 @@ class RosRobot(ProjectRobot):
         place = [settings.namespace] if settings.robot == "dvrk_psm" else []
         return project.run("home", [settings.robot, settings.side, settings.connection, *place], [path], work)
 
-    def drive(self, project: Project, take: Take) -> None:
+    def drive(
+        self, project: Project, folder: Path, trajectory: Trajectory, motion: Any, *, after: str, progress: Progress
+    ) -> None:
         """Record over topics, on from the last whole pass of one that was cut off, unless it had to home since."""
         with self._connected(project) as client, paused_if_interrupted(client):
             kind = kind_of(project.settings)
-            check_motion(client, take.trajectory, joints=kind.joints)
+            check_motion(client, trajectory, joints=kind.joints)
             was_homed = client.operating_state().is_homed
             self._make_homed(client, project)
             client.require_free()
-            about = About(robot=kind.recorded_as, simulated=self._simulated, configuration={"motion": take.motion})
-            left = left_off(take.folder, about, kind.topics, self._transport.steady(), in_passes=True)
+            about = About(robot=kind.recorded_as, simulated=self._simulated, configuration={"motion": motion})
+            left = left_off(folder, about, kind.topics, self._transport.steady(), in_passes=True)
             if not was_homed:
                 left = None
-            motion = GoneOn(take.trajectory, 0.0 if left is None else left.begins)
+            onwards = GoneOn(trajectory, 0.0 if left is None else left.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
                 required = [topic.name for topic in kind.required]
@@ -359,13 +355,13 @@ class RosRobot(ProjectRobot):
                 def ready(recorder: TopicRecorder) -> None:
                     self._comes(lambda: recorder.silent(required) or None)
                     recorder.require(required)  # before a file or the robot moves
-                    set_aside(project, take.name, left)
+                    set_aside(project, folder.name, left)
                     if left is not None:
-                        self._guide.say(f"{take.name}: {left.gap(self._transport.steady())}")
+                        self._guide.say(f"{folder.name}: {left.gap(self._transport.steady())}")
 
                 told: dict[str, Any] = {"about": about, "after": left, "ready": ready}
-                with TopicRecorder(self._transport, take.folder, kind.topics, **told) as recorder:
-                    record_passes(client, recorder, motion, joints=kind.joints, progress=take.progress)
+                with TopicRecorder(self._transport, folder, kind.topics, **told) as recorder:
+                    record_passes(client, recorder, onwards, joints=kind.joints, progress=progress)
                     recorder.require(required)
         for problem in recorder.problems():
             self._guide.say(problem)
