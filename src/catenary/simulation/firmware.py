@@ -18,7 +18,7 @@ from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.robots.model import Tree
-from catenary.simulation.cable_parameters import Cable, Firmware
+from catenary.simulation.cable_parameters import AxisFirmware, Cable, Firmware
 from catenary.simulation.cable_physics import ArmState, TreeWork, Work, link_dynamics, physics_step
 from catenary.simulation.records import AXES, POSITION, POSITIONING, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
@@ -195,18 +195,29 @@ def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) ->
     _joints_of(firmware, control.motor_velocity, velocity)  # linear, so it takes velocities too
     for j in range(AXES):
         per_motor = firmware.ratio[j] / firmware.gearbox[j]
-        slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
-        damping = slowness * firmware.kp[j] * firmware.ratio[j] * per_motor
-        most = damping * (approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity[j])
-        least = -damping * (approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity[j])
         limit = firmware.dac_limit[j] if firmware.dac_limit[j] > 0.0 else STOP_DAC
         strongest = limit * firmware.torque_constant[j] * firmware.gearbox[j] / firmware.dac_per_ampere[j] * per_motor
-        bounded = min(max(control.torque_command[j], least), most)
+        bounded = bounded_torque(firmware, control, j, velocity[j], firmware.ratio[j], per_motor)
         torque[j] = min(max(bounded, -strongest), strongest)
 
 
 @inlined
-def approach_speed(distance: float, slowness: float, braking: float) -> float:
+def bounded_torque(
+    firmware: AxisFirmware, control: AxisControl, j: int, velocity: float, per_joint: float, per_motor: float
+) -> float:
+    """Return the torque of a joint as commanded, such that it stays within its limits by the law of `_bound_torques`.
+
+    The gains times per_joint per_motor are the joint's.
+    """
+    slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
+    damping = slowness * firmware.kp[j] * per_joint * per_motor
+    most = damping * (_approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity)
+    least = -damping * (_approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity)
+    return float(min(max(control.torque_command[j], least), most))
+
+
+@inlined
+def _approach_speed(distance: float, slowness: float, braking: float) -> float:
     """Return the speed at which a joint may come to a limit; beyond it, at which it comes back."""
     held = distance / slowness
     return min(held, math.sqrt(2.0 * braking * distance)) if distance > 0.0 else held

@@ -233,6 +233,7 @@ class MujocoPlant(SimulatedPlant):
         super().__init__(timeline, is_homed=True)
         n = model.n
         self.joint_names, self.joint_units = model.joint_names, model.joint_units
+        self.lower, self.upper = model.lower, model.upper
         self.columns = (
             Column("jpos", "rad|m", n),
             Column("jvel", "rad/s|m/s", n),
@@ -256,21 +257,6 @@ class MujocoPlant(SimulatedPlant):
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
 
     # what a Plant says about itself
-
-    @property
-    def lower(self) -> Floats:
-        """Joint limits below, (n,)."""
-        return np.array(self.model.lower)
-
-    @property
-    def upper(self) -> Floats:
-        """Joint limits above, (n,)."""
-        return np.array(self.model.upper)
-
-    @property
-    def payload(self) -> Payload | None:
-        """What it carries."""
-        return self._payload
 
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
@@ -321,7 +307,7 @@ class MujocoPlant(SimulatedPlant):
         """Carry a payload from now on, in place of the last one, or nothing; it moves with the arm at once."""
         # masses are constants to MuJoCo: the robot is compiled with what it carries
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
-        self._dynamics, self._payload = dynamics, payload
+        self._dynamics, self.payload = dynamics, payload
         self._joints = drive_parameters(self.model, self._hardware, dynamics.dof, dynamics.at)
 
     def detach(self) -> None:
