@@ -107,16 +107,13 @@ class StiffnessMargin(NamedTuple):
 def stiffness_margin(
     model: RobotModel, kp: ArrayLike, stiffness: ArrayLike, *, gravity: ArrayLike | None = None
 ) -> StiffnessMargin:
-    """Compare springs and gains with how fast gravity changes over the joint range.
+    """Compare springs and gains with how fast gravity changes over the joint range, a whole turn without limits.
 
     The paper asks that the smallest eigenvalue of [[K, -K], [-K, K + kp]] exceeds the bound of |dg/dq|, so that the
     potential energy has one minimum. Of joints in rad and m a norm has no meaning, and a stiff joint says nothing of a
-    soft one; so the same is asked free of units: S - dg/dq positive definite, with S = K kp / (K + kp) the stiffness
-    that is left once the motors have settled. That is the largest |S^-1/2 dg/dq S^-1/2| below
-    one; the paper's condition implies it.
-
-    The largest is searched for: quasi-random points, the best of them climbed. A revolute joint without limits is taken
-    over a whole turn.
+    soft one; so the same is asked free of units: the largest |S^-1/2 dg/dq S^-1/2| below one, S = K kp / (K + kp) the
+    stiffness that is left once the motors have settled; the paper's condition implies it. The largest is searched for:
+    quasi-random points, the best of them climbed.
 
     kp and stiffness K are (n,) [Nm/rad|N/m]; gravity (3,) is in base axes [m/s2], any direction of 9.81 m/s2 when None.
     """

@@ -135,10 +135,9 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     """Write the motors' shaft torques [Nm]: PD on motor positions, through the DAC's steps and limits.
 
     tau = Kp (m_d - m) + Kd (0 - m_vel) + Ki integral(m_d - m); DAC = trunc(s tau / (Kt gearbox) DAC/A).
-    The integral is never reset and never limited, as on the robot. Joint torques, which the robot takes from
-    nobody but itself and without the coupling, go through the coupling here: a commanded torque is the joint's,
-    within what `_bound_torques` lets pass. The robot's own gravity compensation, if there is any, is added to all but
-    commanded torques.
+    The integral is never reset and never limited, as on the robot. A commanded torque, which the robot takes from
+    nobody, is the joint's: it goes through the coupling, within what `_bound_torques` lets pass. The robot's own
+    gravity compensation, if there is any, is added to all others.
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
     wanted = np.zeros(AXES)
@@ -238,10 +237,7 @@ def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> 
 
 
 def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
-    """Write encoder offsets so that the axes read the given joint positions (7,) where they now stand.
-
-    All offsets follow from the joint positions together, the tools' with the insertion motor that belongs to them.
-    """
+    """Write encoder offsets so that the axes read joint positions (7,) now, the tools' by their insertion motor."""
     motor = np.empty(AXES)
     _motors_of(firmware, joint, 0.0, motor)
     _motors_of(firmware, joint, motor[2], motor)
@@ -251,10 +247,7 @@ def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
 
 
 def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
-    """Return the joint torques (..., 7) of motor torques (..., 7) [Nm] demanded at the gearboxes' outputs.
-
-    Through the nominal ratios and coupling; what friction takes on the way is unknown.
-    """
+    """Return the joint torques (..., 7) of motor torques (..., 7) [Nm] at the gearboxes' outputs, without friction."""
     cable: Floats = torque * firmware.ratio / firmware.gearbox
     joint = cable.copy()
     joint[..., 0], joint[..., 1], joint[..., 2] = joint_forces(
@@ -323,8 +316,8 @@ def run_ticks(
 
     A tick acts on what the encoders gave at the end of the last one, advances the physics by 1 ms, and reads them
     again. The tree is that of the positioning joints, payload included, links what the firmware knows of it.
-    Setpoints (T, 7) are desired joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in
-    base axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log.
+    Setpoints (T, 7) are joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in base
+    axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log.
     """
     cable, firmware, arm, control, work = cable[()], firmware[()], arm[()], control[()], work[()]
     own = own[()]

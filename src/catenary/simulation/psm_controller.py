@@ -40,7 +40,7 @@ class PsmState(ArmState):
 
 
 class PsmWork(Work):
-    """Scratch for `psm_dynamics`, whose results are `load` and `inverse`, and for `psm_step`."""
+    """Scratch for `psm_dynamics`, which leaves `load` and `inverse`, and for `psm_step`."""
 
     sizes = PSM_SIZES
 
