@@ -371,10 +371,6 @@ def test_late_ticks_are_counted_and_delay_the_motion() -> None:
     assert report.compute.max > 0.01
 
 
-def still(duration: float) -> Rest:
-    return Rest(np.zeros(2), duration)
-
-
 class Scripted:
     """A source that says what a test tells it to, tick by tick."""
 
@@ -403,7 +399,7 @@ def test_the_states_gravity_is_what_the_source_says_at_the_states_time():
             return np.zeros(2)
 
     source = Scripted([ReadingStatus.LIVE] * 11, [Fault.NONE] * 11)
-    run_loop(MassPlant(np.zeros(2)), Watching(), still(0.01), gravity=source)
+    run_loop(MassPlant(ZERO), Watching(), Rest(ZERO, 0.01), gravity=source)
     assert_allclose(source.times, np.arange(11) * 0.001)
     for state, at in zip(seen, source.times, strict=True):
         assert state.time == at
@@ -416,7 +412,7 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     both = Fault.STUCK | Fault.INTERRUPTED
     statuses = [ReadingStatus.NOMINAL] * 2 + [ReadingStatus.LIVE] * 5 + [ReadingStatus.STALE] * 4
     source = Scripted(statuses, [Fault.NOTHING_RECEIVED] * 2 + [Fault.NONE] * 5 + [Fault.STUCK] + [both] * 3)
-    report = run_loop(MassPlant(np.zeros(2)), PD, still(0.01), gravity=source)
+    report = run_loop(MassPlant(ZERO), PD, Rest(ZERO, 0.01), gravity=source)
     assert report.gravity is not None
     assert report.gravity.ticks == {"nominal": 2, "live": 5, "stale": 4}
     assert report.gravity.faults == {"nothing_received": 2, "stuck": 4, "interrupted": 3}
@@ -426,12 +422,12 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
 
 
 def test_a_lost_sensor_stops_the_robot_safely_where_that_is_asked_for():
-    plant = MassPlant(np.zeros(2))
+    plant = MassPlant(ZERO)
     lost = sensed(InjectedFault("drop_out", 0.5), fallback="stop")
     with pytest.raises(SensorError, match="gravity is not known: samples stopped coming") as caught:
-        run_loop(plant, PD, still(2.0), gravity=lost)
+        run_loop(plant, PD, Rest(ZERO, 2.0), gravity=lost)
     assert plant.state.state == "PAUSED"
     assert [verb for verb, _ in plant.log][-2:] == ["servo_jp", "state_command"]
-    report = caught.value.loop_report  # type: ignore[attr-defined]
+    report = report_of(caught.value)
     assert report.ticks == pytest.approx(696, abs=2)  # 495 ms, the last sample, and the age limit of 200 ms
     assert report.gravity.ticks["stop"] == 1

@@ -16,9 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from catenary.errors import CatenaryError
-from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from tests.descriptions.against import differences
 
 POSES = 5
 BOUND = 1e-10
@@ -27,25 +27,12 @@ BOUND = 1e-10
 def difference(path: Path, model: RobotModel, rng: np.random.Generator) -> float:
     """Return the largest difference to Pinocchio's torques over the largest torque, over random poses."""
     theirs = pin.buildModelFromUrdf(str(path))
-    data = theirs.createData()
     tree = ElementTree.parse(path).getroot()
     joint_of = {each.find("child").get("link"): each.get("name") for each in tree.findall("joint")}
-    ids = [theirs.getJointId(joint_of[link]) for link in model.link_names]
-    worst, largest = 0.0, 0.0
-    for _ in range(POSES):
-        q, gravity = rng.uniform(-1.0, 1.0, model.n), rng.normal(size=3) * 6.0
-        x = model.coupling @ q + model.offset
-        theirs.gravity.linear = gravity
-        pose = pin.neutral(theirs)
-        for place, joint in zip(x, ids, strict=True):
-            k = theirs.joints[joint].idx_q
-            turning = theirs.joints[joint].nq == 2  # continuous: cosine and sine
-            pose[k : k + (2 if turning else 1)] = [np.cos(place), np.sin(place)] if turning else [place]
-        torque = pin.computeGeneralizedGravity(theirs, data, pose)
-        expected = model.coupling.T @ [torque[theirs.joints[joint].idx_v] for joint in ids]
-        worst = max(worst, float(np.abs(gravity_torque(model, q, gravity) - expected).max()))
-        largest = max(largest, float(np.abs(expected).max()))
-    return worst / largest if largest else worst
+    joints = [theirs.getJointId(joint_of[link]) for link in model.link_names]
+    poses = ((rng.uniform(-1.0, 1.0, model.n), rng.normal(size=3) * 6.0) for _ in range(POSES))
+    worst, largest = differences(model, theirs, joints, poses)
+    return float(worst.max()) / (largest or 1.0)
 
 
 def row(path: Path, name: str, rng: np.random.Generator) -> tuple[str, bool]:

@@ -6,7 +6,7 @@ hold these words out of their file. The table of docs/public-robots.md is made o
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,6 +20,7 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY
 
 POSES = 1000
+Floats = NDArray[np.float64]
 
 
 def read(path: Path, without: Sequence[str]) -> pin.Model:
@@ -32,24 +33,34 @@ def read(path: Path, without: Sequence[str]) -> pin.Model:
     return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
 
-def differences(model: RobotModel, theirs: pin.Model, rng: np.random.Generator) -> tuple[NDArray[np.float64], float]:
-    """Return the largest difference (n,) [Nm] in the first n joints of both, and the largest torque [Nm]."""
+def differences(
+    model: RobotModel, theirs: pin.Model, joints: Sequence[int], poses: Iterable[tuple[Floats, Floats]]
+) -> tuple[Floats, float]:
+    """Return the largest difference (n,) to Pinocchio's torques [Nm], and the largest torque, over poses and gravities.
+
+    joints are Pinocchio's of the tree's links.
+    """
     data = theirs.createData()
-    lower, upper = (np.clip(limit, -np.pi, np.pi) for limit in (model.lower, model.upper))
     worst, largest = np.zeros(model.n), 0.0
-    for _ in range(POSES):
-        q, down = rng.uniform(lower, upper), rng.normal(size=3)
-        gravity = STANDARD_GRAVITY * down / np.linalg.norm(down)
+    for q, gravity in poses:
         theirs.gravity.linear = gravity
         pose = pin.neutral(theirs)
-        for place, joint in zip(q, theirs.joints[1:], strict=False):
-            k = joint.idx_q
-            pose[k : k + joint.nq] = [np.cos(place), np.sin(place)] if joint.nq == 2 else [place]
+        for place, joint in zip(model.coupling @ q + model.offset, joints, strict=True):
+            k, turns = theirs.joints[joint].idx_q, theirs.joints[joint].nq == 2  # continuous: cosine and sine
+            pose[k : k + 1 + turns] = [np.cos(place), np.sin(place)] if turns else [place]
         torque = pin.computeGeneralizedGravity(theirs, data, pose)
-        expected = np.array([torque[joint.idx_v] for joint in theirs.joints[1 : model.n + 1]])
+        expected = model.coupling.T @ [torque[theirs.joints[joint].idx_v] for joint in joints]
         worst = np.maximum(worst, np.abs(gravity_torque(model, q, gravity) - expected))
         largest = max(largest, float(np.abs(expected).max()))
     return worst, largest
+
+
+def between_limits(model: RobotModel, rng: np.random.Generator) -> Iterator[tuple[Floats, Floats]]:
+    """Yield poses (n,) between the limits, and gravity (3,) in any direction."""
+    lower, upper = (np.clip(limit, -np.pi, np.pi) for limit in (model.lower, model.upper))
+    for _ in range(POSES):
+        q, down = rng.uniform(lower, upper), rng.normal(size=3)
+        yield q, STANDARD_GRAVITY * down / np.linalg.norm(down)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,7 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     made.add_argument("--without", default="", help="Words in the names of links to leave out, by commas.")
     told = made.parse_args(arguments)
     words = [word for word in told.without.split(",") if word]
-    worst, largest = differences(load_robot(told.robot), read(told.file, words), np.random.default_rng(0))
+    model = load_robot(told.robot)
+    poses = between_limits(model, np.random.default_rng(0))
+    worst, largest = differences(model, read(told.file, words), range(1, model.n + 1), poses)
     joints = ", ".join(f"{each:.2g}" for each in worst)
     print(f"| {told.robot} | {told.file.name} | {joints} | {worst.max() / largest:.1g} of {largest:.3g} |")
     return 0

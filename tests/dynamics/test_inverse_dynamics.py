@@ -9,7 +9,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inve
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
-from oracles.floating_base import Free, by_mujoco, by_pinocchio
+from oracles.floating_base import STILL, Free, by_mujoco, by_pinocchio
 from oracles.mujoco_trees import mujoco_data, mujoco_mass_matrix, mujoco_model
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
 from oracles.random_trees import Floats, RandomRobot, random_rotation
@@ -24,10 +24,9 @@ def random_motion(robot: RandomRobot, rng: np.random.Generator) -> tuple[Floats,
 def test_torques_are_what_peers_compute(peer, moving, random_robots, rng):
     for robot in random_robots:
         arm, gravity = random_motion(robot, rng), 5.0 * rng.normal(size=3)
-        still = Free(np.eye(3), np.zeros(3), BaseMotion(*np.zeros((3, 3))))
         base = Free(random_rotation(rng), rng.normal(size=3), BaseMotion(*rng.normal(size=(3, 3))))
         tau = inverse_dynamics(robot.model, *arm, gravity, base.motion if moving else None)
-        expected = peer(robot, *arm, gravity, base if moving else still)
+        expected = peer(robot, *arm, gravity, base if moving else STILL)
         assert_allclose(tau, expected, atol=1e-10, err_msg=robot.model.name)
 
 

@@ -13,10 +13,6 @@ from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
 
 
-def moving_mass(robot) -> float:
-    return float(robot.model.tree.mass.sum())
-
-
 def test_it_is_where_mujoco_and_pinocchio_have_it(random_robots, rng) -> None:
     for robot in random_robots[::2]:
         m = robot.model
@@ -26,11 +22,11 @@ def test_it_is_where_mujoco_and_pinocchio_have_it(random_robots, rng) -> None:
         x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
         # Pinocchio counts the moving links alone, MuJoCo also those fixed to the base
         assert_allclose(center_of_mass(m, q), pinocchio.centerOfMass(pin, pin_data, x), atol=1e-10)
-        if np.isclose(mj.body_subtreemass[0], moving_mass(robot)):
+        if np.isclose(mj.body_subtreemass[0], m.tree.mass.sum()):
             assert_allclose(center_of_mass(m, q), data.subtree_com[0], atol=1e-10)
         linear = np.zeros((3, mj.nv))
         mujoco.mj_jacSubtreeCom(mj, data, linear, 0)
-        share = mj.body_subtreemass[0] / moving_mass(robot)
+        share = mj.body_subtreemass[0] / m.tree.mass.sum()
         expected = share * linear[:, mujoco_order(robot, mj)] @ m.coupling
         assert_allclose(center_of_mass_jacobian(m, q), expected, atol=1e-10, err_msg=m.name)
         J = np.asarray(pinocchio.jacobianCenterOfMass(pin, pin_data, x)).reshape(3, -1)

@@ -20,6 +20,7 @@ from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function
 from catenary.gravity.gravity_regressor import standard_gravity_regressor
 from catenary.gravity.torque import gravity_torque
+from catenary.kernels.c99 import c_name
 from catenary.robots.actuation import (
     Actuation,
     Friction,
@@ -275,3 +276,10 @@ def test_what_cannot_be_exported_is_refused():
         export_function(arm, "forward_kinematics", "jax", frame="nose")
     with pytest.raises(MissingInertiaError):
         export_function(load_robot("tiago"), "gravity", "c99")
+
+
+@pytest.mark.parametrize(
+    ("text", "name"), [("raven2", "raven2"), ("Panda (left)", "panda_left"), ("2 link", "robot_2_link"), ("", "robot")]
+)
+def test_names_become_names_of_c(text, name):
+    assert c_name(text) == name

@@ -28,6 +28,11 @@ def torques(model, q, gravity, rng, noise):
     return gravity_torque(model, q, gravity) + noise * rng.normal(size=model.n)
 
 
+def eager(model, **options):
+    """An estimator that takes every torque."""
+    return RecursiveGravityEstimator(model, settle=0.0, interval=0.0, novelty=0.0, **{"noise": 0.05, **options})
+
+
 def test_without_forgetting_it_is_weighted_least_squares_with_the_prior(rng: np.random.Generator) -> None:
     for seed in (4, 7, 12):
         model = random_robot(seed).model
@@ -35,9 +40,7 @@ def test_without_forgetting_it_is_weighted_least_squares_with_the_prior(rng: np.
         p = len(regressor.labels)
         noise = rng.uniform(0.5, 2.0, model.n)
         spread, s0 = rng.uniform(0.5, 2.0, p), rng.normal(size=p)
-        estimator = RecursiveGravityEstimator(
-            model, noise=noise, s0=s0, spread=spread, forgetting=1.0, settle=0.0, novelty=0.0
-        )
+        estimator = eager(model, noise=noise, s0=s0, spread=spread, forgetting=1.0)
         rows, wanted = [np.diag(1.0 / spread)], [s0 / spread]
         for k in range(30):
             q, gravity = rng.normal(size=model.n), rng.normal(size=3)
@@ -86,9 +89,7 @@ def test_a_load_on_a_known_carrier_is_told_in_its_first_pose(rng: np.random.Gene
     loaded = Payload(2.0, "right_hand", (0.03, 0.0, -0.02)).on(model)
     off = {}
     for carriers in ((), ("left_hand", "right_hand")):
-        estimator = RecursiveGravityEstimator(
-            model, noise=0.05, settle=0.0, interval=0.0, novelty=0.0, carriers=carriers
-        )
+        estimator = eager(model, carriers=carriers)
         for k, q in enumerate(middle + half * rng.uniform(-1.0, 1.0, size=(40, model.n))):
             estimator.update(q, rest, gravity_torque(model, q, UPRIGHT), UPRIGHT, float(k))
         estimator.update(middle, rest, gravity_torque(loaded, middle, UPRIGHT), UPRIGHT, 50.0)
@@ -108,10 +109,8 @@ def test_certainty_of_an_arm_does_not_hold_its_load(spread: float, forgetting: f
     model = load_robot("dual_arm_19")
     loaded = Payload(2.0, "right_hand", (0.03, 0.0, -0.02)).on(model)
     middle, half = 0.5 * (model.lower + model.upper), 0.3 * (model.upper - model.lower)
-    estimator = RecursiveGravityEstimator(
-        model, noise=0.05, s0=compact_regressor(model).parameters(), spread=spread, forgetting=forgetting,
-        settle=0.0, interval=0.0, novelty=0.0, carriers=("left_hand", "right_hand"),
-    )  # fmt: skip
+    known, hands = compact_regressor(model).parameters(), ("left_hand", "right_hand")
+    estimator = eager(model, s0=known, spread=spread, forgetting=forgetting, carriers=hands)
     turns = rng.uniform(-1.0, 1.0, size=(80, model.n))
     turns[20:30] = turns[20]  # the load is taken up where a few poses alike tell little of it
     for k, q in enumerate(middle + half * turns):

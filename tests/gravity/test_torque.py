@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pinocchio
 import pytest
@@ -9,29 +11,15 @@ from catenary.gravity.torque import gravity_delta, gravity_torque, potential_ene
 from catenary.robots.catalog import load_robot
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL
-from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
+from oracles.floating_base import by_mujoco, by_pinocchio, held
 from oracles.paper_gravity import paper_gravity_torque
-from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
+from oracles.pinocchio_trees import pinocchio_model, pinocchio_vector
 from oracles.random_trees import Floats, RandomRobot
 
 RAVEN = load_robot("raven2")
 
 UPRIGHT = np.array([0.0, 0.0, -9.81])
 ARMS = ["raven2", "raven2_right", "raven2_full", "raven2_full_right"]
-
-
-def by_mujoco(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
-    mj = mujoco_model(robot, gravity=gravity)
-    bias: Floats = mujoco_data(robot, mj, q).qfrc_bias[mujoco_order(robot, mj)]
-    return robot.model.coupling.T @ bias
-
-
-def by_pinocchio(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
-    m, pin = robot.model, pinocchio_model(robot)
-    pin.gravity.linear = gravity
-    x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
-    held = pinocchio.computeGeneralizedGravity(pin, pin.createData(), x)[pinocchio_order(robot, pin)]
-    return m.coupling.T @ held
 
 
 def by_the_papers_sum(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
@@ -53,8 +41,8 @@ def by_slope_of_energy(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats
 @pytest.mark.parametrize(
     ("peer", "atol"),
     [
-        (by_mujoco, 1e-10),
-        (by_pinocchio, 1e-10),
+        (partial(held, peer=by_mujoco), 1e-10),
+        (partial(held, peer=by_pinocchio), 1e-10),
         (by_the_papers_sum, 1e-10),
         (by_slope_of_energy, 1e-7),  # central difference, h = 1e-5, of energies up to 300 J
     ],

@@ -6,27 +6,22 @@ from catenary.gravity.vendors import VENDORS, in_controller_base, vendor_command
 from catenary.robots.catalog import load_robot
 from catenary.sensing.vector import tilted_gravity
 
+S, C = 9.81 * np.sin(0.3), 9.81 * np.cos(0.3)
+
 
 @pytest.mark.parametrize(
-    ("gravity", "said"),
+    ("name", "gravity", "said"),
     [
         # Universal Robots, "7th axis gravity settings": at rest, and accelerated along x by half a g
-        ((0.0, 0.0, -9.82), "set_gravity([0.0000, 0.0000, 9.8200])"),
-        ((-4.91, 0.0, -9.82), "set_gravity([4.9100, 0.0000, 9.8200])"),
+        ("ur", (0.0, 0.0, -9.82), "set_gravity([0.0000, 0.0000, 9.8200])"),
+        ("ur", (-4.91, 0.0, -9.82), "set_gravity([4.9100, 0.0000, 9.8200])"),
+        # its script manual, turned about x: set_gravity([0, 9.82 sin(theta), 9.82 cos(theta)])
+        ("ur", tilted_gravity(0.3, 0.0), f"set_gravity([0.0000, {S:.4f}, {C:.4f}])"),
+        ("kortex", (0.0, 0.0, -9.81), "gravity_x=0.0000, gravity_y=0.0000, gravity_z=-9.8100"),
     ],
 )
-def test_a_universal_robot_is_told_as_its_manual_says(gravity, said):
-    assert vendor_command("ur", gravity) == said
-
-
-def test_a_universal_robot_turned_about_x_is_told_as_its_script_manual_says():
-    a = 0.3  # set_gravity([0, 9.82 sin(theta), 9.82 cos(theta)])
-    told = f"set_gravity([0.0000, {9.81 * np.sin(a):.4f}, {9.81 * np.cos(a):.4f}])"
-    assert vendor_command("ur", tilted_gravity(a, 0.0)) == told
-
-
-def test_a_kinova_is_told_of_gravity_that_points_down():
-    assert "gravity_x=0.0000, gravity_y=0.0000, gravity_z=-9.8100" in vendor_command("kortex", (0.0, 0.0, -9.81))
+def test_a_vendors_controller_is_told_as_its_manual_says(name, gravity, said):
+    assert said in vendor_command(name, gravity)
 
 
 def test_a_franka_cannot_be_told_and_says_what_to_add():

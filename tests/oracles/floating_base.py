@@ -1,5 +1,6 @@
 """Torques of an arm on a base that floats and is moved as one says, by MuJoCo and by Pinocchio."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import mujoco
@@ -18,6 +19,9 @@ class Free(NamedTuple):
     R_world_base: Floats
     velocity: Floats
     motion: BaseMotion
+
+
+STILL = Free(np.eye(3), np.zeros(3), BaseMotion(*np.zeros((3, 3))))
 
 
 def by_mujoco(robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, base: Free) -> Floats:
@@ -55,3 +59,8 @@ def by_pinocchio(robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity
     xdd[:3], xdd[3:6] = acceleration - np.cross(omega, base.velocity), alpha
     xd[order], xdd[order] = m.coupling @ qd, m.coupling @ qdd
     return m.coupling.T @ pinocchio.rnea(pin, pin.createData(), x, xd, xdd)[order]
+
+
+def held(robot: RandomRobot, q: Floats, gravity: Floats, peer: Callable[..., Floats] = by_mujoco) -> Floats:
+    """Torques that hold an arm on a base that stands still."""
+    return peer(robot, q, *np.zeros((2, robot.model.n)), gravity, STILL)

@@ -8,31 +8,26 @@ from catenary.robots.model import Tree
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import Cable
 from catenary.spatial import quaternion_from_rotation
+from oracles.mujoco_trees import inertial, text
 
 Floats = NDArray[np.float64]
 HEAVY = 1e6  # [kg m2] of the hinge that drives the base: the arm cannot push it
 
 
-def _text(values: Floats) -> str:
-    return " ".join(f"{v:.17g}" for v in np.ravel(values))
-
-
 def cable_arm_xml(tree: Tree, cable: Cable, base: RockingBase | None, timestep: float) -> str:
     links = ""
     for i in (2, 1, 0):
-        I = tree.inertia[i]
         kind = "slide" if tree.prismatic[i] else "hinge"
         links = (
-            f'<body pos="{_text(tree.origin[i])}" quat="{_text(quaternion_from_rotation(tree.rotation[i]))}">'
-            f'<joint name="q{i}" type="{kind}" axis="{_text(tree.axis[i])}"/>'
-            f'<inertial mass="{tree.mass[i]:.17g}" pos="{_text(tree.com[i])}" '
-            f'fullinertia="{_text(np.array([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]))}"/>'
+            f'<body pos="{text(tree.origin[i])}" quat="{text(quaternion_from_rotation(tree.rotation[i]))}">'
+            f'<joint name="q{i}" type="{kind}" axis="{text(tree.axis[i])}"/>'
+            f"{inertial(tree.mass[i], tree.com[i], tree.inertia[i])}"
             f"{links}</body>"
         )
     if base is not None:
         lever = np.asarray(base.lever)
         links = (
-            f'<body pos="{_text(lever)}"><joint name="base" axis="{_text(base.axis)}" pos="{_text(-lever)}" '
+            f'<body pos="{text(lever)}"><joint name="base" axis="{text(base.axis)}" pos="{text(-lever)}" '
             f'armature="{HEAVY}"/><inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>{links}</body>'
         )
     # the rotors stand on the world, so that a rocking base does not drag them along: the plant leaves that out

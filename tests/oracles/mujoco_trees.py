@@ -11,8 +11,13 @@ from catenary.spatial import quaternion_from_rotation
 from oracles.random_trees import Floats, RandomRobot
 
 
-def _text(values: Floats) -> str:
+def text(values: Floats) -> str:
     return " ".join(f"{v:.17g}" for v in np.ravel(values))
+
+
+def inertial(mass: float, com: Floats, I: Floats) -> str:
+    six = I[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return f'<inertial mass="{mass:.17g}" pos="{text(com)}" fullinertia="{text(six)}"/>'
 
 
 def _mjcf_bodies(links: list[Link], parent: str) -> str:
@@ -23,18 +28,16 @@ def _mjcf_bodies(links: list[Link], parent: str) -> str:
             continue
         body = link.inertia
         assert body is not None
-        I = body.inertia
         joint = ""
         if link.joint != "fixed":
             kind = "slide" if link.joint == "prismatic" else "hinge"
-            joint = f'<joint name="{link.name}" type="{kind}" axis="{_text(link.axis)}"/>'
+            joint = f'<joint name="{link.name}" type="{kind}" axis="{text(link.axis)}"/>'
         out += (
-            f'<body name="{link.name}_joint" pos="{_text(link.pose.position)}" '
-            f'quat="{_text(quaternion_from_rotation(link.pose.rotation))}">{joint}'
-            f'<body name="{link.name}" pos="{_text(link.frame.position)}" '
-            f'quat="{_text(quaternion_from_rotation(link.frame.rotation))}">'
-            f'<inertial mass="{body.mass:.17g}" pos="{_text(body.com)}" '
-            f'fullinertia="{_text(np.array([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]))}"/>'
+            f'<body name="{link.name}_joint" pos="{text(link.pose.position)}" '
+            f'quat="{text(quaternion_from_rotation(link.pose.rotation))}">{joint}'
+            f'<body name="{link.name}" pos="{text(link.frame.position)}" '
+            f'quat="{text(quaternion_from_rotation(link.frame.rotation))}">'
+            f"{inertial(body.mass, body.com, body.inertia)}"
             f"{_mjcf_bodies(links, link.name)}</body></body>"
         )
     return out
@@ -50,7 +53,7 @@ def mujoco_model(
         bodies = f'<body name="base"><freejoint name="base"/>{inertial}{bodies}</body>'
     g = np.zeros(3) if gravity is None else gravity
     return mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler angle="radian"/><option gravity="{_text(g)}"/><worldbody>{bodies}</worldbody></mujoco>'
+        f'<mujoco><compiler angle="radian"/><option gravity="{text(g)}"/><worldbody>{bodies}</worldbody></mujoco>'
     )
 
 

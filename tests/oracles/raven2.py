@@ -6,6 +6,8 @@ Table: uw-biorobotics/raven2 @ d2307c5, modified convention, Rx(alpha) Tx(a) Rz(
 import numpy as np
 from numpy.typing import NDArray
 
+from oracles.dh_products import modified
+
 Floats = NDArray[np.float64]
 
 # alpha, theta offset [deg] of the first three rows; the other rows are alike on both arms
@@ -30,10 +32,6 @@ def dh_frames(arm: str, joints: Floats) -> list[Floats]:
     frames = []
     T = np.eye(4)
     for alpha_deg, a, angle, d in rows:
-        ca, sa = np.cos(np.deg2rad(alpha_deg)), np.sin(np.deg2rad(alpha_deg))
-        ct, st = np.cos(angle), np.sin(angle)
-        T = T @ np.array(
-            [[ct, -st, 0.0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d], [0.0, 0.0, 0.0, 1.0]]
-        )
+        T = T @ modified(np.deg2rad(alpha_deg), a, d, angle)
         frames.append(T)
     return frames

@@ -13,13 +13,10 @@ from catenary.robots.link_inertia import LinkInertia
 from catenary.spatial import LEVEL, Pose, identity_pose, rotation_from_rpy
 from oracles.point_masses import assert_same_body, cloud, inertia_of
 from oracles.random_robots import random_tensor
+from oracles.random_trees import random_pose
 from oracles.tree_poses import frame_pose
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def random_pose(rng):
-    return Pose(rotation_from_rpy(rng.normal(size=3)), rng.normal(size=3))
 
 
 def link(name="a", parent="base", joint="revolute", **options):

@@ -6,20 +6,8 @@ import own_base
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.dh_table import load_table
 from catenary.spatial import Pose, rotation_from_rpy
+from oracles.dh_products import PRODUCTS
 from oracles.tree_poses import frame_pose, homogeneous
-
-
-def modified_product(alpha, a, d, theta):
-    """Craig, Introduction to Robotics, eq. 3.6, written out."""
-    ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
-    return np.array([[ct, -st, 0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d], [0, 0, 0, 1]])
-
-
-def standard_product(alpha, a, d, theta):
-    """Denavit and Hartenberg's matrix, as in Spong, Robot Modeling and Control, eq. 3.10."""
-    ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
-    return np.array([[ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d], [0, 0, 0, 1]])
-
 
 HEAD = 'name = "r"\nconvention = "modified"\nsources = ["assumed"]\n'
 MASS = "mass_kg = 2\ncom_m = [0.1, 0.2, 0.3]\ninertia_kg_m2 = [1, 0.1, 0.2, 2, 0.3, 2.5]\n"
@@ -49,9 +37,9 @@ def product_row(name, joint, alpha, a, d, theta):
     return row(name, joint, f"{angles}a_m = {a}\nd_m = {d}\n".replace(")", ""), "")
 
 
-@pytest.mark.parametrize(("convention", "product"), [("modified", modified_product), ("standard", standard_product)])
+@pytest.mark.parametrize("convention", PRODUCTS)
 @pytest.mark.parametrize("seed", range(4))
-def test_poses_are_the_product_of_the_conventions_matrices(load, convention, product, seed):
+def test_poses_are_the_product_of_the_conventions_matrices(load, convention, seed):
     rng = np.random.default_rng(seed)
     kinds = ["revolute", "prismatic", "fixed", "revolute", "prismatic", "revolute"]
     table = rng.normal(size=(6, 4))
@@ -68,7 +56,7 @@ def test_poses_are_the_product_of_the_conventions_matrices(load, convention, pro
     for number, (kind, (alpha, a, d, theta)) in enumerate(zip(kinds, table, strict=True)):
         theta_now = theta + (left.pop(0) if kind == "revolute" else 0.0)
         d_now = d + (left.pop(0) if kind == "prismatic" else 0.0)
-        expected = expected @ product(alpha, a, d_now, theta_now)
+        expected = expected @ PRODUCTS[convention](alpha, a, d_now, theta_now)
         assert_allclose(frame_pose(model, f"r{number}", q), expected, atol=1e-12)
 
 
@@ -134,17 +122,12 @@ def test_frames_and_the_base_pose_are_read(load):
     assert_array_equal(frame_pose(model, "foot", [0.0])[:3, 3], [0, 0, 1])
 
 
-def test_rows_without_mass_are_missing_inertia_unless_massless(load):
-    text = HEAD + row("a", more="") + row("b", more="massless = true\n") + row("c", more="")
-    model = load(text, massless=["c"])
-    assert model.missing_inertia == ("a",)
-    assert model.massless == ("b", "c")
-
-
 def test_a_row_may_declare_on_which_axes_its_centre_of_mass_lies(load):
     on_x = MASS.replace("[0.1, 0.2, 0.3]", "[0.1, 0, 0]") + 'axes_of_com = ["x"]\n'
-    model = load(HEAD + row("a", more=on_x) + row("b") + row("c", more="massless = true\naxes_of_com = []\n"))
-    assert_array_equal(model.axes_of_com, [[True, False, False], [True] * 3, [False] * 3])
+    text = HEAD + row("a", more=on_x) + row("b", more="") + row("c", more="massless = true\naxes_of_com = []\n")
+    model = load(text + row("d", more=""), massless=["d"])
+    assert_array_equal(model.axes_of_com, [[True, False, False], [True] * 3, [False] * 3, [True] * 3])
+    assert (model.missing_inertia, model.massless) == (("b",), ("c", "d"))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError, FileFormatError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from oracles.dh_products import PRODUCTS
 
 HALF = 1.5708  # as the dVRK writes a quarter turn
 TIP = [[0.0, -1.0, 0.0, 0.002], [0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.01], [0.0, 0.0, 0.0, 1.0]]
@@ -87,18 +88,13 @@ def share(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def product(joints: list[dict], q: np.ndarray, convention: str, tip: list[list[float]] | None) -> np.ndarray:
-    """Craig's matrices, or Denavit and Hartenberg's, multiplied: T_base_tip."""
+    """T_base_tip, row by row."""
     T = np.eye(4)
     for joint, angle in zip(joints, q, strict=True):
         turns = joint["type"] == "revolute"
         theta = joint["theta"] + (angle + joint["offset"] if turns else 0.0)
         d = joint["D"] + (0.0 if turns else angle + joint["offset"])
-        ca, sa, ct, st, a = (np.cos(joint["alpha"]), np.sin(joint["alpha"]), np.cos(theta), np.sin(theta), joint["A"])
-        if convention == "modified":
-            rows = [[ct, -st, 0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d], [0, 0, 0, 1]]
-        else:
-            rows = [[ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d], [0, 0, 0, 1]]
-        T = T @ np.array(rows)
+        T = T @ PRODUCTS[convention](joint["alpha"], joint["A"], d, theta)
     return T if tip is None else T @ np.array(tip)
 
 

@@ -15,6 +15,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.link_inertia import LinkInertia, is_negative, unphysical
 from catenary.spatial import Pose, identity_pose, rotation_from_rpy
 from oracles.point_masses import cloud, inertia_of
+from oracles.random_trees import random_pose
 from oracles.tree_poses import frame_pose
 
 RAVEN = load_robot("raven2")
@@ -160,10 +161,6 @@ def test_a_payload_that_is_hardly_meant_is_logged(mass, place, said, caplog):
 
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def random_pose(rng):
-    return Pose(rotation_from_rpy(rng.normal(size=3)), rng.normal(size=3))
 
 
 def test_a_body_of_which_one_part_has_no_inertia_has_none():

@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.spatial import STANDARD_GRAVITY
-from oracles.tree_poses import frame_pose, homogeneous
+from oracles.dh_products import standard
+from oracles.tree_poses import frame_pose
 
 ARMS = ["panda", "ur5e", "ur10e", "iiwa14", "gen3"]
 
@@ -38,12 +39,10 @@ UR = {
 
 
 def standard_poses(a, d, q):
-    """Poses of the frames of a standard table in its base, after Denavit and Hartenberg."""
+    """Poses of the frames of a standard table in its base."""
     poses, above = [], np.eye(4)
     for k, angle in enumerate(q):
-        c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(UR_ALPHA[k]), np.sin(UR_ALPHA[k])
-        turned = np.array([[c, -s * ca, s * sa], [s, c * ca, -c * sa], [0, sa, ca]])
-        above = above @ homogeneous(turned, [a[k] * c, a[k] * s, d[k]])
+        above = above @ standard(UR_ALPHA[k], a[k], d[k], angle)
         poses.append(above)
     return poses
 

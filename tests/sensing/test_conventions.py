@@ -1,11 +1,13 @@
 """Units and axes of drivers, each held to what it must read on a level base that rolls to the left."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.recording.import_formats import sources
 from catenary.recording.import_formats.imu_recording import read_imu
@@ -24,14 +26,25 @@ WRITTEN = {
 }  # fmt: skip
 
 
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, Floats], Path]:
+    """Write the columns of a header, rows (N, n), as a file."""
+
+    def as_csv(header: str, rows: Floats) -> Path:
+        np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=header, comments="")
+        return tmp_path / "a.csv"
+
+    return as_csv
+
+
 @pytest.mark.parametrize("name", DRIVERS)
-def test_files_and_samples_of_a_driver_come_out_in_si_and_base_axes(name: str, tmp_path: Path) -> None:
+def test_files_and_samples_of_a_driver_come_out_in_si_and_base_axes(
+    name: str, write: Callable[[str, Floats], Path]
+) -> None:
     first, said = DRIVERS[name].columns or "ax, gx", WRITTEN[name]
     header = [column.replace("X", axis).replace("gx", f"g{axis.lower()}").replace("ax", f"a{axis.lower()}")
               for column in first.split(", ") for axis in "XYZ"]  # fmt: skip
-    rows = np.column_stack([0.01 * np.arange(30), np.tile(said, (30, 1))])
-    path = tmp_path / "imu.csv"
-    np.savetxt(path, rows, delimiter=",", header=",".join(["time", *header]), comments="")
+    path = write(",".join(["time", *header]), np.c_[0.01 * np.arange(30), np.tile(said, (30, 1))])
     told = convention_of(driver=name)
     found, mailbox = read_imu(path, matrices=told, has_units=True), Mailbox(convention=told)
     assert found.rate is not None
@@ -90,10 +103,9 @@ def test_conventions_that_there_are_not_are_refused(options: dict, said: str) ->
         ("ax [m/s^2],ay [m/s^2],az [m/s^2],wx [rad/s],wy [rad/s],wz [rad/s]", 1.0, 1.0),
     ],
 )  # fmt: skip
-def test_units_in_headers_count(header: str, force: float, rate: float, tmp_path: Path) -> None:
-    rows = np.column_stack([0.01 * np.arange(30), np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0], (30, 1))])
-    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=f"time,{header}", comments="")
-    found = read_imu(tmp_path / "a.csv")
+def test_units_in_headers_count(header: str, force: float, rate: float, write: Callable[[str, Floats], Path]) -> None:
+    rows = np.c_[0.01 * np.arange(30), np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0], (30, 1))]
+    found = read_imu(write(f"time,{header}", rows))
     assert_allclose(found.force[0], [0.0, 0.0, force])
     assert found.rate is not None
     assert_allclose(found.rate[0], [rate, 0.0, 0.0])
@@ -119,29 +131,24 @@ def test_rows_of_other_sensors_are_no_readings_and_one_that_is_no_number_is_a_fa
     assert check_file(str(tmp_path / "a.csv")).faults == ["1 of 20 readings of the accelerometer are no numbers"]
 
 
-def test_gravity_that_was_taken_away_and_units_that_there_are_not_are_refused(tmp_path: Path) -> None:
+def test_gravity_that_was_taken_away_and_units_that_there_are_not_are_refused(
+    write: Callable[[str, Floats], Path],
+) -> None:
     for header, said in (
         ("FreeAcc_X,FreeAcc_Y,FreeAcc_Z", "without gravity"),
         ("ax (lb),ay (lb),az (lb)", 'unit "lb"'),
     ):
-        np.savetxt(
-            tmp_path / "a.csv",
-            np.c_[np.arange(20.0), np.ones((20, 3))],
-            delimiter=",",
-            header=f"time_s,{header}",
-            comments="",
-        )
+        path = write(f"time_s,{header}", np.c_[np.arange(20.0), np.ones((20, 3))])
         with pytest.raises(InputError, match=said):
-            read_imu(tmp_path / "a.csv")
+            read_imu(path)
 
 
-def test_bursts_are_spread_and_their_time_may_be_told(tmp_path: Path) -> None:
+def test_bursts_are_spread_and_their_time_may_be_told(write: Callable[[str, Floats], Path]) -> None:
     stamps = np.repeat(0.04 * np.arange(1, 20), 4) + np.tile(1e-4 * np.arange(4), 19)
-    rows = np.column_stack([stamps, np.tile([0.0, 0.0, 9.8], (76, 1))])
-    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,ax,ay,az", comments="")
+    path = write("time,ax,ay,az", np.c_[stamps, np.tile([0.0, 0.0, 9.8], (76, 1))])
     with pytest.raises(InputError, match="--time time@UNIT") as refused:
-        read_imu(tmp_path / "a.csv")
+        read_imu(path)
     assert "--map" not in str(refused.value)  # which is import's
-    found = read_imu(tmp_path / "a.csv", time="time@s")
+    found = read_imu(path, time="time@s")
     assert_allclose(np.diff(found.time)[4:], 0.01, atol=1e-6)
     assert any("bursts of 4" in note for note in found.notes)

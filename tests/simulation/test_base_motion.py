@@ -25,20 +25,34 @@ ROCKING = RockingBase(
 )
 
 
-def world_pose(base, t):
-    """R_world_base and the base's origin, from the definition: the tilt, then the rocking about an own axis."""
-    axis = np.array(base.axis) / np.linalg.norm(base.axis)
-    angle = base.mean + base.amplitude * np.sin(2.0 * np.pi * base.frequency * t)
-    R = tilt(base.start.roll, base.start.pitch) @ Rotation.from_rotvec(angle * axis).as_matrix()
-    return R, R @ np.array(base.lever)
+SWAYING = SwayingBase(
+    (Wave(0.3, 0.7, (1.0, 0.0, 0.0), 0.2), Wave(0.2, 0.9, (0.0, 1.0, 0.5), 1.1)),
+    (Wave(2.0, 0.12, (0.0, 0.0, 1.0), 0.4), Wave(1.0, 0.3, (1, 0, 0))),
+    FixedBase(0.2, -0.3),
+)
 
 
-def differentiated(t):
-    """Angular velocity, and acceleration of the origin, in ROCKING's axes, by central differences of its pose."""
-    h = 1e-4
-    (R_before, before), (R, here), (R_after, after) = (world_pose(ROCKING, t + s) for s in (-h, 0.0, h))
-    omega = Rotation.from_matrix(R_before.T @ R_after).as_rotvec() / (2 * h)
-    return omega, R.T @ (before - 2.0 * here + after) / h**2
+def attitude(base, t):
+    """R_world_base from the definition: the tilt, then the rocking about own axes."""
+    R = Rotation.from_matrix(tilt(base.start.roll, base.start.pitch))
+    if base is ROCKING:
+        angle = base.mean + base.amplitude * np.sin(2.0 * np.pi * base.frequency * t)
+        return R * Rotation.from_rotvec(angle * np.array(base.axis) / np.linalg.norm(base.axis))
+    for wave in base.rocking:
+        R = R * Rotation.from_rotvec(np.sin(2.0 * np.pi * wave.frequency * t + wave.phase) * wave.along())
+    return R
+
+
+def omega(base, t, h=1e-4):
+    return (attitude(base, t - h).inv() * attitude(base, t + h)).as_rotvec() / (2.0 * h)
+
+
+def acceleration(base, t, h=1e-4):
+    """Of the origin, in world axes."""
+    if base is SWAYING:
+        return [np.sin(0.6 * np.pi * t), 0.0, 2.0 * np.sin(2.0 * np.pi * 0.12 * t + 0.4)]
+    before, here, after = (attitude(base, t + s).apply(base.lever) for s in (-h, 0.0, h))
+    return (before - 2.0 * here + after) / h**2
 
 
 @pytest.mark.parametrize(
@@ -61,30 +75,20 @@ def test_tilt_rolls_first_and_then_pitches_about_its_own_axis():
     assert_allclose(tilt(0.3, -0.7), Rotation.from_euler("XY", [0.3, -0.7]).as_matrix(), atol=1e-15)
 
 
-def test_rocking_turns_gravity_as_the_finite_rotation_does():
-    times = np.linspace(0.0, 3.0, 50)
-    gravity = ROCKING.sample(times).gravity
-    for t, g in zip(times, gravity, strict=True):
-        assert_allclose(g, world_pose(ROCKING, t)[0].T @ DOWN, atol=1e-13)
-
-
-def test_motion_is_that_of_the_finite_rotation_and_an_imu_reads_it():
+@pytest.mark.parametrize("base", [ROCKING, SWAYING])
+def test_a_base_that_moves_turns_and_accelerates_as_its_pose_does_and_an_imu_reads_it(base):
     times = np.linspace(0.0, 3.0, 20)
-    samples = ROCKING.sample(times)
-    omega, acceleration = (np.array(part) for part in zip(*map(differentiated, times), strict=True))
-    # h^2 of the third and fourth derivatives, roundings of 1e-16 / h^2
-    assert_allclose(samples.motion[:, 0], omega, atol=1e-6)
-    assert_allclose(samples.motion[:, 2], acceleration, atol=1e-6)
-    force, rate = imu_reading(samples)
-    assert_allclose(force, acceleration - samples.gravity, atol=1e-6)
-    assert_allclose(rate, omega, atol=1e-6)
-
-
-def test_angular_acceleration_is_the_derivative_of_angular_velocity():
-    h = 1e-5
-    times = np.linspace(0.0, 3.0, 20)
-    before, after = (ROCKING.sample(times + s).motion[:, 0] for s in (-h, h))
-    assert_allclose(ROCKING.sample(times).motion[:, 1], (after - before) / (2 * h), atol=1e-8)
+    samples = base.sample(times)
+    for t, gravity, motion, force, rate in zip(times, *samples, *imu_reading(samples), strict=True):
+        to_base = attitude(base, t).inv()
+        felt = to_base.apply(acceleration(base, t))
+        assert_allclose(gravity, to_base.apply(DOWN), atol=1e-12)
+        # central differences: h^2 of the third and fourth derivatives, roundings of 1e-16 / h^2
+        assert_allclose(
+            [*motion[[0, 2]], force, rate], [omega(base, t), felt, felt - gravity, omega(base, t)], atol=1e-6
+        )
+        # rates of change in axes that turn are those in axes that do not
+        assert_allclose(motion[1], (omega(base, t + 1e-4) - omega(base, t - 1e-4)) / 2e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("pieces", [[1] * 3000, [3000], [1000, 24, 1000, 976]])
@@ -107,32 +111,6 @@ def test_timeline_of_a_fixed_base_holds_for_as_long_as_asked():
     samples, count = BaseTimeline(FixedBase(0.1), 1e-3).rows(5000, 100_000)
     assert count == 100_000
     assert samples.gravity.shape == (1, 3)
-
-
-def test_a_base_that_sways_turns_and_accelerates_as_its_pose_does():
-    rocking = (Wave(0.3, 0.7, (1.0, 0.0, 0.0), 0.2), Wave(0.2, 0.9, (0.0, 1.0, 0.5), 1.1))
-    base = SwayingBase(
-        rocking, (Wave(2.0, 0.12, (0.0, 0.0, 1.0), 0.4), Wave(1.0, 0.3, (1, 0, 0))), FixedBase(0.2, -0.3)
-    )
-
-    def attitude(t):
-        R = Rotation.from_matrix(tilt(0.2, -0.3))
-        for wave in rocking:
-            R = R * Rotation.from_rotvec(np.sin(2.0 * np.pi * wave.frequency * t + wave.phase) * wave.along())
-        return R
-
-    def omega(t, h=1e-5):
-        return (attitude(t - h).inv() * attitude(t + h)).as_rotvec() / (2.0 * h)
-
-    for t in (0.0, 0.37, 1.9):
-        gravity, motion = (part[0] for part in base.sample(np.array([t])))
-        R = attitude(t).inv()
-        assert_allclose(gravity, R.apply(DOWN), atol=1e-12)
-        assert_allclose(motion[0], omega(t), atol=1e-7)  # central differences
-        # rates of change in axes that turn are those in axes that do not
-        assert_allclose(motion[1], (omega(t + 1e-4) - omega(t - 1e-4)) / 2e-4, atol=1e-4)
-        heave = 2.0 * np.sin(2.0 * np.pi * 0.12 * t + 0.4)
-        assert_allclose(motion[2], R.apply([np.sin(0.6 * np.pi * t), 0.0, heave]), atol=1e-12)
 
 
 ANGLES = st.floats(-1.0, 1.0)

@@ -246,19 +246,13 @@ def test_arm_that_homes_or_is_unhomed_is_not_homed(command, is_busy):
     assert plant.operating_state() == OperatingState("ENABLED", is_homed=False, is_busy=is_busy)
 
 
-def test_too_large_a_torque_trips_the_software_stop():
-    plant = faulty_plant()
-    assert plant.operating_state().state == "FAULT"
+def test_too_large_a_torque_trips_the_software_stop_also_in_a_run():
     with pytest.raises(NotReadyError, match="FAULT and homed: the software e-stop tripped"):
-        plant.servo_jp(np.zeros(7))
-
-
-def test_a_run_that_trips_the_software_stop_says_so():
+        faulty_plant().servo_jp(np.zeros(7))
     plant = homed_plant()
     plant.firmware = plant.firmware.replace(kp=100.0 * plant.firmware.kp)
-    rows = np.tile(plant.upper, (1000, 1))
     with pytest.raises(NotReadyError, match="software e-stop"):
-        plant.run(rows)
+        plant.run(np.tile(plant.upper, (1000, 1)))
 
 
 @pytest.mark.parametrize("rows", [np.zeros((5, 3)), np.zeros(7), np.full((2, 7), np.inf)])

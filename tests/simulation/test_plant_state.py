@@ -103,7 +103,7 @@ def test_an_arm_that_was_never_homed_comes_back_without_registered_encoders(tmp_
         ("arm.q", np.zeros(4)),
         ("control.counts", np.array(["a"] * 7)),
         ("rig_zero", np.full(3, np.inf)),
-        ("control.flags", np.zeros(2)),
+        ("control.braked", np.zeros(2)),
         ("about", np.array("[1]")),
         ("about", np.array("[" * 5000)),
     ],

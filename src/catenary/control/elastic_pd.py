@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from catenary.arrays import Floats, as_array, as_positive
-from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
-from catenary.dynamics.robot_kernels import holding_kernel
+from catenary.control.gravity_pd import GravityPD
+from catenary.control.pd import Damping, gravity_and_rates, nominal_gravity
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
@@ -27,7 +27,7 @@ _CLIMBS = 4
 _STEP = 1e-5  # [rad|m] of central differences
 
 
-class ElasticPD:
+class ElasticPD(GravityPD):
     """tau = kp (theta_ref - theta) - kd theta' + gravity, theta_ref = q_ref + K^-1 g(q_ref).
 
     theta are the motors' positions as seen at the joints, through ratios and coupling: what `state.q` holds on robots
@@ -62,13 +62,11 @@ class ElasticPD:
             gravity: (3,) nominal vector in base axes [m/s2]; None takes the sensed one.
             damping: "relative" adds kd qd_ref; the paper regulates to a constant reference.
         """
-        self.model = model
-        self.pd = JointPD(kp, kd, damping=damping, n=model.n)
+        super().__init__(model, kp, kd, gravity=gravity, damping=damping)
         self.stiffness = as_array("stiffness", stiffness, (model.n,))
         if compensation not in get_args(Compensation):
             raise InputError(f'compensation "{compensation}": expected one of {", ".join(get_args(Compensation))}')
         self.compensation = compensation
-        self.gravity = nominal_gravity(gravity)
         margin = stiffness_margin(model, self.pd.kp, self.stiffness, gravity=self.gravity)
         if not margin.slope < 1.0:
             raise InputError(
@@ -76,8 +74,6 @@ class ElasticPD:
                 f"less than 1: springs and kp in series are {_short(margin.stiffness)} Nm/rad or N/m, gravity's own "
                 f"slopes {_short(margin.gravity_slope)} at q = {_short(margin.q)}"
             )
-        self._holding_torque = holding_kernel(model)
-        self.feedback, self.feedforward = self.pd.feedback, np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something they depend on is."""
@@ -107,16 +103,13 @@ class StiffnessMargin(NamedTuple):
 def stiffness_margin(
     model: RobotModel, kp: ArrayLike, stiffness: ArrayLike, *, gravity: ArrayLike | None = None
 ) -> StiffnessMargin:
-    """Compare springs and gains with how fast gravity changes over the joint range.
+    """Compare springs and gains with how fast gravity changes over the joint range, a whole turn without limits.
 
     The paper asks that the smallest eigenvalue of [[K, -K], [-K, K + kp]] exceeds the bound of |dg/dq|, so that the
     potential energy has one minimum. Of joints in rad and m a norm has no meaning, and a stiff joint says nothing of a
-    soft one; so the same is asked free of units: S - dg/dq positive definite, with S = K kp / (K + kp) the stiffness
-    that is left once the motors have settled. That is the largest |S^-1/2 dg/dq S^-1/2| below
-    one; the paper's condition implies it.
-
-    The largest is searched for: quasi-random points, the best of them climbed. A revolute joint without limits is taken
-    over a whole turn.
+    soft one; so the same is asked free of units: the largest |S^-1/2 dg/dq S^-1/2| below one, S = K kp / (K + kp) the
+    stiffness that is left once the motors have settled; the paper's condition implies it. The largest is searched for:
+    quasi-random points, the best of them climbed.
 
     kp and stiffness K are (n,) [Nm/rad|N/m]; gravity (3,) is in base axes [m/s2], any direction of 9.81 m/s2 when None.
     """

@@ -51,9 +51,9 @@ def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: Arr
 def torque_at_joints(
     dac_limit: ArrayLike, dac_per_ampere: ArrayLike, torque_constant: ArrayLike, ratio: ArrayLike
 ) -> Floats:
-    """Return the largest torques (n,) [Nm|N] at the joints that a motor board can give.
+    """Return the largest torques (n,) [Nm|N] at the joints that a motor board can give; dac_limit is 0 for none.
 
-    dac_limit is 0 for none; dac_per_ampere [1/A], torque_constant [Nm/A], ratio of motor to joint [rad/rad|rad/m].
+    dac_per_ampere [1/A], torque_constant [Nm/A], ratio of motor to joint [rad/rad|rad/m].
     """
     turns = as_array("ratio", ratio, (None,))
     most = as_array("dac_limit", dac_limit, turns.shape)

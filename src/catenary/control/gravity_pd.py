@@ -17,7 +17,28 @@ from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
 
 
-class GravityPD:
+class GravityHold:
+    """Gravity compensation alone: the arm stays wherever it is put; the reference is not looked at.
+
+    [The paper, section IV: "passive pose compensator"]
+    """
+
+    def __init__(self, model: RobotModel, *, gravity: ArrayLike | None = None) -> None:
+        """Take the robot, and a nominal vector (3,) in base axes [m/s2]; None takes the sensed one."""
+        self.model = model
+        self.gravity = nominal_gravity(gravity)
+        self._holding_torque = holding_kernel(model)
+        self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """Return the torques (n,) [Nm|N] that gravity asks for at the measured position."""
+        if len(state.q) != self.model.n:
+            raise InputError(f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}")
+        self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
+        return self.feedforward.copy()
+
+
+class GravityPD(GravityHold):
     """PD plus gravity: tau = kp (q_ref - q) + kd (qd_ref - qd) + g(q).
 
     PD+DG, dynamic, takes the gravity that the robot senses tick by tick (`state.gravity`), and when its base turns
@@ -40,38 +61,13 @@ class GravityPD:
             gravity: (3,) nominal vector in base axes [m/s2]: PD+SG; None takes the sensed one: PD+DG.
             damping: "absolute" leaves qd_ref out.
         """
-        self.model = model
         self.pd = JointPD(kp, kd, damping=damping, n=model.n)
-        self.gravity = nominal_gravity(gravity)
-        self._holding_torque = holding_kernel(model)
-        self.feedback, self.feedforward = self.pd.feedback, np.zeros(model.n)
+        super().__init__(model, gravity=gravity)
+        self.feedback = self.pd.feedback
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return torques (n,) [Nm|N]; NaN where something that they depend on is."""
-        feedback = self.pd.torque(state, reference)
-        self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
-        return feedback + self.feedforward
-
-
-class GravityHold:
-    """Gravity compensation alone: the arm stays wherever it is put, and whatever else holds it is friction.
-
-    The reference is not looked at. [The paper, section IV: "passive pose compensator"]
-    """
-
-    def __init__(self, model: RobotModel, *, gravity: ArrayLike | None = None) -> None:
-        """Take the robot, and a nominal vector (3,) in base axes [m/s2]; None takes the sensed one."""
-        self.model = model
-        self.gravity = nominal_gravity(gravity)
-        self._holding_torque = holding_kernel(model)
-        self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
-
-    def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return the torques (n,) [Nm|N] that gravity asks for at the measured position."""
-        if len(state.q) != self.model.n:
-            raise InputError(f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}")
-        self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
-        return self.feedforward.copy()
+        return self.pd.torque(state, reference) + super().torque(state, reference)
 
 
 class GravityLearner(Protocol):

@@ -19,9 +19,8 @@ from catenary.trajectories.reference import Reference
 class InertiaPD:
     """u = M(q) (qdd_ref + kp (q_ref - q) + kv (qd_ref - qd)) + g(q), and C(q, qd) qd where asked for.
 
-    Every joint's error then obeys e'' + kv e' + kp e = 0 by itself, at any pose, but for the velocity terms. The
-    tutorial leaves those out on purpose: they need a model that is right in its moments of inertia, grow with the
-    square of the speed, and one that is wrong feeds energy in.
+    Every joint's error then obeys e'' + kv e' + kp e = 0, but for the velocity terms. The tutorial leaves these out on
+    purpose: they need a model that is right in its moments of inertia, and one that is wrong feeds energy in.
 
     `feedback` is M(q) (kp e + kv ed), `feedforward` the rest. On a base that turns (`state.base_rates`) g(q) is the
     whole term of a moving base.

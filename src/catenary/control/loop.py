@@ -119,7 +119,7 @@ def run_loop(
 
     A tick: measure, correct, sense gravity, control, limit, send, observe, wait. Without a controller the reference's
     positions are sent, and the robot's own firmware controls. A late tick delays the motion, it never makes it leap.
-    The clock starts when the first command has gone out: what is compiled on first use holds up the start alone.
+    The clock starts when the first command has gone out.
 
     The robot is where the trajectory begins: by its setpoint without a controller, else as it is measured, or by its
     calibrated positions. A correction comes on within FADE seconds where the trajectory begins at the
@@ -135,8 +135,7 @@ def run_loop(
         limits: On torque; None stops only NaN and infinity, which become zero torque.
         rate_hz: Of ticks; the plant's own rate divided by a whole number.
         corrector: Turns reported positions into calibrated ones for the controller; limits look at reported ones.
-        gravity: Takes the place of the gravity vector, its age and the base's rates in every state; the robot's own
-            report when None.
+        gravity: Takes the place of the gravity vector, its age and the base's rates in every state, the robot's report.
         observers: Called with every tick, after its command was sent.
         duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
         real_time: Keep time with a simulated plant too, which otherwise runs as fast as it can.

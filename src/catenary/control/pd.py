@@ -27,10 +27,7 @@ class Controller(Protocol):
 
 
 class SplitController(Controller, Protocol):
-    """A controller that also tells the parts of its last torque: torque = feedback + feedforward.
-
-    Both arrays are the controller's own and are overwritten by the next call of `torque`: copy what is to be kept.
-    """
+    """A controller that also tells the parts of its last torque = feedback + feedforward, overwritten by the next."""
 
     @property
     def feedback(self) -> Floats:

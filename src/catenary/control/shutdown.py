@@ -13,10 +13,7 @@ GIVE_UP_AFTER = 20  # ticks in a row
 
 
 class FiniteTicks:
-    """Watches that measured positions and torques are finite, and gives up after too many ticks in a row.
-
-    `held` (n,) [rad|m] are the positions measured last, joint by joint the last finite ones: where to hold.
-    """
+    """Watches that positions and torques are finite; `held` (n,) [rad|m] are the last finite positions to hold."""
 
     def __init__(self, joint_names: Sequence[str], q: Floats, give_up_after: int = GIVE_UP_AFTER) -> None:
         """Begin at measured positions (n,) [rad|m]."""

@@ -41,7 +41,7 @@ class ActuationLoads(NamedTuple):
     def torque(self, q: Floats, qd: Floats, qdd: Floats, links: Floats | None = None) -> Floats:
         """Return the torques (N, n) [Nm or N] that they ask of the actuators at q, qd, qdd (N, n), known ones too.
 
-        `links` (N, n) are torques that the links ask; needed where friction depends on the load.
+        Friction that depends on the load needs the links' torques, `links` (N, n).
         """
         if self.depends_on_load and links is None:
             raise InputError("friction depends on the load: expected the torques of the links as well")
@@ -112,9 +112,7 @@ def load_along(
 ) -> Any:
     """Return the load of one term per unit, in plain arithmetic on numbers, or on symbols with functions f of these.
 
-    Coulomb friction by the sign of the rate (tanh(rate / v0) with `coulomb_velocity` v0 above zero), and so the other
-    kinds that have its direction; viscous friction by the rate, a rotor by the second derivative, a linear spring by
-    s itself.
+    Coulomb friction, and kinds that have its direction, go by the sign of the rate, or tanh(rate / coulomb_velocity).
     """
     if term.kind == "offset":
         return 1.0

@@ -88,10 +88,10 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
 
 
 def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
-    """Return the mass matrix: the kinetic energy is qd^T M qd / 2.
+    """Return the mass matrix: the kinetic energy is qd^T M qd / 2; motors' inertia is not in it.
 
-    Composite rigid bodies (Walker, Orin 1982). Motors' inertia is not in it. For q (n,) or (N, n) [rad or m]: symmetric
-    (n, n) or (N, n, n) [kg m2, kg m or kg], by the units of row and column. Needs inertia.
+    Composite rigid bodies (Walker, Orin 1982). For q (n,) or (N, n) [rad or m]: symmetric (n, n) or (N, n, n)
+    [kg m2, kg m or kg]. Needs inertia.
     """
     quick = _MASS_MATRIX.of_one(model, (q,))
     if quick is not None:
@@ -111,10 +111,7 @@ def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Float
 
 
 def felt_rows(gravity: ArrayLike, base: BaseMotion | None, count: int) -> tuple[Floats, Floats, Floats]:
-    """Return what joints feel of gravity and a base's motion, each (1, 3) for all configurations, or (N, 3).
-
-    Gravity less the acceleration of the base's origin [m/s2], and the base's angular velocity and acceleration.
-    """
+    """Return gravity less a base's acceleration [m/s2], and its angular velocity and acceleration, (1, 3) or (N, 3)."""
     down = gravity_rows(gravity, count)
     if base is None:
         return down, _AT_REST[None], _AT_REST[None]
@@ -126,10 +123,7 @@ def felt_rows(gravity: ArrayLike, base: BaseMotion | None, count: int) -> tuple[
 
 
 def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> tuple[list[Floats], bool]:
-    """Return q and its rates, which come in the shape of q, as (N, n) each, and whether q was a single row.
-
-    A rate that is None is zero.
-    """
+    """Return q and its rates of the same shape, zero where None, as (N, n) each, and whether q was a single row."""
     rows, single = as_batch("q", q, model.n)
     shape = (model.n,) if single else rows.shape
     given = (np.zeros(shape) if rate is None else as_array(name, rate, shape) for name, rate in rates.items())

@@ -12,10 +12,7 @@ from catenary.spatial import Pose
 
 
 class Configuration:
-    """A robot at q, (n,) or (N, n): its links are placed once, for poses and Jacobians of any of its frames.
-
-    [as Pink's `Configuration`]
-    """
+    """A robot at q, (n,) or (N, n): its links are placed once, for poses and Jacobians of any of its frames."""
 
     def __init__(self, model: RobotModel, q: ArrayLike) -> None:
         """Place the links at coordinates q [rad or m]."""
@@ -52,10 +49,7 @@ def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None
 
 
 def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the poses of all moving links in the base frame, in the order of `model.link_names`.
-
-    R_base_i (n_tree, 3, 3) or (N, n_tree, 3, 3), and origins of the links' frames (n_tree, 3) or (N, n_tree, 3) [m].
-    """
+    """Return R_base_i (n_tree, 3, 3) and origins (n_tree, 3) [m] of all moving links, or (N, ...), as `link_names`."""
     placed, single = Configuration(model, q), np.ndim(q) == 1
     rotations, positions = placed.rotations[:, :-1].copy(), placed.positions[:, :-1].copy()
     return (rotations[0], positions[0]) if single else (rotations, positions)

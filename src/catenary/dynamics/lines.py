@@ -5,14 +5,7 @@ place, and one that only turns about, or moves along, its axis. So a vector is t
 (four products for a twist about x, none for a quarter turn) and by the joint then (four), where their product
 would take up to nine, and entries of it besides. The recursions do not know.
 
-Torques of gravity need every link's mass and its centre, those of motion and masses its inertia too: their lines
-raise MissingInertiaError without.
-
-The whole law, with friction and drives, and accelerations are what `ActuationLoads.torque` and `forward_dynamics`
-compute on numbers.
-
-To trace a further quantity, write it in plain arithmetic on the arrays of `Placed`, and give `Trace.line` its
-results in the order of the output array.
+Torques of gravity need every link's mass and its centre, those of motion and masses its inertia too.
 """
 
 from collections.abc import Sequence
@@ -255,10 +248,7 @@ Rates = Sequence[Term] | Terms
 
 
 def forward_dynamics_line(model: RobotModel, loads: ActuationLoads | None) -> Line:
-    """Trace the accelerations (n,) by torques; inputs q, qd, tau (n,) and gravity (3,).
-
-    M qdd = tau - h by M = L D L^T, without a square root.
-    """
+    """Trace the accelerations (n,) by M = L D L^T; inputs q, qd, tau (n,) and gravity (3,)."""
     model.require_inertia()
     if loads is not None and loads.depends_on_load:
         raise InputError(

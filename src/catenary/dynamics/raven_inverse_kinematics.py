@@ -114,10 +114,7 @@ def _write_tool_angles(
 
 @compiled
 def nearest_within_limits(arm: RavenArm, rotations: Floats, positions: Floats, q_start: Floats, out: Floats) -> int:
-    """Write to out (N, n) for every pose the configuration within the limits nearest to the one before.
-
-    Returns how many poses were solved: N, or the index of the first that has no such configuration.
-    """
+    """Write (N, n) the solutions within the limits nearest to the one before; return N, or the first pose with none."""
     n = len(q_start)
     candidates = np.empty((8, n))
     near = q_start

@@ -21,7 +21,7 @@ from catenary.errors import InputError
 from catenary.gravity.gravity_regressor import (
     CARRIED_MASS,
     RegressorColumn,
-    carried_links,
+    carries,
     gravity_parameters,
     regressor_columns,
     require_parameters,
@@ -144,10 +144,9 @@ class CompactRegressor:
         ]
 
     def latex(self) -> str:
-        """Return the regressor on a level base, its entries of more than three terms, and its parameters, for LaTeX.
+        """Return the regressor on a level base and its parameters, for LaTeX.
 
-        Entries that take more than 64 terms on the way are written in terms that they share, gamma and u, which stand
-        before them (`WrittenTerms`).
+        Entries that take more than 64 terms are written in terms that they share, gamma and u, which stand before them.
         """
         rows = r" \\ ".join(" & ".join(row) for row in self.entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
@@ -232,7 +231,7 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
             places = [3 * n * (n + 1) + prismatic.index(link)]
         else:
             expression, unit = moment_expression(model, link, along), "kg m"
-            carriers = [k for k in range(n) if link in carried_links(tree, k)]
+            carriers = np.flatnonzero(carries(tree)[:, link]).tolist()
             places = [3 * (n + 1) * k + 3 * (link + 1) + along for k in carriers]
         if not expression:
             zeros += places

@@ -87,16 +87,14 @@ class GravityEstimator(EstimatedGravity):
 
     The law, quasi-static arms and s from zero are the paper's. Ours are: Omega's place in the law, above; the damping
     of Z^+; `max_speed` and what else holds the law still; the use as an observer; any base's gravity, prismatic and
-    coupled joints; the compact form as what is estimated, which the paper derives and does not say that it ran. The
-    forms are two laws: on the full Z each joint has parameters of its own and learns by itself, on the compact one
-    joints share them, and what one learns changes what the others hold.
+    coupled joints; the compact form as what is estimated. The forms are two laws: on the full Z each joint learns by
+    itself, on the compact one joints share parameters.
 
     In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop`, beside any
     controller, it takes what the torque sent has beyond Z s_hat in place of the PD's.
 
-    Z^+ is Z^T (Z Z^T + lambda 1)^-1 with lambda = `damping` times the mean square of Z's rows: the pseudo-inverse,
-    but for directions in which gravity hardly loads the joints, where that would take torques for huge parameters;
-    and one linear system of n equations, whose time is bounded. The law holds for arms at rest: while a joint is faster
+    Z^+ is Z^T (Z Z^T + lambda 1)^-1 with lambda = `damping` times the mean square of Z's rows: the pseudo-inverse, but
+    for directions in which gravity hardly loads the joints. The law holds for arms at rest: while a joint is faster
     than `max_speed`, or a number is missing, s_hat stays.
     """
 

@@ -152,17 +152,15 @@ def carried(tree: Tree) -> tuple[Floats, Floats]:
 
 def carried_links(tree: Tree, joint: int) -> set[int]:
     """Return the links that a joint carries, its own included."""
-    links = {joint}
-    for i in range(joint + 1, len(tree.parent)):
-        if int(tree.parent[i]) in links:
-            links.add(i)
-    return links
+    return set(np.flatnonzero(carries(tree)[joint]).tolist())
 
 
 def carries(tree: Tree) -> NDArray[np.bool_]:
     """Return which joints carry which links, (n, n)."""
-    joints = range(len(tree.parent))
-    return np.array([[link in carried_links(tree, joint) for link in joints] for joint in joints])
+    found = np.eye(len(tree.parent), dtype=bool)
+    for i in np.flatnonzero(tree.parent >= 0):
+        found[:, i] |= found[:, tree.parent[i]]
+    return found
 
 
 def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:

@@ -90,9 +90,9 @@ class LoadHypotheses:
         self._products += Z.T @ y
 
     def beliefs(self, q: Floats, gravity: Floats, noise: Floats, beforehand: float | None = None) -> LoadBeliefs:
-        """Return probabilities and masses; q (n,) is where the arm stands, from where a joint may move to tell more.
+        """Return probabilities and masses at q (n,), from where a joint may move to tell more.
 
-        Every frame is as likely beforehand, which is the probability of a load; when None, of none as well.
+        Frames are as likely beforehand, which is the probability of a load; when None, of none as well.
         """
         none, *shares = self.shares(beforehand)
         carriers = []

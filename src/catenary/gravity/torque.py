@@ -1,7 +1,4 @@
-"""The torque that holds an arm against gravity, the energy it is the gradient of, and the centre of mass.
-
-Loops hold `gravity_kernel(model)`, machine code of the robot's own.
-"""
+"""The torque that holds an arm against gravity, the energy it is the gradient of, and the centre of mass."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,12 +24,10 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
     -z . sum_k i_g m_k. [Lewis, Hannaford 2014, "Dynamically evaluated gravity compensation for the RAVEN
     surgical robot", eq. 1-3; the paper states the prismatic sign in its text, and writes k >= i for a chain]
 
-    From 50 000 rows or the 101st single call on the robot's own kernel runs, which takes half a second to compile when
-    it is first used; it differs from the recursion in rounding only.
-
     For q (n,) or (N, n) [rad or m] and gravity (3,) or (N, 3), free-fall acceleration in base axes, down: (0, 0, -9.81)
-    upright [m/s2]: (n,) or (N, n) [Nm or N], what the actuators must supply; never negate it. One q with many gravities
-    takes q repeated. Needs inertia.
+    upright [m/s2]: (n,) or (N, n) [Nm or N], what the actuators must supply; never negate it. From 50 000 rows or the
+    101st single call on the robot's own kernel runs (`gravity_kernel`), compiled in half a second; it differs in
+    rounding only. One q with many gravities takes q repeated. Needs inertia.
     """
     quick = _GRAVITY.of_one(model, (q, gravity))
     if quick is not None:

@@ -74,10 +74,7 @@ def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) ->
 
 
 def vendor_command(name: str, gravity: ArrayLike) -> str:
-    """Return the line that tells a vendor's controller of gravity, (3,) free-fall acceleration in its base [m/s2].
-
-    Empty where there is none.
-    """
+    """Return the line that tells a vendor's controller of gravity (3,) [m/s2] in its base; empty if there is none."""
     vendor, vector = vendor_of(name), as_array("gravity", gravity, (3,))
     if not 0.0 < float(np.linalg.norm(vector)) <= MOST:
         raise InputError(

@@ -148,7 +148,7 @@ class Turn(NamedTuple):
 class WrittenTerms:
     """What masses and first moments of a robot's links ask of its coordinates under a constant gravity.
 
-    Where they are `shared`, the parts of what turns on have names, `definitions`, and nothing is too long.
+    Where they are `shared`, the parts of what turns on have names, `definitions`.
     """
 
     def __init__(self, model: RobotModel, gravity: Floats, *, shared: bool = False) -> None:

@@ -173,10 +173,7 @@ def _digest_of(function: FunctionType) -> str | None:
 
 @cache
 def _passing_on(count: int) -> tuple[Any, int]:
-    """Compile `PyObject *call(PyObject *capsule, PyObject *)` for a block of so many words; return its address.
-
-    Addresses go as 64-bit words too, which is how C passes them.
-    """
+    """Compile `PyObject *call(PyObject *capsule, PyObject *)` for so many 64-bit words; return its address."""
     from llvmlite import binding, ir
 
     word, address = ir.IntType(64), ir.IntType(8).as_pointer()

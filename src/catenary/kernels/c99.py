@@ -55,10 +55,7 @@ static inline void {prefix}_sines(int count, const double *x, double *sine, doub
 
 
 def c_function(prefix: str, name: str, line: Line) -> str:
-    """Write `PREFIX_NAME(INPUT..., out)`, `const double *` and `double *`; it needs `c_sines(prefix)` before it.
-
-    `out` must not be one of the inputs.
-    """
+    """Write `PREFIX_NAME(INPUT..., out)`, after `c_sines(prefix)`; out is none of the inputs."""
     arrays = tuple(widths_of(line))
     arguments = ", ".join([*(f"const double *{array}" for array in arrays), "double *out"])
     text = [f"static inline void {prefix}_{name}({arguments}) {{"]

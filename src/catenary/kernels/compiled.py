@@ -4,14 +4,13 @@ numba takes a second to import and make ready: that is done when a compiled func
 code on disk until the file of its function changes; here it is made anew when any file with such functions has.
 
 Code that is loaded from a folder is as safe as the folder. So every folder above must be the user's or root's, and
-writable by nobody else (but for sticky ones like /tmp); and the folder must be the user's own and no link, and nobody
-else may enter it: one that others could read is emptied, since they could have written to files in it. Where no such
-folder can be had, code is compiled in memory, and one note says so.
+writable by nobody else (but for sticky ones like /tmp); the folder must be the user's own and no link, and is emptied
+where others could enter it. Where no such folder can be had, code is compiled in memory, and one note says so.
 
-Of a generated module (`load_module`) the text in memory is run, just written: the file with the same text beside it
-only tells numba which machine code, cached in `__pycache__`, belongs to it. That machine code is read back, so before
-any is, the file must be a plain file of the user's under one name, and hold the text to the byte; otherwise it and the
-machine code beside it are removed and made anew; and files with machine code must be plain ones under one name too.
+Of a generated module (`load_module`) the text in memory is run; the file with the same text only tells numba which
+machine code, cached in `__pycache__`, belongs to it. So before any is read back, the file must be a plain file of the
+user's under one name, and hold the text to the byte, and files with machine code must be plain ones under one name;
+otherwise they are made anew.
 """
 
 import contextlib

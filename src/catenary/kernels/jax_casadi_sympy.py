@@ -19,11 +19,7 @@ VECTORS = ("gravity", "omega", "alpha")  # whose parts are x, y, z
 
 
 def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) -> Any:
-    """Return a `casadi.Function` of scalar operations (SX), differentiable and ready for its code generator.
-
-    shape is of the result, (m,) or (m, k), and result the name of the output; inputs have the names of the arrays of
-    the line.
-    """
+    """Return a `casadi.Function` (SX) with the inputs of a line, and one output: its name, (m,) or (m, k)."""
     casadi = imported("casadi", "CasADi functions need casadi", "casadi")
     inputs = {array: casadi.SX.sym(array, width) for array, width in widths_of(line).items()}
     values = evaluate(

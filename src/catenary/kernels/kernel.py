@@ -29,10 +29,7 @@ class Kernel:
     """
 
     def __init__(self, name: str, line: Line, shape: tuple[int, ...]) -> None:
-        """Take a line of operations.
-
-        The name has letters, digits and hyphens; shape is of the result of one configuration.
-        """
+        """Take a name of letters, digits and hyphens, and a line, with the shape of one configuration's result."""
         self.name, self.line, self.shape = name, line, shape
         self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
 
@@ -88,7 +85,7 @@ class Kernel:
         return bind(self.into, inputs, [out])
 
     def rows(self, *inputs: ArrayLike, out: Floats | None = None) -> Floats:
-        """Return the quantity at N configurations, (N, ...), of an array of N rows, or of one row for all, per input.
+        """Return the quantity at N configurations, (N, ...); an input has N rows, or one for all.
 
         Memory that is used again, `out` (N, ...), contiguous, saves up to half the time.
         """

@@ -88,10 +88,7 @@ def line_code(line: Line, lanes: int = 1) -> Any:
 
 
 def write_line(builder: Any, line: Line, pointers: Callable[[str, int], Sequence[Any]]) -> None:
-    """Write the operations of a line on float64, one after the other.
-
-    pointers gives where an element of an array lies, "out" among them, for each configuration.
-    """
+    """Write a line's operations; pointers gives where an element of an array, or of "out", is for any configuration."""
     values: dict[int, Any] = {}
 
     def write(number: int) -> None:

@@ -34,10 +34,7 @@ COSINE = (
 
 @inlined
 def small_sine_cosine(x: float) -> tuple[float, float]:
-    """Return the sine and cosine of an angle between -LARGEST and LARGEST [rad].
-
-    Nothing but + - *: it also runs on several angles side by side (machine_code.py).
-    """
+    """Return sine and cosine of an angle within LARGEST [rad]: + - * alone, so it runs on many side by side too."""
     quarter = (x * TWO_OVER_PI + ROUND) - ROUND
     r = ((x - quarter * HALF_PI[0]) - quarter * HALF_PI[1]) - quarter * HALF_PI[2]
     z = r * r

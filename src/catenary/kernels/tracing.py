@@ -9,9 +9,8 @@ numbers for the robot's constants, leave a graph of sums, products, sines and co
 - x 0, x 1, x + 0, -(-x), x - x and sines of multiples of pi/2 cost nothing either;
 - what no result needs is left out.
 
-All of them are identities of real numbers, so results differ from the plain recursion's in rounding only. In
-floating point x 0 is NaN for an x that is NaN: here it is 0. So a NaN reaches every result that depends on it, and
-none that does not; the plain recursion spreads it to all.
+Results differ from the plain recursion's in rounding only; and x 0 is 0 for an x that is NaN, so a NaN reaches every
+result that depends on it, and none that does not.
 """
 
 import math
@@ -252,10 +251,7 @@ def evaluate(
     functions: Mapping[str, Callable[[Any], Any]] = FUNCTIONS,
     **arrays: Sequence[Any],
 ) -> list[Any]:
-    """Run a line operation by operation: on floats what every back end must agree with, or on another's symbols.
-
-    sine, cosine and functions are of one number of the kind that the arrays, the inputs by name, hold.
-    """
+    """Run a line on floats, or on another's symbols, by their sine, cosine and functions; inputs by name."""
     values: list[Any] = []
     for kind, a, b in line.steps:
         if kind == "in":

@@ -118,10 +118,7 @@ class Spring(Effect):
 
 @dataclass(frozen=True, eq=False)
 class KnownTorque(Effect):
-    """A load that is known beforehand, such as a cable's: the polynomial of c . q along `along`.
-
-    tau = along * polynomial(c . q), subtracted from measured torques before anything is fitted.
-    """
+    """A load that is known beforehand, such as a cable's: tau = along * polynomial(c . q)."""
 
     __pydantic_config__ = file_keys(combination="of", along="on")
 
@@ -257,8 +254,7 @@ def stated_actuation(joint_names: Sequence[str], drives: Sequence[StatedDrive]) 
 def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
     """Return Coulomb and viscous friction and rotors of the joints; None where no numbers are known.
 
-    Presliding friction counts as the Coulomb friction that it becomes in steady sliding. Effects on several joints at
-    once, constants, springs, known torques, and friction that differs by direction, speed or load are left out.
+    Presliding friction counts as in steady sliding. What is no joint's own, or no friction of these kinds, is left out.
     """
     if actuation.values is None:
         return None

@@ -35,8 +35,7 @@ class Link:
     The joint sits at `pose` in the parent's frame and turns about or moves along `axis` by
     sum(variable[name] * q[name]) + offset; `variable` names the robot's coordinates. The link's own frame,
     in which its inertia is given and on which its children hang, is `frame` in the moved joint's frame.
-    `axes_of_com` declares along which of its axes the centre of mass may lie: what is known of the link's make,
-    not what its numbers happen to be.
+    `axes_of_com` declares along which of its axes the centre of mass may lie: what is known of the link's make.
     """
 
     name: str

@@ -69,10 +69,7 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
 
 
 def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a `.toml`, `.urdf`, `.xacro`, `.xml`, `.mjcf`, `.json` or `.npz` file.
-
-    An `.xml` may be URDF or MJCF.
-    """
+    """Load a robot from a `.toml`, `.urdf`, `.xacro`, `.xml` (URDF or MJCF), `.mjcf`, `.json` or `.npz` file."""
     kind = path.suffix.lower()
     if kind == ".toml":
         from catenary.robots.cut import as_described, described_table, description_of

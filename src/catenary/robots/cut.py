@@ -146,10 +146,9 @@ def _folded(model: RobotModel, moving: list[int], offset: Floats) -> Folded:
 
 
 def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: Floats) -> Actuation:
-    """Return what acts on the coordinates that are free, the others held.
+    """Return what acts on the coordinates that are free, the others held at `held` (n,), zero of the free ones.
 
-    Lever springs and known torques that both move go on from where the held ones stand. held (n,) are the values of
-    those that are held, zero of the free ones.
+    Lever springs and known torques that both move go on from where the held ones stand.
     """
     kept: dict[str, tuple[Effect, ...]] = {}
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):

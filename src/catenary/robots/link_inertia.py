@@ -17,10 +17,7 @@ LIGHTEST = 1e-3  # [kg] of links whose inertia is worth an objection
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m2], in the link's frame.
-
-    The inertia is None where it is not known. Gravity does not need it.
-    """
+    """Mass [kg], centre of mass (3,) [m], inertia about it (3, 3) [kg m2], None where unknown; in the link's frame."""
 
     mass: float
     com: Floats
@@ -69,10 +66,7 @@ def check_inertia(what: str, body: LinkInertia) -> None:
 
 
 def unphysical(mass: float, inertia: Floats) -> str | None:
-    """Return in words why no body has an inertia, (3, 3) about its centre of mass; None where one may.
-
-    Principal moments are not negative, and none is larger than the sum of the other two.
-    """
+    """Return in words why no body has an inertia (3, 3) [kg m2] about its centre of mass; None where one may."""
     moments = np.linalg.eigvalsh(inertia)
     if is_negative(mass, inertia):
         return f"inertia has a negative principal moment ({moments[0]:.3g} kg m2)"

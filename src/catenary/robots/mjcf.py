@@ -29,9 +29,10 @@ from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 _WORLD = "world"  # MuJoCo's name of what everything hangs on
 # MuJoCo refuses to compile a moving body without mass. Such a file is compiled with these least values
-# instead, far below any robot's part, and what comes out below a hundred times them was not in the file.
-_LEAST_MASS = 1e-12  # [kg]
-_LEAST_INERTIA = 1e-14  # [kg m2], above mjMINVAL = 1e-15
+# instead, far below any robot's part, and what comes out below a hundred times them was not in the file. A robot that
+# is simulated gets them for its massless links: no torque shows them.
+LEAST_MASS = 1e-12  # [kg]
+LEAST_INERTIA = 1e-14  # [kg m2], above mjMINVAL = 1e-15
 
 
 def load_mjcf(path: Path, *, massless: Massless = ()) -> RobotModel:
@@ -39,17 +40,13 @@ def load_mjcf(path: Path, *, massless: Massless = ()) -> RobotModel:
 
     MuJoCo moves a body by its joints in turn, each about its own anchor p:
     T_parent_body = T0 Trans(p1) J1(q1 - ref1) Trans(-p1) Trans(p2) J2(q2 - ref2) Trans(-p2) ...
-    A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear
-    joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and
-    "world". Free bodies that carry no joint are left aside, free bodies that carry some stand where they are put, and
-    meshes that are not there are left out where no mass is taken from them.
+    A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear joint
+    equalities that are active at the start become coupled joints. Frames are bodies, named sites and "world". Free
+    bodies without joints are left aside, others stand where they are put; so are missing meshes that no mass is taken
+    from.
     """
-    content = read_bounded(path, MOST_XML)
-    included = included_files(path, content)
-    refuse_too_much(path, content, included)
     compiled = compile_mjcf(path)
-    sources = [file_source(path, content)]
-    sources += [file_source(Path(name), text) for name, text in included.items()]
+    sources = [file_source(Path(name), text) for name, text in compiled.files.items()]
     with naming_the_file(str(path)), np.errstate(all="ignore"):  # what is not finite is refused by name
         _refuse_what_no_tree_has(compiled)
         model = _assemble(compiled, path, sources)
@@ -65,6 +62,7 @@ class CompiledMjcf(NamedTuple):
     inertia: Floats  # (nbody, 3) principal moments [kg m2]
     from_geoms: list[str]  # moving bodies whose inertia MuJoCo took from their geoms
     aside: tuple[str, ...]  # notes on what was left aside before MuJoCo compiled the rest
+    files: Mapping[str, bytes]  # the file, and those that it includes
 
     def name(self, kind: str, index: int) -> str:
         """Return the name of a body, joint, ...; one without a name is called by its kind and number."""
@@ -78,14 +76,17 @@ class CompiledMjcf(NamedTuple):
 
 
 def compile_mjcf(path: Path) -> CompiledMjcf:
-    """Return a file as MuJoCo compiles it, whatever masses it lacks."""
+    """Return a file as MuJoCo compiles it, whatever masses it lacks; refuse one that asks for too much first."""
+    content = read_bounded(path, MOST_XML)
+    included = _included_files(path, content)
+    _refuse_too_much(path, content, included)
     mujoco = imported("mujoco", f"{path}: MuJoCo reads MJCF files and is not installed", "mujoco")
     for lacks_mass in (False, True):
         try:
-            spec, aside = _read(mujoco, path)
+            spec, aside = _read(mujoco, path, content, included)
             if lacks_mass:
-                spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
-                spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
+                spec.compiler.boundmass = max(spec.compiler.boundmass, LEAST_MASS)
+                spec.compiler.boundinertia = max(spec.compiler.boundinertia, LEAST_INERTIA)
             with warnings.catch_warnings():  # MuJoCo's are of its own simulation, and the tree is checked here
                 warnings.simplefilter("ignore")
                 model = spec.compile()
@@ -95,10 +96,11 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
                 raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
     mass, inertia = model.body_mass, model.body_inertia
     if lacks_mass:
-        mass = np.where(mass > 100.0 * _LEAST_MASS, mass, 0.0)
-        inertia = np.where(inertia > 100.0 * _LEAST_INERTIA, inertia, 0.0)
+        mass = np.where(mass > 100.0 * LEAST_MASS, mass, 0.0)
+        inertia = np.where(inertia > 100.0 * LEAST_INERTIA, inertia, 0.0)
     given = {body.name for body in spec.bodies if body.explicitinertial}
-    compiled = CompiledMjcf(mujoco, model, np.array(mass), np.array(inertia), [], aside)
+    files = {path.name: content} | included
+    compiled = CompiledMjcf(mujoco, model, np.array(mass), np.array(inertia), [], aside, files)
     for body in range(1, model.nbody):
         name = compiled.name("body", body)
         if mass[body] > 0.0 and model.body_weldid[body] != 0 and name not in given:
@@ -106,7 +108,7 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
     return compiled
 
 
-def _read(mujoco: Any, path: Path) -> tuple[Any, tuple[str, ...]]:
+def _read(mujoco: Any, path: Path, content: bytes, included: Mapping[str, bytes]) -> tuple[Any, tuple[str, ...]]:
     """Parse a file, and leave aside what is no part of an arm: free bodies, free bases, pictures, missing meshes.
 
     MuJoCo opens the ending .xml only, so another is handed over as text.
@@ -114,8 +116,7 @@ def _read(mujoco: Any, path: Path) -> tuple[Any, tuple[str, ...]]:
     if path.suffix == ".xml":
         spec = mujoco.MjSpec.from_file(str(path))
     else:
-        content = read_bounded(path, MOST_XML)
-        spec = mujoco.MjSpec.from_string(content.decode(), include=included_files(path, content))
+        spec = mujoco.MjSpec.from_string(content.decode(), include=included)
         spec.modelfiledir = str(path.absolute().parent)  # where meshes are looked for
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
@@ -339,7 +340,7 @@ def _mjcf_tree(content: bytes, where: str) -> Element:
     return xml_tree(XML_COMMENT.sub(lambda found: b"\n" * found[0].count(b"\n"), content), where)
 
 
-def included_files(path: Path, content: bytes) -> dict[str, bytes]:
+def _included_files(path: Path, content: bytes) -> dict[str, bytes]:
     """Return the files that <include> brings in, by the name it gives them, relative to the main file."""
     found: dict[str, bytes] = {}
     waiting = [(str(path), content)]
@@ -359,7 +360,7 @@ def included_files(path: Path, content: bytes) -> dict[str, bytes]:
     return found
 
 
-def refuse_too_much(path: Path, content: bytes, included: Mapping[str, bytes]) -> None:
+def _refuse_too_much(path: Path, content: bytes, included: Mapping[str, bytes]) -> None:
     """Refuse a file that asks for more bodies, points of images or reserved numbers than a robot has."""
     trees = {name: _mjcf_tree(text, str(path.parent / name)) for name, text in included.items()}
     bodies, points, reserved = MOST_ASKED

@@ -20,7 +20,7 @@ from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
 from catenary.robots.cut import described_table, description_of
 from catenary.robots.dh_table import RobotTable
-from catenary.robots.mjcf import CompiledMjcf, compile_mjcf, included_files, refuse_too_much
+from catenary.robots.mjcf import CompiledMjcf, compile_mjcf
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf import expanded_xacro, named_elements, number_of, numbers_of, origin_of, urdf_root
 from catenary.spatial import Pose, rotation_from_quaternion
@@ -59,8 +59,7 @@ def described_geometry(
 ) -> geometry.Geometry | None:
     """Return the shapes that a robot's description states; None where it states none.
 
-    source, model and packages are as for `load_geometry`; of a URDF's shapes `kind` says which, the others where there
-    are none of these.
+    Arguments as for `load_geometry`; `kind` says which of a URDF's shapes, the others where there are none.
     """
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return urdf_shapes(source, "robot description", model, None, packages, kind)
@@ -244,8 +243,6 @@ def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Pat
 
 def mjcf_shapes(path: Path, model: RobotModel) -> geometry.Geometry | None:
     """Return the shapes of an MJCF file; None where it has none."""
-    content = read_bounded(path, MOST_XML)
-    refuse_too_much(path, content, included_files(path, content))
     c = compile_mjcf(path)
     m = c.model
     colliding = [g for g in range(m.ngeom) if m.geom_contype[g] or m.geom_conaffinity[g]]

@@ -3,7 +3,7 @@
 Links, one-coordinate joints, mimic joints; friction in <dynamics>, rotors of transmissions and of an SRDF beside it.
 """
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -84,10 +84,7 @@ def parse_urdf(
     sources: Sequence[str] = (),
     path: Path | None = None,
 ) -> RobotModel:
-    """Return the robot that a URDF text describes, as `load_urdf` does.
-
-    `where` opens error messages; an SRDF with rotors is looked for beside `path`.
-    """
+    """Return the robot of a URDF text, as `load_urdf` does; `where` opens errors, `path` has an SRDF beside it."""
     robot = urdf_root(text, where)
     links = dict(named_elements(where, robot, "link"))
     joints = [_joint(where, name, element, links) for name, element in named_elements(where, robot, "joint")]
@@ -98,7 +95,15 @@ def parse_urdf(
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.link.parent for j in joints if j.link.joint != "fixed" and not j.link.pose.position.any()}
         leaders = {j.name: following.get(j.name, Mimic(j.name, 1.0, 0.0)) for j in joints if j.link.joint != "fixed"}
-        tree_links = [_tree_link(where, joint.link, links, leaders.get(joint.name), stepping) for joint in joints]
+        tree_links = []
+        for joint in joints:
+            name, leader = joint.link.name, leaders.get(joint.name)
+            inertia = _inertia(f'{where}: link "{name}"', links[name])
+            bare = len(links[name]) == 0 and name in stepping
+            link = replace(joint.link, inertia=inertia, massless=bare or (inertia is not None and inertia.mass == 0.0))
+            if leader is not None:
+                link = replace(link, variable={str(leader.leader): leader.multiplier}, offset=leader.offset)
+            tree_links.append(link)
     rotors, beside = _srdf_rotors(path, str(robot.get("name")))
     actuation, rotorless = _stated_drives(where, robot, leaders, rotors)
     declared = set(links) if massless == "all" else set(massless)
@@ -227,20 +232,6 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
         return moving - set(mimics), resolve_mimics(mimics)
 
 
-def _tree_link(
-    where: str, link: Link, links: Mapping[str, Element], leader: Mimic | None, stepping: Container[str]
-) -> Link:
-    """Return a link with its inertia and, in terms of a coordinate, what moves it; nothing where it is fixed."""
-    inertia = _inertia(f'{where}: link "{link.name}"', links[link.name])
-    bare = len(links[link.name]) == 0 and link.name in stepping
-    link = replace(link, inertia=inertia, massless=bare or (inertia is not None and inertia.mass == 0.0))
-    return (
-        link
-        if leader is None
-        else replace(link, variable={str(leader.leader): leader.multiplier}, offset=leader.offset)
-    )
-
-
 def _inertia(what: str, link: Element) -> LinkInertia | None:
     inertial = link.find("inertial")
     if inertial is None:
@@ -287,9 +278,9 @@ def _is_tighter(own: Coordinate, mimic: Mimic, coordinates: Mapping[str, Coordin
 
 
 def _srdf_rotors(path: Path | None, robot: str) -> tuple[dict[str, float], list[str]]:
-    """Return the reflected inertia of rotors by joint [kg m2] that an SRDF beside a URDF states, and its source.
+    """Return rotors' reflected inertia by joint [kg m2] that an SRDF beside a URDF states, and its source.
 
-    It is looked for beside the URDF and in the folder `srdf` beside its own, by the URDF's name and by the robot's.
+    It has the URDF's name, or the robot's, and may lie in the folder `srdf` beside the URDF's own.
     """
     folders = [] if path is None else [path.parent, path.parent.parent / "srdf"]
     names = [] if path is None else [f"{name}.srdf" for name in (path.stem, robot) if "/" not in name]

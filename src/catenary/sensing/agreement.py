@@ -227,7 +227,7 @@ def accelerations(rules: SensorRules, span: float) -> float:
 
 
 class AgreementWatch:
-    """Compares the last seconds of two streams of samples now and then, and remembers what it found.
+    """Compares the last seconds of two streams of samples now and then.
 
     A gyroscope that was found wrong is wrong until it agrees with the accelerometer in a turn that shows it.
     """

@@ -77,7 +77,7 @@ def _messages() -> dict[str, str]:
 class SensorRules:
     """What is believed of a sensor; the defaults fit a table: a base that people tilt, rock or push about.
 
-    Rules of bases that move by themselves: `bases.rules_for`. Lengths are of readings, gravity's at rest.
+    Rules of bases that move by themselves: `rules_for`. Lengths are of readings, gravity's at rest.
     """
 
     max_step: float = 1.2  # [m/s2] between a reading and what those before it foretell
@@ -344,10 +344,7 @@ class RateCheck:
 
 
 def explain(gravity: Floats, wanted: Floats) -> Fault:
-    """Return the mistake of a sensor that turns the expected gravity into the reading, NONE if none does.
-
-    A mistake explains a reading when it brings it five times nearer.
-    """
+    """Return the mistake of a sensor that brings the reading five times nearer to what was expected, NONE if none."""
     off = norm(gravity - wanted)
     if 5.0 * norm(gravity + wanted) < off:
         return Fault.WRONG_SIGN

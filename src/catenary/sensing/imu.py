@@ -51,22 +51,22 @@ class SensedGravity:
     """Gravity, angular velocity and angular acceleration of a base, from samples in a mailbox; a GravitySource.
 
     Each tick takes what came, checks it (checks.py), fits a parabola through the last few samples of each kind
-    (DelayFreeFilter) and reads it now, so that neither filtering nor the wait between samples delays the reading. The
-    sensor's place is accounted for: with p its position from the base's origin,
+    (DelayFreeFilter) and reads it now, so that neither filtering nor the wait between samples delays the reading. With
+    p the sensor's position from the base's origin,
 
         gravity = gravity at the sensor + alpha x p + omega x (omega x p)
 
-    in which gravity is free-fall acceleration, g minus the acceleration of that point. Angular terms need a
-    gyroscope, whose rates count once gravity was seen to turn with them (AgreementWatch), or a tumble saw it. Its bias
-    is drawn to what it reads at rest (RestRate).
+    in which gravity is free-fall acceleration, g minus the acceleration of that point. Rates of a gyroscope count once
+    gravity was seen to turn with them (AgreementWatch), or a tumble saw it; its bias is what it reads at rest
+    (RestRate).
 
     Before anything is believed gravity is that of a level base (NOMINAL). When samples stop or are all wrong, the
     parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
     gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that
-    of a level base, or `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps
-    (SmoothTransfer); on its way from one to the other, where the filter is behind the readings, where the last one was
-    not believed, and where a turn may make more of the sensor's place than is accounted for, gravity is not live.
-    `read` raises nothing. A robot that shall stop without a sensor (`stop`) stops when none was heard for a second too.
+    of a level base, or `stop`, also when none was heard for a second. Angular terms end at the age limit in all of
+    them. Nothing ever leaps (SmoothTransfer); on its way from one to the other, where the filter is behind the
+    readings, where the last one was not believed, and where a turn may make more of the sensor's place, gravity is not
+    live. `read` raises nothing.
     """
 
     def __init__(

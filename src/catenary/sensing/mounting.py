@@ -30,10 +30,7 @@ MOST = {"position": (FARTHEST, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), 
 
 @dataclass(frozen=True)
 class Mounting:
-    """A sensor on a base: true = (reading - bias) / scale in the sensor's axes, R_base_imu turns it to the base's.
-
-    `position` is where the sensor is, seen from the base's origin, in base axes.
-    """
+    """A sensor on a base: true = (reading - bias) / scale in its axes; R_base_imu turns it; place from the origin."""
 
     rotation: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) R_base_imu
     position: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) [m]

@@ -116,10 +116,7 @@ class SensorSample(NamedTuple):
 
 
 class Mailbox:
-    """Where any thread puts samples and the control tick takes them; neither ever waits for the other.
-
-    Nothing is checked here: that is for the reader. A full mailbox drops the oldest samples, and counts them.
-    """
+    """Where any thread puts samples, unchecked, and the tick takes them, neither waiting; full, it drops the oldest."""
 
     def __init__(self, size: int = MAILBOX, convention: Convention | None = None) -> None:
         """Make room for `size` samples, which are turned from a convention to SI where one is given."""
@@ -199,19 +196,13 @@ def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
 
 
 def tilted_gravity(roll: float, pitch: float) -> Floats:
-    """Return gravity in a base turned from level by roll about x, then by pitch about its own y [rad], (3,) [m/s2].
-
-    R_world_base = Rx(roll) Ry(pitch), so gravity is R_world_base^T (0, 0, -g).
-    """
+    """Return R_world_base^T (0, 0, -g) (3,) [m/s2] of a base rolled about x, then pitched about its own y [rad]."""
     r, p = as_array("roll and pitch", [roll, pitch], (2,))
     return STANDARD_GRAVITY * np.array([np.cos(r) * np.sin(p), -np.sin(r), -np.cos(r) * np.cos(p)])
 
 
 def tilt_of(gravity: ArrayLike) -> tuple[float, float]:
-    """Return roll about x, within 90 degrees, then pitch about the base's y [rad], that give this gravity.
-
-    Gravity does not tell how a base is turned about the vertical.
-    """
+    """Return roll about x, within 90 degrees, then pitch about the base's y [rad]; the vertical's turns are unseen."""
     x, y, z = as_array("gravity", gravity, (3,))
     length = float(np.sqrt(x * x + y * y + z * z))
     if length == 0.0:

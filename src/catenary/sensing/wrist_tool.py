@@ -36,10 +36,7 @@ class WristTool(NamedTuple):
     torque_rms: float  # [Nm]
 
     def without(self, force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> tuple[Floats, Floats]:
-        """Return readings (3,) or (N, 3) less bias and the tool at rest: what else acts on it.
-
-        `gravity` (3,) or (N, 3) is as the sensor's frame sees it [m/s2].
-        """
+        """Return readings (3,) or (N, 3) less bias and the tool at rest; gravity [m/s2] is as the sensor sees it."""
         down, single = as_batch("gravity", gravity, 3)
         shape = (3,) if single else down.shape
         weight = self.mass * down.reshape(shape)

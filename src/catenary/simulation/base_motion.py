@@ -140,10 +140,7 @@ class BaseTimeline:
         self._block = BaseSamples(np.empty((0, 3)), np.empty((0, 3, 3)))
 
     def rows(self, first: int, count: int) -> tuple[BaseSamples, int]:
-        """Return the motion from tick `first` on, and for how many ticks it holds, `count` at most.
-
-        A base that stands still has one row for all of them.
-        """
+        """Return the motion from tick `first` on, one row if the base stands still, and for how many ticks it holds."""
         number, start = divmod(first, self.BLOCK)
         if number != self._number:
             ticks = np.arange(number * self.BLOCK, (number + 1) * self.BLOCK, dtype=float)

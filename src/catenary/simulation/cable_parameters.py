@@ -21,10 +21,7 @@ Parameters = TypeVar("Parameters", bound=Record)
 
 
 class CableDrive(Record):
-    """Motors, gears and cables as they really are, one of each per joint. Read by compiled code.
-
-    Units are a RAVEN-II's: [rad, rad, m] stands for those of an arm's own joints.
-    """
+    """Motors, gears and cables as they really are, one per joint; [rad, rad, m] are units of a RAVEN-II's joints."""
 
     ratio: PerJoint  # nominal motor turns per joint [rad/rad, rad/rad, rad/m]
     ratio_error: PerJoint  # true ratio over nominal, minus 1

@@ -52,8 +52,8 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
 
     Idlers rub on the cable between motor and joint. Taken as one node that slides on the cable, a share of its
     compliance on the motor's side, they make the tensions at both ends differ by their friction f: the motor feels
-    T + (1 - share) f, the joint T - share f, which for a linear cable is exact. While the node sticks, f grows with its
-    way were it free, by the stiffness K / share + K / (1 - share) of both parts.
+    T + (1 - share) f, the joint T - share f. While the node sticks, f grows with its way were it free, by the stiffness
+    K / share + K / (1 - share) of both parts.
 
     winding is what the joints wind up of it, in units of the motor's side of the gear [rad or m], step in s.
     """
@@ -262,10 +262,9 @@ def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: boo
 
 @inlined
 def link_dynamics(tree: Tree, state: ArmState, gravity: Floats, base_motion: Floats, work: Work) -> None:
-    """Write the links' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix.
+    """Write the bias torques of the three positioning joints' links, payload included, and their mass matrix's inverse.
 
-    They change with the pose, which a millisecond hardly moves; cables, rotors and friction are what substeps are for.
-    The tree is of the three positioning joints, payload included; gravity and base_motion are as for `tree_dynamics`.
+    They change with the pose, which a millisecond hardly moves; substeps are for cables, rotors and friction.
     """
     tree_dynamics(tree, state.q, state.qd, gravity, base_motion, work)
     invert_symmetric(work.matrix, work.inverse)

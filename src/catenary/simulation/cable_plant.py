@@ -90,8 +90,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         self.control = ControlState(braked=True, guarded=True)
         self.encoders = ExternalEncoders(self.arm.rig)
         self._own_gravity = OwnGravity()
-        # what its program begins with
-        self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
+        self.switch_own_gravity(grav_dir)
         self._work = Work()
         self._power_on(rng, start)
 
@@ -116,12 +115,12 @@ class CablePlant(FirmwarePlant[TickLog]):
         May be set, as a program on the robot may: it holds until the arm is disabled or homes, and is then what it
         was at the beginning.
         """
-        return None if self._written_gravity is None else grav_dir_of(self._own_gravity.gravity)
+        return grav_dir_of(self._own_gravity.gravity) if self._compensates else None
 
     @grav_dir.setter
     def grav_dir(self, grav_dir: Sequence[float]) -> None:
         gravity = gravity_of(grav_dir)
-        if self._written_gravity is None:
+        if not self._compensates:
             raise InputError("grav_dir: this robot was made without gravity compensation of its own")
         if self._own_gravity.weighs:
             self._own_gravity.gravity = gravity
@@ -131,8 +130,9 @@ class CablePlant(FirmwarePlant[TickLog]):
 
         As if its program had been made so: it outlasts `disable` and homing. No topic of the robot's software does it.
         """
-        self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
-        self._own_gravity.gravity = np.zeros(3) if self._written_gravity is None else self._written_gravity
+        self._compensates = grav_dir is not None
+        self._written_gravity = np.zeros(3) if grav_dir is None else gravity_of(grav_dir)
+        self._own_gravity.gravity = self._written_gravity
         self._state_or_homing_changed()
 
     def telemetry(self) -> Mapping[str, Floats]:
@@ -193,17 +193,16 @@ class CablePlant(FirmwarePlant[TickLog]):
     def _homing_rows(self) -> Iterator[Floats]:
         return home(self.firmware, self.control, self.state, self.encoders, self.cable.stop_side, self.joint_names)
 
-    def _homing_stopped(self) -> None:
-        self.control.seek[:] = OFF
-
     def _state_or_homing_changed(self) -> None:
         """Switch the robot's own gravity compensation: once homed, whether the pedal is down or not."""
         own = self._own_gravity
+        if not self._is_homing:
+            self.control.seek[:] = OFF
         runs = self._is_homed and not self._is_homing and self._state in ("ENABLED", "PAUSED")
-        own.weighs = runs and self._written_gravity is not None
+        own.weighs = runs and self._compensates
         if not own.weighs:
             self.control.gravity_torque[:] = 0.0
-            own.gravity = np.zeros(3) if self._written_gravity is None else self._written_gravity
+            own.gravity = self._written_gravity
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
         state = self.state

@@ -18,7 +18,7 @@ from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.robots.model import Tree
-from catenary.simulation.cable_parameters import Cable, Firmware
+from catenary.simulation.cable_parameters import AxisFirmware, Cable, Firmware
 from catenary.simulation.cable_physics import ArmState, TreeWork, Work, link_dynamics, physics_step
 from catenary.simulation.records import AXES, POSITION, POSITIONING, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
@@ -135,10 +135,9 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     """Write the motors' shaft torques [Nm]: PD on motor positions, through the DAC's steps and limits.
 
     tau = Kp (m_d - m) + Kd (0 - m_vel) + Ki integral(m_d - m); DAC = trunc(s tau / (Kt gearbox) DAC/A).
-    The integral is never reset and never limited, as on the robot. Joint torques, which the robot takes from
-    nobody but itself and without the coupling, go through the coupling here: a commanded torque is the joint's,
-    within what `_bound_torques` lets pass. The robot's own gravity compensation, if there is any, is added to all but
-    commanded torques.
+    The integral is never reset and never limited, as on the robot. A commanded torque, which the robot takes from
+    nobody, is the joint's: it goes through the coupling, within what `_bound_torques` lets pass. The robot's own
+    gravity compensation, if there is any, is added to all others.
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
     wanted = np.zeros(AXES)
@@ -195,18 +194,29 @@ def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) ->
     _joints_of(firmware, control.motor_velocity, velocity)  # linear, so it takes velocities too
     for j in range(AXES):
         per_motor = firmware.ratio[j] / firmware.gearbox[j]
-        slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
-        damping = slowness * firmware.kp[j] * firmware.ratio[j] * per_motor
-        most = damping * (approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity[j])
-        least = -damping * (approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity[j])
         limit = firmware.dac_limit[j] if firmware.dac_limit[j] > 0.0 else STOP_DAC
         strongest = limit * firmware.torque_constant[j] * firmware.gearbox[j] / firmware.dac_per_ampere[j] * per_motor
-        bounded = min(max(control.torque_command[j], least), most)
+        bounded = bounded_torque(firmware, control, j, velocity[j], firmware.ratio[j], per_motor)
         torque[j] = min(max(bounded, -strongest), strongest)
 
 
 @inlined
-def approach_speed(distance: float, slowness: float, braking: float) -> float:
+def bounded_torque(
+    firmware: AxisFirmware, control: AxisControl, j: int, velocity: float, per_joint: float, per_motor: float
+) -> float:
+    """Return the torque of a joint as commanded, such that it stays within its limits by the law of `_bound_torques`.
+
+    The gains times per_joint per_motor are the joint's.
+    """
+    slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
+    damping = slowness * firmware.kp[j] * per_joint * per_motor
+    most = damping * (_approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity)
+    least = -damping * (_approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity)
+    return float(min(max(control.torque_command[j], least), most))
+
+
+@inlined
+def _approach_speed(distance: float, slowness: float, braking: float) -> float:
     """Return the speed at which a joint may come to a limit; beyond it, at which it comes back."""
     held = distance / slowness
     return min(held, math.sqrt(2.0 * braking * distance)) if distance > 0.0 else held
@@ -227,10 +237,7 @@ def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> 
 
 
 def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
-    """Write encoder offsets so that the axes read the given joint positions (7,) where they now stand.
-
-    All offsets follow from the joint positions together, the tools' with the insertion motor that belongs to them.
-    """
+    """Write encoder offsets so that the axes read joint positions (7,) now, the tools' by their insertion motor."""
     motor = np.empty(AXES)
     _motors_of(firmware, joint, 0.0, motor)
     _motors_of(firmware, joint, motor[2], motor)
@@ -240,10 +247,7 @@ def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
 
 
 def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
-    """Return the joint torques (..., 7) of motor torques (..., 7) [Nm] demanded at the gearboxes' outputs.
-
-    Through the nominal ratios and coupling; what friction takes on the way is unknown.
-    """
+    """Return the joint torques (..., 7) of motor torques (..., 7) [Nm] at the gearboxes' outputs, without friction."""
     cable: Floats = torque * firmware.ratio / firmware.gearbox
     joint = cable.copy()
     joint[..., 0], joint[..., 1], joint[..., 2] = joint_forces(
@@ -312,8 +316,8 @@ def run_ticks(
 
     A tick acts on what the encoders gave at the end of the last one, advances the physics by 1 ms, and reads them
     again. The tree is that of the positioning joints, payload included, links what the firmware knows of it.
-    Setpoints (T, 7) are desired joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in
-    base axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log.
+    Setpoints (T, 7) are joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in base
+    axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log.
     """
     cable, firmware, arm, control, work = cable[()], firmware[()], arm[()], control[()], work[()]
     own = own[()]

@@ -63,10 +63,8 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     def measured_js(self) -> JointState:
         """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
-        control = self.control
-        return self._joint_state(
-            control.joint.copy(), control.joint_velocity.copy(), self._joint_torques(), control.motor.copy()
-        )
+        own = self.control.copy()
+        return self._joint_state(own.joint, own.joint_velocity, self._joint_torques(), own.motor)
 
     def setpoint_js(self) -> JointState:
         """Return the firmware's joint setpoint."""
@@ -161,11 +159,8 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     def _homing_rows(self) -> Iterator[Floats]:
         """Home, tick by tick: each item is the next row of setpoints (n,)."""
 
-    def _homing_stopped(self) -> None:
-        """Do what follows a homing, however it ended."""
-
     def _state_or_homing_changed(self) -> None:
-        """Do what depends on both."""
+        """Do what depends on both; called at the end of a homing, however it ended."""
 
     # what all of them do
 
@@ -214,7 +209,6 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     def _stop_homing(self) -> None:
         self._homing = None
-        self._homing_stopped()
         self.control.guarded = True
 
     def _unhomed(self) -> None:

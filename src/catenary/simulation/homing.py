@@ -59,10 +59,10 @@ def home(
     firmware: Firmware, control: ControlState, arm: ArmState, encoders: ExternalEncoders, stop_side: Floats,
     joint_names: Sequence[str],
 ) -> Iterator[Floats]:  # fmt: skip
-    """Home an arm, tick by tick: each item is the next row of setpoints (7,).
+    """Home an arm, tick by tick: each item is the next row of setpoints (7,); the rest is written to control.
 
-    Modes, registration and what it seeks are written to control. The encoders of the rig are registered at the stops of
-    the positioning joints, on stop_side (3,), -1 for one below, 1 above: at the mean of the counts near their peak.
+    The rig's encoders are registered at the stops of the positioning joints, on stop_side (3,), -1 for one below: at
+    the mean of the counts near their peak.
     """
     control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION

@@ -88,10 +88,7 @@ LEAST_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links are given 1e-12 k
 
 
 def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Sequence[str]) -> None:
-    """Refuse joints that move no mass, and a step that is too long.
-
-    mass (nz, nz) is that of all that moves, where the arm stands; step in s.
-    """
+    """Refuse joints that move no mass (nz, nz), where the arm stands, and a step [s] that is too long."""
     n, nz = len(joints.drive), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < LEAST_INERTIA]
     if bare:
@@ -246,10 +243,7 @@ def _find_accelerations(
 
 @inlined
 def factorise(A: Floats) -> bool:
-    """Overwrite the lower triangle of A (n, n) with L, A = L L^T; false when A is not positive definite.
-
-    Only the lower triangle is read.
-    """
+    """Overwrite the lower triangle of A (n, n), alone read, with L, A = L L^T; false if A is not positive definite."""
     for i in range(A.shape[0]):
         for j in range(i + 1):
             total = A[i, j]

@@ -12,6 +12,7 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, LimitError, imported
 from catenary.gravity.payload import Payload
 from catenary.plant import Column, JointState
+from catenary.robots.mjcf import LEAST_INERTIA, LEAST_MASS
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.joint_hardware import (
@@ -29,18 +30,14 @@ from catenary.simulation.joint_hardware import (
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 from catenary.spatial import quaternion_from_rotation
 
-# MuJoCo refuses moving bodies below mjMINVAL = 1e-15; a massless link gets this much, which no torque shows
-LEAST_MASS = 1e-12  # [kg]
-LEAST_INERTIA = 1e-14  # [kg m2]
 _ROUNDING = 1e-9  # of the largest moment, by which the triangle inequality may be missed
 
 
 def tree_mjcf(model: RobotModel) -> str:
     """Write the tree as MJCF, on a body, the base, with a free joint, in weightlessness.
 
-    Body and joint i have the name of link i, the body's frame is frame i of the tree. The joints are the tree's
-    own, each free to move by itself: MJCF has no joint that moves by a linear combination of others, only soft
-    constraints that nearly make it so. Who simulates this sets tree coordinate = coupling q + offset.
+    Body and joint i have the name of link i, the body's frame is frame i of the tree. Joints are the tree's own: none
+    of MJCF's moves by a linear combination of others. Who simulates this sets tree coordinate = coupling q + offset.
     """
     model.require_inertia()
     children: list[list[int]] = [[] for _ in range(len(model.link_names) + 1)]
@@ -96,9 +93,8 @@ def _text(values: Floats) -> str:
 class MujocoDynamics:
     """M and h of M xdd + h = tree torque, for the tree's joints; a second opinion on catenary's own recursions.
 
-    The base is MuJoCo's free body: it stands at the origin, turns and accelerates as it is told, and the joints
-    feel it. Base axes are MuJoCo's world axes at that instant, so gravity is given in them, and h comes from one
-    inverse dynamics with the base's true acceleration in it: nothing is approximated, no force is invented.
+    The base is MuJoCo's free body: it stands at the origin, turns and accelerates as it is told. Base axes are MuJoCo's
+    world axes at that instant; h comes from one inverse dynamics with the base's true acceleration in it.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -194,10 +190,9 @@ class MujocoPlant(SimulatedPlant):
     limits act as impulses at the end of each step: a joint sticks without any creep, which MuJoCo's own friction does
     not, and stops at its limits without bouncing. Equal commands give equal motions, bit for bit.
 
-    Torques of `servo_jf` act as they are, up to the model's effort limits. `servo_jp` is obeyed by an ideal servo
-    in place of firmware (`servo_torques`), critically damped at BANDWIDTH. The setpoint moves at most at the model's
-    velocity limits, and stays within its joint limits; where a leap asks for more than the effort limits, the arm
-    follows late and overshoots, as a real one does.
+    Torques of `servo_jf` act up to the model's effort limits. `servo_jp` is obeyed by an ideal servo (`servo_torques`).
+    The setpoint moves at most at the model's velocity limits, and stays within its joint limits; where a leap asks for
+    more than the effort limits, the arm follows late and overshoots, as a real one does.
     """
 
     def __init__(
@@ -233,6 +228,7 @@ class MujocoPlant(SimulatedPlant):
         super().__init__(timeline, is_homed=True)
         n = model.n
         self.joint_names, self.joint_units = model.joint_names, model.joint_units
+        self.lower, self.upper = model.lower, model.upper
         self.columns = (
             Column("jpos", "rad|m", n),
             Column("jvel", "rad/s|m/s", n),
@@ -256,21 +252,6 @@ class MujocoPlant(SimulatedPlant):
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
 
     # what a Plant says about itself
-
-    @property
-    def lower(self) -> Floats:
-        """Joint limits below, (n,)."""
-        return np.array(self.model.lower)
-
-    @property
-    def upper(self) -> Floats:
-        """Joint limits above, (n,)."""
-        return np.array(self.model.upper)
-
-    @property
-    def payload(self) -> Payload | None:
-        """What it carries."""
-        return self._payload
 
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
@@ -321,7 +302,7 @@ class MujocoPlant(SimulatedPlant):
         """Carry a payload from now on, in place of the last one, or nothing; it moves with the arm at once."""
         # masses are constants to MuJoCo: the robot is compiled with what it carries
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
-        self._dynamics, self._payload = dynamics, payload
+        self._dynamics, self.payload = dynamics, payload
         self._joints = drive_parameters(self.model, self._hardware, dynamics.dof, dynamics.at)
 
     def detach(self) -> None:

@@ -12,21 +12,17 @@ from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError
 from catenary.files import written_whole
 from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.simulation.records import Record
 
 FORMAT = "catenary.cable_plant.1"
 LARGEST = 1e10  # of counts, random numbers, radians, metres, newtons and newton metres in an arm
-FLAGS = ("braked", "stopped", "guarded")  # of the firmware, one array in the file
-UNSAVED = ("gravity_torque",)  # zero while disabled
+UNSAVED = "gravity_torque"  # of the firmware: zero while disabled
 AnyArm = FirmwarePlant[Any]
 
 
 def save_plant(plant: AnyArm, path: Path) -> None:
     """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed."""
-    arrays: dict[str, Any] = {f"arm.{name}": plant.state[name] for name in plant.state.fields}
-    saved = [name for name in plant.control.fields if name not in FLAGS + UNSAVED]
-    arrays |= {f"control.{name}": plant.control[name] for name in saved}
-    arrays["control.flags"] = np.array([plant.control[name] for name in FLAGS], dtype=np.int64)
-    arrays |= plant.registered
+    arrays = {key: record[name] for key, record, name in _saved(plant)} | plant.registered
     about = _robot(plant) | {"tick": plant.ticks, "is_homed": plant.operating_state().is_homed}
     with written_whole(path) as file:
         np.savez(file, about=np.array(json.dumps(about)), **arrays)
@@ -46,22 +42,27 @@ def restore_plant(plant: AnyArm, path: Path) -> None:
     if found != wanted:
         raise FileFormatError(f"{path}: is of another robot: {cut(str(found))}, expected {wanted}")
     try:
-        state = {name: _like(arrays[f"arm.{name}"], plant.state[name], name) for name in plant.state.fields}
-        control = dict(zip(FLAGS, arrays["control.flags"], strict=True))
-        for name in plant.control.fields:
-            if name not in FLAGS + UNSAVED:
-                control[name] = _like(arrays[f"control.{name}"], plant.control[name], name)
+        values = [_like(arrays[key], record[name], name) for key, record, name in _saved(plant)]
         registered = {name: _like(arrays[name], now, name) for name, now in plant.registered.items()}
         tick, is_homed = about.get("tick"), about.get("is_homed")
         if type(tick) is not int or not 0 <= tick < 2**53 or not isinstance(is_homed, bool):
             raise ValueError(f"tick {shortened(tick)}, is_homed {shortened(is_homed)}")
     except (KeyError, TypeError, ValueError) as error:
         raise _unreadable(path, error) from error
-    for name, values in state.items():
-        plant.state[name] = values
-    for name, values in control.items():
-        plant.control[name] = values
+    for value, (_, record, name) in zip(values, _saved(plant), strict=True):
+        record[name] = value
     plant.resume_at(tick, registered, is_homed=is_homed)
+
+
+def _saved(plant: AnyArm) -> list[tuple[str, Record, str]]:
+    """Return what is saved of an arm: its name in the file, its record and its field there."""
+    records = {"arm": plant.state, "control": plant.control}
+    return [
+        (f"{part}.{name}", record, name)
+        for part, record in records.items()
+        for name in record.fields
+        if name != UNSAVED
+    ]
 
 
 def _unreadable(path: Path, error: Exception) -> FileFormatError:
@@ -73,9 +74,7 @@ def _unreadable(path: Path, error: Exception) -> FileFormatError:
 
 
 def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
-    """Return values that can stand in place of those of now: of their shape, NaN only where these are, and no larger
-    than anything in an arm.
-    """
+    """Return values of the shape of those of now, NaN only where these are, no larger than anything in an arm."""
     if values.dtype.kind not in "biuf" or values.shape != np.shape(now):
         raise ValueError(f"{name}: {values.dtype} of shape {values.shape}, expected numbers of {np.shape(now)}")
     is_right = np.abs(values) < LARGEST

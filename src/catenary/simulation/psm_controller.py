@@ -25,7 +25,7 @@ from catenary.simulation.cable_physics import (
     turn_rotor,
     unstretched_rotors,
 )
-from catenary.simulation.firmware import BRAKING, LEAST_DAMPING, AxisControl, AxisLog, approach_speed, write_row
+from catenary.simulation.firmware import AxisControl, AxisLog, bounded_torque, write_row
 from catenary.simulation.psm_parameters import PSM_SIZES, PsmController, PsmDrive
 from catenary.simulation.records import AXES, OFF, POSITIONING, TORQUE, PerAxis
 from catenary.simulation.simulated_plant import PERIOD
@@ -40,7 +40,7 @@ class PsmState(ArmState):
 
 
 class PsmWork(Work):
-    """Scratch for `psm_dynamics`, whose results are `load` and `inverse`, and for `psm_step`."""
+    """Scratch for `psm_dynamics`, which leaves `load` and `inverse`, and for `psm_step`."""
 
     sizes = PSM_SIZES
 
@@ -183,7 +183,7 @@ def control_joints(controller: PsmController, control: PsmControlState, shaft_to
     for j in range(7):
         torque = 0.0
         if control.mode[j] == TORQUE:
-            torque = _bounded(controller, control, j)
+            torque = bounded_torque(controller, control, j, control.joint_velocity[j], 1.0, 1.0)
             control.setpoint[j] = control.joint[j]  # no jump when the PID takes over
         elif control.mode[j] != OFF:
             error = control.setpoint[j] - control.joint[j]
@@ -207,16 +207,6 @@ def control_joints(controller: PsmController, control: PsmControlState, shaft_to
         shaft_torque[j] = current * controller.torque_constant[j]
         actuator[j] = current * per_ampere
     through(actuator, controller.discs, control.torque, True)
-
-
-@inlined
-def _bounded(controller: PsmController, control: PsmControlState, j: int) -> float:
-    """Return the torque of a joint as commanded, such that it stays within its limits: as a RAVEN-II's here does."""
-    slowness = max(controller.kd[j] / controller.kp[j], LEAST_DAMPING)
-    damping, q, qd = slowness * controller.kp[j], control.joint[j], control.joint_velocity[j]
-    most = damping * (approach_speed(controller.upper[j] - q, slowness, BRAKING[j]) - qd)
-    least = -damping * (approach_speed(q - controller.lower[j], slowness, BRAKING[j]) + qd)
-    return float(min(max(control.torque_command[j], least), most))
 
 
 @inlined

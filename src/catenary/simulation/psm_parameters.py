@@ -24,7 +24,7 @@ _ToolMatrix = Annotated[Floats, "f8", ("tool", "tool")]
 
 
 class PsmDrive(CableDrive):
-    """Motors, gears, cables and joints of a PSM as they really are. Read by compiled code.
+    """Motors, gears, cables and joints of a PSM as they really are.
 
     Cables are in the dVRK's actuator coordinates: the joints' own for the first three, the instrument's discs for the
     other four.

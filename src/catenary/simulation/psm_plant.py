@@ -89,7 +89,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
     def seen(self, q: Floats, ticks: ArrayLike) -> Floats:
         """Return where a tracker sees joints that really are at q (..., 7) in a tick (...): (..., 6).
 
-        Its noise is the same in the same tick of the same arm, whoever asks and how often.
+        Its noise depends on the tick alone, whoever asks and how often.
         """
         tracker = self.arm.tracker
         noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % NOISE_ROWS]

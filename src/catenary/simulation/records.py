@@ -49,10 +49,7 @@ class _Field:
 
 
 class Record(np.ndarray[Any, np.dtype[Any]]):
-    """One record, or rows of them; a subclass declares its fields by annotations.
-
-    Compiled functions receive `record[()]`, or `rows[k]`, and read fields as attributes; so does Python.
-    """
+    """One record, or rows of them; compiled functions, given `record[()]` or `rows[k]`, read the same attributes."""
 
     fields: ClassVar[tuple[str, ...]]
     layout: ClassVar[np.dtype[Any]]

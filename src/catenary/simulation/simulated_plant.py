@@ -160,10 +160,7 @@ class SimulatedPlant(ABC):
 
 
 class PacedPlant:
-    """A simulated plant whose ticks take as long as a robot's; time lost by a late tick is not caught up.
-
-    Every other verb is the plant's own.
-    """
+    """A simulated plant whose ticks take as long as a robot's; a late tick's time is not caught up."""
 
     def __init__(self, plant: Plant) -> None:
         """Take a plant; its clock starts with the first tick."""

@@ -22,7 +22,7 @@ class Reference(NamedTuple):
 
 
 class Trajectory(Protocol):
-    """A motion that begins and ends at rest; before it the joints are at its start, after it at its end.
+    """A motion from rest to rest; before it the joints are at its start, after it at its end.
 
     Position and velocity are continuous, and `qd` is the derivative of `q`, `qdd` that of `qd`.
     """

@@ -82,10 +82,7 @@ class SmoothedPath(SampledTrajectory):
 
     @property
     def corner_distance(self) -> Floats:
-        """Return how far each joint passes from its corners at most, (n,) [rad|m].
-
-        It is how far the motion leaves the line, as long as corners lie at least a blend apart.
-        """
+        """How far each joint passes from its corners at most, (n,) [rad|m], where they lie at least a blend apart."""
         first, times, points, _, blends = self._lines
         largest = np.zeros(len(blends))
         for j, blend in enumerate(blends):

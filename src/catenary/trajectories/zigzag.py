@@ -159,7 +159,7 @@ def _placement(direction: str, form: str, lower: ArrayLike, upper: ArrayLike) ->
 def _unit_moves(sparsity: float) -> NDArray[np.int64]:
     """Return the straight moves of the unit path, (moves, 3) steps along each axis: all but one are 0.
 
-    All sums add 0.001 in floating point, as the published generator does: it decides the number of rows.
+    0.001 is added up in floating point, as the published generator does: it decides the number of rows.
     """
     s = float(as_array("sparsity", sparsity, ()))
     if not LEAST_SPARSITY <= s <= 1.0:
