@@ -130,7 +130,7 @@ def test_what_holds_no_message_is_refused(tmp_path: Path, content: bytes) -> Non
         recover(tmp_path / "a.bag")
     with pytest.raises(FileFormatError, match="no such recording"):
         recover(tmp_path / "b.bag")
-    with pytest.raises(FileFormatError, match="folder with 0 of them"):
+    with pytest.raises(FileFormatError, match="has no file of a bag; it holds nothing"):
         recover(tmp_path / "empty")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, Integers, as_array
+from catenary.documents import cut
 from catenary.dvrk_psm import psm_topic_named
 from catenary.errors import FileFormatError, InputError
 from catenary.raven2.topics import RAVEN_TOPICS, RAVENSTATE
@@ -23,6 +24,7 @@ from catenary.topics import SECOND, Topic, TopicColumn
 Encoding = Literal["ros1", "cdr"]
 CDR_HEADER = 4  # bytes before the message; alignment counts from behind them
 COUNT = "#"  # before the name of a string or a sequence: the field that holds its length
+DEEPEST = 32  # messages within each other
 MAX_ELEMENTS = 100_000  # of one sequence, and parts of one message; more is taken for damage
 FieldsOf = Callable[[str], tuple[Field, ...]]  # name of a message type -> its fields
 _INT32 = np.iinfo(np.int32)
@@ -40,6 +42,7 @@ class _Walk:
     offset: int = 0
     fields_of: FieldsOf = fields
     parts: int = 0
+    depth: int = 0
     names: list[str] = field(default_factory=list)
     formats: list[Any] = field(default_factory=list)
     offsets: list[int] = field(default_factory=list)
@@ -48,6 +51,8 @@ class _Walk:
         self.parts += 1
         if self.parts > MAX_ELEMENTS:
             raise FileFormatError(f"message: more than {MAX_ELEMENTS} messages within one")
+        if self.depth > DEEPEST:
+            raise FileFormatError(f"{cut(name)} holds itself, or is more than {DEEPEST} messages deep")
         for item in self.fields_of(name):
             if self.encoding == "cdr" and current_name(name) == "std_msgs/Header" and item.name == "seq":
                 continue  # ROS 2 has none
@@ -73,7 +78,9 @@ class _Walk:
         elif kind in NUMBERS:
             self._place(path, NUMBERS[kind], np.dtype(NUMBERS[kind]).itemsize)
         else:
+            self.depth += 1
             self.message(kind, f"{path}.")
+            self.depth -= 1
 
     def _length(self, path: str) -> int:
         self._place(COUNT + path, "<u4", 4)

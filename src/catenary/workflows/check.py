@@ -30,7 +30,7 @@ from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in, is_journal
 from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.recording.import_formats.sources import is_bag, is_other_make
-from catenary.recording.logs import Reading, read_recording, read_torque_recording
+from catenary.recording.logs import Reading, read_recording, read_torque_log
 from catenary.recording.mend import NOTHING, Mend, units_of
 from catenary.reports.calibration import card_facts, model_name
 from catenary.robots.actuation import joint_drives
@@ -90,7 +90,7 @@ def check_file(
                 "of which robot? name it with --robot"
             )
         model = load_robot(robot)
-        log = read_torque_recording(path, model, reading)
+        log = read_torque_log(path, model, reading)
         found = recording_report("recording for identification", log, model)
         found.faults, remarks, found.findings = torque_verdict(log, model)
         found.remarks = [*log.notes, *remarks]
