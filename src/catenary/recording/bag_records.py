@@ -1,7 +1,4 @@
-"""The records of a bag: read within bounds, searched for behind damage, and gathered by compiled code.
-
-A chunk of a ROS 1 bag or of MCAP makes no Python object per message. [wiki.ros.org/Bags/Format/2.0, mcap.dev/spec]
-"""
+"""Records of a bag: bounded, searched for behind damage, walked by compiled code [wiki.ros.org/Bags, mcap.dev/spec]."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -210,10 +207,8 @@ def rows_of(records: Records) -> Iterator[list[int]]:
 
 def gather(chunk: bytes, records: Records) -> Block:
     """Return the messages of a chunk's records."""
-    lengths = records[:, END] - records[:, DATA]
-    out = np.empty(int(lengths.sum()), dtype=np.uint8)
-    _copy(np.frombuffer(chunk, dtype=np.uint8), records, out)
-    return Block(out, lengths)
+    parts = map(chunk.__getitem__, map(slice, records[:, DATA].tolist(), records[:, END].tolist()))
+    return Block(np.frombuffer(b"".join(parts), dtype=np.uint8), records[:, END] - records[:, DATA])
 
 
 @compiled
@@ -282,12 +277,3 @@ def _walk_mcap(data: NDArray[np.uint8], records: Records) -> int:
         count += 1
         position = begin + length
     return count
-
-
-@compiled
-def _copy(data: NDArray[np.uint8], records: Records, out: NDArray[np.uint8]) -> None:
-    place = 0
-    for i in range(len(records)):
-        length = records[i, 5] - records[i, 4]
-        out[place : place + length] = data[records[i, 4] : records[i, 5]]
-        place += length

@@ -215,22 +215,17 @@ class BagStream(BagFile):
             kind = values[b"op"][0]
             if kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
-            try:
+            chunk = None
+            with self._damage_told(f"from byte {start} to {file.tell()}"):
                 if kind == _BAG_HEADER and _U64.unpack(field_of(values, b"index_pos", 8))[0]:
                     counts = (field_of(values, key, 4) for key in (b"conn_count", b"chunk_count"))
                     missing = sum(_U32.unpack(count)[0] for count in counts)
                 elif kind == _CONNECTION:  # it says again what stands before its messages
                     self._connection(_U32.unpack(field_of(values, b"conn", 4))[0], values, data)
-                chunk = None
-                if kind == _CHUNK:
+                elif kind == _CHUNK:
                     packing = field_of(values, b"compression").decode(errors="replace")
                     stated = 0 if packing == "none" else _U32.unpack(field_of(values, b"size", 4))[0]
                     chunk = self._unpacking.chunk(data, packing, stated)
-            except FileFormatError:
-                raise
-            except DAMAGE as problem:
-                self._damaged(f"from byte {start} to {file.tell()}: {cut(str(problem) or repr(problem))}")
-                continue
             if chunk is not None:
                 yield chunk
         if missing != 0:
@@ -244,7 +239,7 @@ class BagStream(BagFile):
             damaged = np.flatnonzero(records[:, KIND] < 0)
             whole = records[: damaged[0]] if len(damaged) else records
             for row in whole[whole[:, KIND] == _CONNECTION].tolist():
-                with self._damage_told(file.tell()):
+                with self._damage_told(f"before byte {file.tell()}"):
                     head = header_fields(chunk[row[HEADER] : row[DATA] - 4])
                     self._connection(row[CONNECTION], head, chunk[row[DATA] : row[END]])
             yield chunk, whole[whole[:, KIND] == _MESSAGE]
@@ -305,6 +300,7 @@ class BagStream(BagFile):
         is_over = is_closed = False  # what follows the data says again which topics there are
         while len(head := file.read(9)) == 9:
             start, length = file.tell() - 9, _U64.unpack_from(head, 1)[0]
+            here = f"in the record that begins at byte {start}"
             data = file.read(min(length, size))
             is_whole, kind = len(data) == length, head[0]
             following = None
@@ -315,12 +311,12 @@ class BagStream(BagFile):
             is_over |= kind == _DATA_END
             is_closed |= kind == _FOOTER and is_whole
             if kind == _MCAP_CHUNK and (is_whole or len(data) > _CHUNK_HEAD):
-                with self._damage_told(start):
+                with self._damage_told(here):
                     is_hit = following is not None and self.is_journal
                     inside = self._mcap_contents(data, is_whole=is_whole, is_hit=is_hit)
                     records = chunk_records(inside, is_ros1=False)
                     for row in records[np.isin(records[:, KIND], (_SCHEMA, _CHANNEL))].tolist():
-                        with self._damage_told(start):
+                        with self._damage_told(here):
                             self._mcap_record(row[KIND], inside[row[HEADER] : row[END]], schemas)
                     yield inside, records[records[:, KIND] == _MCAP_MESSAGE]
                     if is_whole and len(inside) != (records[-1, END] if len(records) else 0):
@@ -328,7 +324,7 @@ class BagStream(BagFile):
             elif kind == _MCAP_MESSAGE and is_whole and not is_over:
                 yield head + data, chunk_records(head + data, is_ros1=False)
             elif is_whole and (not is_over or kind in (_SCHEMA, _CHANNEL)):
-                with self._damage_told(start):
+                with self._damage_told(here):
                     self._mcap_record(kind, data, schemas)
             if following is not None:
                 self._damaged(f"from byte {start} to {following}")
@@ -366,13 +362,14 @@ class BagStream(BagFile):
                 self._missed(name, int(numbers[i]), int(numbers[i] - before[i]), int(own[i, TIME]), i or expected)
 
     @contextlib.contextmanager
-    def _damage_told(self, start: int) -> Iterator[None]:
+    def _damage_told(self, where: str) -> Iterator[None]:
+        """Take what damaged bytes raise as damage there."""
         try:
             yield
         except FileFormatError:
             raise
         except DAMAGE as problem:
-            self._damaged(f"in the record that begins at byte {start}: {problem!r}")
+            self._damaged(f"{where}: {cut(str(problem) or repr(problem))}")
 
     def _mcap_record(self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]]) -> None:
         """Take in what a record tells of topics and of the recording."""

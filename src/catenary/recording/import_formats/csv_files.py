@@ -310,8 +310,6 @@ _COMMENTS = "comment lines among the rows were passed over"
 _BEGINS = (b"#", b"%", b"//")  # of comments
 _TYPES: Mapping[str, Any] = {"number": pa.float64(), "whole": pa.int64(), "truth": pa.bool_()}
 
-Block = dict[str, NDArray[Any]]
-
 
 class TextTable:
     """A table of text whose head was read; its rows are read when they are wanted."""
@@ -352,15 +350,12 @@ class TextTable:
         return ([part] for part in self.streams(wanted[self.path.stem]))
 
     def streams(self, wanted: Collection[str] | None = None) -> Iterator[Stream]:
-        """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time."""
+        """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time.
+
+        Dates are nanoseconds; whole numbers that no float64 can hold stay whole.
+        """
         dates = tuple(column.name for column in self.head.columns if column.date is not None)
         told: dict[str, Any] = {"joints": self.head.joints, "dates": dates, "notes": tuple(self.head.notes)}
-        for block in self.blocks(wanted):
-            columns = {name: v if v.dtype.kind == "i" else v.astype(np.float64) for name, v in block.items()}
-            yield Stream(self.path.stem, "table", columns, len(next(iter(columns.values()))), **told)
-
-    def blocks(self, wanted: Collection[str] | None = None) -> Iterator[Block]:
-        """Yield the same as plain arrays: dates as nanoseconds, whole numbers that no float64 can hold as such."""
         columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
         names = [str(i) for i in range(self.head.width)]
@@ -381,7 +376,8 @@ class TextTable:
                 if wanted is not None:  # not of a sample
                     self._progress(min(1.0, file.tell() / self._size))
                 for batch in batches:
-                    yield {column.name: _numbers(column, batch, carried) for column in columns}
+                    numbers = {column.name: _numbers(column, batch, carried) for column in columns}
+                    yield Stream(self.path.stem, "table", numbers, batch.num_rows, **told)
         said = [f"{count} {what}" for what, count in passed.items() if count]
         said += ["its last line is torn, and was left out"] * bool(self.head.torn)
         self.notes += [note for note in said if note not in self.notes]
@@ -432,7 +428,7 @@ def _numbers(column: TextColumn, batch: pa.RecordBatch, carried: dict[str, tuple
         one = column.date.nanoseconds(one if len(cells) == 1 else pc.binary_join_element_wise(*cells, " "))
         one, carried[column.name] = since_midnight(one, column.date, carried.get(column.name, (0, None)))
     values: NDArray[Any] = one.to_numpy(zero_copy_only=False)
-    return values.astype(np.float64) if values.dtype.kind == "O" else values  # truth values, and some missing
+    return values if values.dtype.kind == "i" else values.astype(np.float64)
 
 
 def _lines(path: Path) -> tuple[list[str], list[int], list[str], str]:
