@@ -38,6 +38,7 @@ def full_log(rows: int = 8) -> MotionLog:
         robot="raven2",
         notes=("units not stated",),
         units_assumed=True,
+        began=1.7e9,
     )
 
 
@@ -54,7 +55,7 @@ def path(tmp_path: Path) -> Path:
 
 
 ARRAYS = ("q_nominal", "q_encoder", "qd", "tau", "time", "ok")
-SAID = ("joint_names", "joint_units", "robot", "simulated", "units_assumed", "notes", "signal_units")
+SAID = ("joint_names", "joint_units", "robot", "simulated", "units_assumed", "notes", "signal_units", "began")
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """ROS 1 bags and MCAP read from their first byte to their last, by no index, which a bag that was cut off lacks."""
 
 import contextlib
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator
+from functools import cached_property
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO, NamedTuple, TypeVar
@@ -63,8 +65,8 @@ class BagConnection(NamedTuple):
     definition: str
 
 
-class BagFile:
-    """A file of a bag: what it says of itself, and what was found damaged."""
+class Source:
+    """A recording, or a file of one, in the order of arrival: what it says of itself, and what was found damaged."""
 
     encoding: Encoding = "cdr"
 
@@ -73,7 +75,6 @@ class BagFile:
         self.warnings: list[str] = []  # of whoever opened it
         self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
-        self.counts: dict[str, int] = {}  # of messages, by topic
         self._names: dict[int, str] = {}  # of topics
         self.about: About | None = None
         self.first: int | None = None  # [ns] arrival of the first message
@@ -97,6 +98,18 @@ class BagFile:
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
 
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages, some of every topic before more of one."""
+        raise NotImplementedError
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Number of messages by topic."""
+        found = {topic.name: 0 for topic in self.topics}
+        for name, arrivals, _ in self.blocks(found):
+            found[name] += len(arrivals)
+        return found
+
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         raise NotImplementedError
 
@@ -111,7 +124,7 @@ class BagFile:
         self._names[number] = name
 
 
-class BagStream(BagFile):
+class BagStream(Source):
     """Reads a ROS 1 bag or an MCAP file as it was recorded, and on behind damage, which `damage` tells."""
 
     def __init__(self, path: Path) -> None:
@@ -136,11 +149,13 @@ class BagStream(BagFile):
             )
         self.encoding = "ros1" if self.is_ros1 else "cdr"
         self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
+        counts = Counter[str]()
         for name, number, first in self._guarded(self._counts):
             if name == ABOUT_TOPIC:
                 self.about = about_of(path, first, self.encoding)
             else:
-                self.counts[name] = self.counts.get(name, 0) + number
+                counts[name] += number
+        self.counts = counts
 
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         return self._guarded(self._messages)

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.bag_reader import Source
+from catenary.recording.bag_stream import Source
 from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, Encoding, blank_messages, topic_named
 from catenary.recording.messages import MESSAGES, check_type, current_name, ros2_name, typestore
 

@@ -11,8 +11,8 @@ from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag_reader import JournalReader, Rescue, Source, bags_in, open_recording, rescue_of
-from catenary.recording.bag_stream import BagStream
+from catenary.recording.bag_reader import JournalReader, Rescue, bags_in, open_recording, rescue_of
+from catenary.recording.bag_stream import BagStream, Source
 from catenary.recording.bag_writer import ROS2_VERSION, copy_messages
 from catenary.recording.journal import JournalWriter
 
@@ -109,7 +109,8 @@ def _write_bag(source: Source, part: Path, *, is_bag: bool) -> None:
     with BagWriter(part) if is_bag else McapWriter(part, **mcap) as bag:
         to = {}
         for topic, name, md5, definition in source.connections.values():
-            how = {"md5sum": md5} if is_bag else {"rihs01": UNKNOWN_HASH, "serialization_format": source.encoding}
+            how: dict[str, Any] = {"rihs01": UNKNOWN_HASH, "serialization_format": source.encoding}
+            how = {"md5sum": md5} if is_bag else how
             spelt = name.replace("/", "/msg/") if is_bag else name
             to[topic] = bag, bag.add_connection(topic, spelt, msgdef=definition, **how)
         copy_messages(source, to, "ros1" if source.encoding == "ros1" else "mcap", part)

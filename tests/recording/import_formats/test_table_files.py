@@ -1,6 +1,7 @@
 """Tables of many makes, written by the libraries that people use for them."""
 
 import gzip
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,7 @@ def test_the_unit_of_time_is_told_by_the_rate_or_the_epoch_and_said(
     log = import_recording(path, ["q_nominal=q1,q2"], units="rad")
     assert_allclose(log.time, T, atol=1e-6)
     assert any(f"time is t in {unit}" in note for note in log.notes)
+    assert log.began == since
 
 
 @pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
@@ -79,6 +81,8 @@ def test_a_unit_of_time_that_cannot_be_told_is_asked(tmp_path: Path) -> None:
     log = import_recording(table, ["q_nominal=q1,q2", "time=t@ms"], units="rad")
     assert log.time is not None
     assert log.time[-1] == pytest.approx(0.599)
+    even = {"q_nominal": {"columns": ["q1", "q2"], "units": "rad"}, "rate_hz": 100.0}
+    assert import_recording(table, even).began == 0.0
 
 
 def test_names_that_are_there_twice_are_numbered(tmp_path: Path) -> None:
@@ -185,6 +189,24 @@ def test_bytes_of_no_file_are_refused(ending: str, tmp_path: Path, rng: np.rando
         (tmp_path / f"lab{ending}").write_bytes(rng.bytes(size))
         with pytest.raises(FileFormatError):
             propose_mapping(tmp_path / f"lab{ending}")
+
+
+def test_small_files_that_state_large_counts_are_refused_before_room_is_made_for_them(tmp_path: Path) -> None:
+    content = np.empty((1, 3), dtype=object)
+    content[:] = [[1.0, 2.0, 3.0]]
+    savemat(tmp_path / "cells.mat", {"c": content})
+    data = (tmp_path / "cells.mat").read_bytes()
+    (tmp_path / "cells.mat").write_bytes(data.replace(struct.pack("<ii", 1, 3), struct.pack("<ii", 2**15, 2**15)))
+    schema = pa.schema([(f"c{i}", pa.float64()) for i in range(20_000)])
+    pq.ParquetWriter(tmp_path / "wide.parquet", schema).close()
+    np.savez(tmp_path / "none.npz", q=np.empty((0, 2**23)))
+    for name, said in (
+        ("cells.mat", r"an array of shape \(32768, 32768\)"),
+        ("wide.parquet", "20000 columns, expected 5000 at most"),
+        ("none.npz", "holds no array of numbers"),
+    ):
+        with pytest.raises(FileFormatError, match=said):
+            propose_mapping(tmp_path / name)
 
 
 def test_damaged_matlab_files_are_refused_or_read(tmp_path: Path, rng: np.random.Generator) -> None:
