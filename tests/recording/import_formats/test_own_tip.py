@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.recording.import_formats import in_pieces, message_columns
+from catenary.recording.import_formats import message_columns
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
+from catenary.workflows import import_recording as in_pieces
 from catenary.workflows.import_recording import import_recording, import_to_file
 from lab_bags import JOINT_STATE, POSE, Message, joint_state, pose, write_bag
 

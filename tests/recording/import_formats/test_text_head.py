@@ -8,8 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.csv_files import read_head
-from catenary.recording.import_formats.text_dates import date_format
+from catenary.recording.import_formats.csv_files import date_format, read_head
 from catenary.workflows.import_recording import propose_mapping
 
 CELLS = st.sampled_from(
