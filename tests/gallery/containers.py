@@ -86,18 +86,6 @@ SAMPLES = [
     ),
     Sample("LeRobot 3", "pusht3", "likewise", lambda path: lerobot(path, "v3.0", STATES, MOTORS)),
     Sample("gzip", "run.csv.gz", "as the plain one", packed),
-    Sample(
-        "Excel",
-        "lab.xlsx",
-        "",
-        lambda path: path.write_bytes(b"PK\x03\x04"),
-        refused="is a spreadsheet: save its sheet as CSV",
-    ),
-    Sample(
-        "Python's pickle",
-        "lab.pkl",
-        "",
-        lambda path: path.write_bytes(b"\x80"),
-        refused="is a pickle, which runs what it holds",
-    ),
+    Sample("Excel", "lab.xlsx", "", Path.touch, refused="is a spreadsheet: save its sheet as CSV"),
+    Sample("Python's pickle", "lab.pkl", "", Path.touch, refused="is a pickle, which runs what it holds"),
 ]

@@ -21,7 +21,7 @@ WHICH = {"q_nominal": "data[1]"}
 def savetxt(columns: Sequence[np.ndarray], **how: object) -> Callable[[Path], object]:
     """Return what writes columns as np.savetxt does."""
     how = {"fmt": "%.9g", "comments": "# "} | how
-    return lambda path: np.savetxt(path, np.column_stack(columns), **how)  # type: ignore[call-overload]
+    return lambda path: np.savetxt(path, np.column_stack(columns), **how)
 
 
 def lines(head: str, rows: Callable[[int], str], end: str = "\n") -> Callable[[Path], object]:

@@ -68,7 +68,6 @@ def test_mcap_holds_the_same_messages_in_cdr(journal, bags, sent, tmp_path) -> N
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
 def test_robot_seed_and_simulated_travel_with_the_bag(bags: dict[str, Path], kind: str) -> None:
     source = open_recording(bags[kind])
-    assert source.about is not None
     assert (source.about.robot, source.about.simulated, source.about.seed) == ("raven2", True, ABOUT.seed)
     assert ABOUT_TOPIC not in [topic.name for topic in source.topics]
 

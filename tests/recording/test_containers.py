@@ -45,7 +45,7 @@ def messages() -> list[Message]:
 def of_bag(kind: str) -> Callable[[Path], list[Path]]:
     def write(folder: Path) -> list[Path]:
         topics = {STATE: JOINT_STATE, CAMERA: JOINT_STATE}
-        return [write_bag(folder / "lab", kind, topics, messages())]  # type: ignore[arg-type]
+        return [write_bag(folder / "lab", kind, topics, messages())]
 
     return write
 
@@ -191,7 +191,6 @@ def test_every_container_gives_the_log_of_the_rule_and_equal_verdicts(
     """The rule, worked out here: the straight line between the two samples around each stamp, no farther apart than 50 ms."""
     log, first = logs[container], logs["ROS 1 bag"]
     assert log.time is not None
-    assert log.q_encoder is not None
     stamp, seen = stamps(T), stamps(T_SEEN)
     right = np.searchsorted(seen, stamp).clip(1, len(seen) - 1)
     left = right - 1

@@ -37,7 +37,7 @@ ABOUT = About("raven2", True, 5, {"speed": 1.5})
 def _write(folder: Path, messages: int = 50, **options: int) -> list[tuple[str, int, bytes]]:
     rng = random.Random(1)
     sent = [(rng.choice(("/a", "/b")), 1000 * i, rng.randbytes(rng.randrange(200))) for i in range(messages)]
-    with JournalWriter(folder, TOPICS, ABOUT, **options) as journal:  # type: ignore[arg-type]
+    with JournalWriter(folder, TOPICS, ABOUT, **options) as journal:
         for message in sent:
             journal.append(*message)
     return sent
@@ -108,8 +108,6 @@ def test_any_reader_of_mcap_reads_it_by_its_index(tmp_path: Path) -> None:
             reader = make_reader(opened, validate_crcs=True)
             summary = reader.get_summary()
             messages = [(channel.topic, m.log_time, m.data) for _, channel, m in reader.iter_messages()]
-        assert summary is not None
-        assert summary.statistics is not None
         assert summary.statistics.message_count == len(messages)
         assert {schema.name for schema in summary.schemas.values()} == {topic.type for topic in TOPICS}
         found += messages
@@ -136,7 +134,6 @@ def test_a_damaged_byte_costs_one_chunk_that_is_counted(tmp_path: Path) -> None:
     whole = _flushed(tmp_path / "r", 5).read_bytes()
     with (tmp_path / "r" / "0000.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None
     third = summary.chunk_indexes[2]
     hit = tmp_path / "hit" / "0000.mcap"
     hit.parent.mkdir()
@@ -186,7 +183,6 @@ def test_messages_that_come_again_are_told(tmp_path: Path) -> None:
     whole = _flushed(tmp_path / "r", 5).read_bytes()
     with (tmp_path / "r" / "0000.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None
     second, third = (summary.chunk_indexes[i].chunk_start_offset for i in (1, 2))
     (tmp_path / "r" / "0000.mcap").write_bytes(whole[:third] + whole[second:])
     assert any("out of order, or again" in problem for problem in _read_through(tmp_path / "r").problems)
@@ -357,7 +353,6 @@ def test_it_goes_on_from_the_last_whole_pass(tmp_path: Path, end: str, max_bytes
     elif end == "killed at once":
         newest.with_name(f"{int(newest.stem) + 1:04d}.mcap").write_bytes(newest.read_bytes()[:40])
     found = JournalReader(tmp_path).left_off(in_passes=True)
-    assert found is not None
     assert found.begins == 20.0
     for file in found.dropped:
         file.unlink()
@@ -407,12 +402,10 @@ def test_who_moves_it_not_keeps_all_that_came(tmp_path: Path) -> None:
     with JournalWriter(tmp_path, NUMBERED) as writer:
         appended(writer, 0, 730)
     found = JournalReader(tmp_path).left_off(in_passes=False)
-    assert found is not None
     assert found.begins == pytest.approx(7.29, abs=1e-6)
     with JournalWriter(tmp_path, NUMBERED, after=found) as writer:
         appended(writer, 2000, 2100)
     again = JournalReader(tmp_path).left_off(in_passes=False)
-    assert again is not None
     assert again.begins == pytest.approx(7.29 + 0.99, abs=1e-6)  # what lies between the two counts not
     assert numbers(tmp_path)[0] == [*range(730), *range(2000, 2100)]
 

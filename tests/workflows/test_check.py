@@ -145,8 +145,6 @@ COLUMNS, LINES = 100, 24
 def six_joints() -> MotionLog:
     """A recording of six joints, the last one another day's fifth."""
     log, other = recording(0), recording(1)
-    assert log.q_encoder is not None
-    assert other.q_encoder is not None
     q = np.column_stack([log.q_nominal, other.q_nominal[:, 4]])
     seen = np.column_stack([log.q_encoder, other.q_encoder[:, 4]])
     return replace(
@@ -162,7 +160,6 @@ def lines_of(text: str) -> int:
 @pytest.mark.parametrize(("seconds", "away"), [(0.0, 0.0), (0.6, 0.0), (0.0, 2.0)])
 def test_six_joints_fit_on_a_screen(tmp_path: Path, seconds: float, away: float) -> None:
     log = late(six_joints(), seconds)
-    assert log.q_encoder is not None
     log = replace(log, q_encoder=log.q_encoder + away * (np.arange(len(log)) % 200 == 7)[:, None])
     write_parquet(replace(log, notes=(f"a note {'which is long ' * 9}",) * 9), tmp_path / "run.parquet")
     outcome = catenary("check", tmp_path / "run.parquet")

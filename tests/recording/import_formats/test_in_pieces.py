@@ -75,7 +75,7 @@ def two_recordings(path: Path) -> Path:
 
 
 def imported(path: Path, out: Path, **how: object) -> tuple[MotionLog, ImportedLog]:
-    done = import_to_file(out, [path], MAPPING, units="rad", **how)  # type: ignore[arg-type]
+    done = import_to_file(out, [path], MAPPING, units="rad", **how)
     return read_log(out), done
 
 

@@ -179,7 +179,7 @@ def test_positions_and_torques_take_their_joints_from_the_robot(tmp_path: Path) 
     assert log.tau is not None
     assert known_layout([tmp_path / "log.npz"]) is None  # without a robot it needs a mapping
     mapped = import_recording(tmp_path / "log.npz", ["q_nominal=q", "tau=tau"], units="rad")
-    assert_allclose(mapped.time, log.time)  # type: ignore[arg-type]
+    assert_allclose(mapped.time, log.time)
 
 
 STATE_TIME = np.arange(0.0, 20.0, 1.0 / 30.0)
@@ -227,8 +227,6 @@ def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_pat
     log = result.log
     assert log.joint_names == ("shoulder", "elbow", "insertion")
     assert log.joint_units == ("rad", "rad", "m")
-    assert log.time is not None
-    assert log.q_encoder is not None
     assert log.time[0] == 0.0
     assert log.ok[:-1].all()  # the last state may come after the last encoder sample
     assert_allclose(log.q_nominal, raven_recording.nominal(log.time), atol=1e-7)  # float32 degrees
@@ -243,7 +241,6 @@ def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_pat
 def test_torque_is_at_the_joint_and_other_joints_are_signals(plain: Synchronisation) -> None:
     columns = raven_recording.telemetry(STATE_TIME, np.random.default_rng(0))
     log = plain.log
-    assert log.tau is not None
     # at the joint, the gains 0.3, 0.3, 0.15 per motor radian are 454.3, 361.7 Nm/rad and 57055 N/m
     ratio = np.array([136.1963, 121.5221, 2158.590])
     cable = columns["tau"][:, :3] * np.array([454.3, 361.7, 57055.0]) / np.array([0.3, 0.3, 0.15]) / ratio
@@ -255,7 +252,6 @@ def test_torque_is_at_the_joint_and_other_joints_are_signals(plain: Synchronisat
         assert_allclose(log.signals[f"q:{name}"], columns["jpos"][:, axis], rtol=1e-6)  # float32
         assert log.signal_units[f"q:{name}"] == "rad"
         assert f"tau:{name}" in log.signals
-    assert log.qd is not None
     assert_allclose(log.qd, columns["jvel"][:, :3], rtol=1e-6)
 
 
@@ -289,7 +285,6 @@ def test_a_robots_clock_that_is_set_costs_no_row_and_no_order(tmp_path: Path, by
             for message, arrival in zip(encode(topic, true + by * SECOND * (time >= 10.0), content), true, strict=True):
                 journal.append(topic.name, int(arrival) + 1_000_000, message.tobytes())
     result = read_raven([tmp_path / "r"])
-    assert result.log.time is not None
     assert_allclose(result.log.time, STATE_TIME, atol=1e-6)
     assert_allclose(result.log.q_nominal, raven_recording.nominal(STATE_TIME), atol=1e-7)
     assert result.log.ok[:-1].all()
@@ -334,15 +329,13 @@ def test_the_csv_reads_back_as_the_log_of_the_recording(journal: Path, table: Pa
     assert min(float(row[15]) for row in _rows(table)) > 18.0  # 0.33 m times 180/pi, as if it were an angle
     expected = read_raven([journal]).log
     log = read_raven([table]).log
-    assert log.tau is not None
-    assert expected.tau is not None
     assert_array_equal(log.q_nominal, expected.q_nominal)
     assert_array_equal(log.tau, expected.tau)
     assert list(log.signals) == list(expected.signals)
     both = log.ok & expected.ok
     assert both[1:-1].all()
     # samples of 100 Hz at 30 Hz: chords of up to 45 ms, 0.4 rad at 0.31 rad/s
-    assert_allclose(log.q_encoder[both], expected.q_encoder[both], atol=0.045**2 / 8 * 0.4 * 0.31**2)  # type: ignore[index]
+    assert_allclose(log.q_encoder[both], expected.q_encoder[both], atol=0.045**2 / 8 * 0.4 * 0.31**2)
 
 
 def test_every_column_of_the_csv_is_read_on_request(journal: Path, table: Path) -> None:

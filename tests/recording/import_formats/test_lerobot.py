@@ -68,7 +68,6 @@ def test_all_episodes_stand_one_behind_the_other_with_the_names_of_the_joints(
     assert (log.name, log.joint_names) == ("lab", JOINTS)
     expected = np.vstack([state(rows, k) for k, rows in enumerate(LENGTHS)])
     assert_array_equal(log.q_nominal, expected)
-    assert log.time is not None
     assert_allclose(log.time, np.concatenate([np.arange(rows) / 30 for rows in LENGTHS]), atol=1e-6)
     assert any("3 episodes, one behind the other: episode_0, episode_1, episode_2" in note for note in log.notes)
 
@@ -81,7 +80,6 @@ def test_an_episode_alone_keeps_its_name_and_the_date_of_the_dataset(tmp_path: P
     assert log.name == f"lab {named}"
     assert log.began == 1762074000.0
     assert_array_equal(log.q_nominal, state(120, 2))
-    assert log.time is not None
     assert_allclose(log.time, np.arange(120) / 30, atol=1e-6)  # timestamps are of single precision
     assert check_file(str(path / named)).kind == "third-party recording"
 

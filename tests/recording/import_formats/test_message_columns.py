@@ -38,7 +38,6 @@ def test_types_are_read_by_the_definitions_in_the_bag(kind: Kind, tmp_path: Path
     bag = own_types(tmp_path / "lab", kind)
     options = [f"q_nominal={','.join(f'/lab/arm.joints[{i}].pos' for i in range(3))}@deg,deg,mm"]
     log = import_recording(bag, [*options, "q_encoder=/lab/arm.camera@rad,rad,m", "ok=/lab/arm.ok"])
-    assert log.time is not None
     scale = np.array([1.0, 1.0, np.rad2deg(1.0) / 1000.0])
     assert_allclose(log.q_nominal, true_q(log.time) * scale, atol=1e-5)  # float32 of degrees
     assert_allclose(log.q_encoder, true_q(log.time) + 0.01)

@@ -25,7 +25,7 @@ def _ns(seconds: object) -> np.ndarray:
     shuffle=st.randoms(use_true_random=False),
 )
 def test_linear_signals_are_interpolated_exactly(stamps, wanted, slope, offset, shuffle) -> None:
-    shuffle.shuffle(stamps)  # type: ignore[attr-defined]
+    shuffle.shuffle(stamps)
     stamp = EPOCH + np.array(stamps)
     series = clean_series("x", stamp, (slope * np.array(stamps) / 1e9 + offset)[:, None], max_gap=100.0)
     values = interpolate(series, EPOCH + np.array(wanted), 100.0)

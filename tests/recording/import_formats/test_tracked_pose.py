@@ -76,7 +76,6 @@ def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
     error = np.array([0.02, -0.015, 0.002, 0.1, -0.08, 0.05])
     path = tracked(tmp_path / "arm.csv", "raven2_full", q, q + error)
     log = import_recording(path, mapping("raven2_full", match="pose"))
-    assert log.q_encoder is not None
     assert log.ok.all()
     assert_allclose(log.q_encoder, q + error, atol=1e-5)  # the CSV has all digits; the search ends within 1e-9 m
 
@@ -126,7 +125,6 @@ def test_an_arm_that_reaches_no_measured_pose_is_taken_at_its_nearest(tmp_path: 
     noise = np.random.default_rng(0).normal(0.0, 0.2, (len(q), 3))  # [mm], out of the arm's plane too
     path = tracked(tmp_path / "arm.csv", "planar_3r", q, q + 0.01, noise)
     log = import_recording(path, mapping("planar_3r", match="pose"))
-    assert log.q_encoder is not None
     assert log.ok.mean() > 0.95
     # 0.2 mm at 0.2 m and more is 1 mrad, and three joints share it
     assert np.sqrt(np.mean((log.q_encoder - q - 0.01)[log.ok] ** 2)) < 4e-3
@@ -156,7 +154,7 @@ def posed(path: Path, robot: str, reported: Floats, truth: Floats, **how: object
     """A CSV as `tracked` writes it, of a tracker of 0.2 mm, and a mapping that gives no transform."""
     noise = np.random.default_rng(2).normal(0.0, 0.2, (len(truth), 3))
     given = mapping(robot, **how)
-    del given["q_encoder"]["pose"]["T_base_tracker"], given["q_encoder"]["pose"]["T_marker_frame"]  # type: ignore[index]
+    del given["q_encoder"]["pose"]["T_base_tracker"], given["q_encoder"]["pose"]["T_marker_frame"]
     return tracked(path, robot, reported, truth, noise), given
 
 
@@ -171,7 +169,6 @@ def test_without_transforms_the_joints_follow_but_for_zeros_that_nothing_tells(
     )
     path, given = posed(tmp_path / "arm.csv", "raven2", q, q + error, columns=columns)
     log = import_recording(path, given)
-    assert log.q_encoder is not None
     assert log.ok.mean() > 0.99
     off = log.q_encoder - q - error
     free = off - off.mean(axis=0)
@@ -179,16 +176,14 @@ def test_without_transforms_the_joints_follow_but_for_zeros_that_nothing_tells(
     constant = off[log.ok].mean(axis=0)
     notes = " ".join(log.notes)
     stated = re.search(r"may put q_encoder off by, 95 %: .*elbow ([\d.]+) deg", notes)
-    assert stated is not None
     assert abs(constant[1]) < np.deg2rad(float(stated[1])) < 0.1  # the zero of the elbow is told
     assert "no motion tells the zero of shoulder, insertion" in notes
     assert constant[0] == pytest.approx(-0.02, abs=2e-3)  # and is what the note says: as reported
     toml = next(note for note in log.notes if note.startswith("T_base_tracker = ")).partition("#")[0]
     base = toml_table(toml, "note")["T_base_tracker"]
     marker = toml_table(next(n for n in log.notes if n.startswith("T_marker_frame = ")).partition("#")[0], "note")
-    pose = {**given["q_encoder"]["pose"], "T_base_tracker": base, **marker}  # type: ignore[index]
+    pose = {**given["q_encoder"]["pose"], "T_base_tracker": base, **marker}
     again = import_recording(path, {**given, "q_encoder": {"pose": pose}})
-    assert again.q_encoder is not None
     assert_allclose(again.q_encoder[log.ok], log.q_encoder[log.ok], atol=1e-4)  # the note's digits
     assert not any("registered" in note for note in again.notes)
 
@@ -205,8 +200,6 @@ def test_transforms_are_followed_by_child_each_with_its_own_stamp(kind: Kind, tm
     stream = sources.read({"/tf": [place.column for place in places]})["/tf"]
     there = [i for i in range(ROWS) if i % 5 > 0 or i % 3 > 0]
     assert_allclose(np.column_stack([stream.columns[p.column] for p in places[:3]]), P[there], atol=1e-12)
-    assert stream.stamp is not None
-    assert stream.arrival is not None
     late = (stream.arrival - stream.stamp) / 1e9 - 0.002  # a message takes 2 ms to arrive
     assert_allclose(late, 0.2, atol=1e-6)
     assert (np.diff(stream.arrival) > 0).all()
@@ -285,7 +278,7 @@ SAID = {
 def test_a_tip_that_is_elsewhere_is_named_with_its_distance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mapping = {"robot": "dvrk_psm", "q_nominal": {"columns": "/PSM1/measured_js.position"}}
     for name, (tip, others, words) in SAID.items():
-        bag = lab(tmp_path / name.replace(" ", "_"), tip, **others)  # type: ignore[arg-type]
+        bag = lab(tmp_path / name.replace(" ", "_"), tip, **others)
         log = import_recording(bag, mapping)
         told = [note for note in log.notes if "from the tip of" in note]
         assert len(told) == bool(words), (name, log.notes)
