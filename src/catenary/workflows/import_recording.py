@@ -180,13 +180,12 @@ def _as_mapping(mapping: MappingLike | None, units: str | None, robot: str | Non
     if mapping is None:
         return None
     if isinstance(mapping, RecordingMapping):
-        return mapping_of((), content=mapping.model_dump(mode="json", exclude_unset=True), **given)
+        mapping = mapping.model_dump(mode="json", exclude_unset=True)
     if isinstance(mapping, Mapping):
         return mapping_of((), content=mapping, **given)
-    if isinstance(mapping, str | Path):
-        is_file = "=" not in str(mapping)
-        return mapping_of(() if is_file else [str(mapping)], file=Path(mapping) if is_file else None, **given)
-    return mapping_of(list(mapping), **given)
+    options = [str(mapping)] if isinstance(mapping, str | Path) else list(mapping)
+    is_file = isinstance(mapping, str | Path) and "=" not in options[0]
+    return mapping_of((), file=Path(options[0]), **given) if is_file else mapping_of(options, **given)
 
 
 MOST_NUMBERS = 1_500_000  # of a piece

@@ -124,7 +124,8 @@ def read_commands(
     _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("recording/command_log")
     given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
-    return synchronise(_sources(path, content), mapping.model_copy(update=given)).log
+    sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
+    return synchronise(sources, mapping.model_copy(update=given)).log
 
 
 _TORQUES = ("tau", "effort", "current")  # arrays of a torque log, the first that it has; the others raw
@@ -140,7 +141,7 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
             f"{content_in_words(content)}"
         )
     _require_rows(path, content, ("q", *_TORQUES, "dq"), ("t",))
-    sources = _sources(path, content)
+    sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
     mapping = layout_mapping("recording/torque_log", torque=torque)
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
     unnamed = joints if n == len(joints) else model.joint_names if n == model.n else nameless(n)
@@ -168,11 +169,6 @@ def with_effort_scale(log: MotionLog, model: RobotModel, scale: Floats) -> Motio
     places = places_of(log, model, whose=f'robot "{model.name}"', of="the recording is of")
     assert log.tau is not None  # for the type checker
     return replace(log, tau=log.tau * scale[places], notes=(*log.notes, "raw efforts times the robot's effort_scale"))
-
-
-def _sources(path: Path, content: Mapping[str, NDArray[Any]]) -> Sources:
-    """Return the arrays that were read of a `.npz`, whose rows come first."""
-    return Sources.of([path], streams_of_arrays(path, content, rows_first=True))
 
 
 def _require_rows(

@@ -217,16 +217,6 @@ _LOST = np.iinfo(np.int64).min  # stamp of a row without time
 _BETWEEN = 10 * 24 * 3600  # [s] between recordings that stand one behind the other in a table
 
 
-class _Stamps(NamedTuple):
-    """Stamps of streams on one clock."""
-
-    stamp: dict[str, Integers]  # [ns]
-    arrival: dict[str, Integers | None]
-    table: dict[str, TableTime]
-    by_header: set[str]  # topics whose messages carry stamps
-    notes: list[str]
-
-
 class OneClock:
     """Quantities of a recording at the stamps of q_nominal.
 
@@ -241,20 +231,22 @@ class OneClock:
         self._quantities, self._mapping = quantities, mapping
         self.base = quantities[BASE][0].stream
         self._alone = len(streams) == 1 and streams[self.base].stamp is None
-        stamps = _stamps_of(streams, mapping, alone=self._alone)
+        self._tables, self.notes = dict[str, TableTime](), list[str]()
+        stamps = {name: self._stamp_of(stream) for name, stream in streams.items()}
         found = self._clean(streams, stamps)
-        offsets = {name: found[name, ""].report.clock_offset for name in stamps.by_header}
-        unstamped = [n for n, came in stamps.arrival.items() if came is not None and n not in offsets]
-        spread = [*offsets.values(), *([0.0] if unstamped and offsets else [])]
+        arrivals = {name: one.arrival for name, one in streams.items() if one.arrival is not None}
+        headed = {name for name, one in streams.items() if one.stamp is not None and one.stamp.any()}
+        headed = headed & arrivals.keys() if mapping.stamps != "arrival" else set[str]()
+        offsets = {name: found[name, ""].report.clock_offset for name in arrivals if name in headed}
+        spread = [*offsets.values(), *([0.0] if offsets and headed < arrivals.keys() else [])]
         if mapping.stamps == "auto" and spread and max(spread) - min(spread) > APART:
             said = ", ".join(f"{name} {offset:.3f} s" for name, offset in offsets.items())
-            stamps.notes.append(
+            self.notes.append(
                 f"stamps lie before arrival by {said}: clocks that differ; arrivals were taken for all topics"
             )
-            came = {name: arrival for name, arrival in stamps.arrival.items() if arrival is not None}
-            found = self._clean(streams, stamps._replace(stamp=stamps.stamp | came))
-        elif mapping.stamps == "arrival" and any(came is not None for came in stamps.arrival.values()):
-            stamps.notes.append("arrival times were taken, as asked")
+            found = self._clean(streams, stamps | arrivals)
+        elif mapping.stamps == "arrival" and arrivals:
+            self.notes.append("arrival times were taken, as asked")
         self._series = found
         # the part that each column of a quantity is of, and its place in it
         self._where: dict[str, list[tuple[tuple[str, str], int]]] = {}
@@ -264,7 +256,7 @@ class OneClock:
             self._where[key] = list(zip(parts, columns, strict=True))
         series = found[self.base, ""]
         self.repeated = series.report.repeated
-        table = stamps.table.get(self.base)
+        table = self._tables.get(self.base)
         self._at: dict[tuple[str, str], Floats] = {}
         self.stamp = series.stamp
         self._own_stamp, self._seconds = series.stamp, None
@@ -281,7 +273,7 @@ class OneClock:
         self._began = streams[self.base].began
         self.is_timed = table is None or table.column is not None
         self.reports = tuple(one.report for one in found.values())
-        self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
+        self.notes += [note for report in self.reports for note in report.notes()]
         used = {place.stream for places in quantities.values() for place in places}
         for (name, _), one in found.items():
             if name in used and (one.stamp[-1] < self.stamp[0] or one.stamp[0] > self.stamp[-1]):
@@ -339,20 +331,20 @@ class OneClock:
         most = self._mapping.max_gap_s
         return max(most, WIDE * float(np.median(steps)) / SECOND) if len(steps) else most
 
-    def _clean(self, streams: Mapping[str, Stream], stamps: _Stamps) -> dict[tuple[str, str], Series]:
+    def _clean(self, streams: Mapping[str, Stream], stamps: Mapping[str, Integers]) -> dict[tuple[str, str], Series]:
         """Return the samples of each stream, or part of a table with rows of its own, the base first."""
         found: dict[tuple[str, str], Series] = {}
         self._columns: dict[tuple[str, str], list[str]] = {}
         span: tuple[int, int] | None = None
         steps: tuple[ClockStep, ...] = ()
         for name in (self.base, *(other for other in streams if other != self.base)):
-            stream, stamp, arrival = streams[name], stamps.stamp[name], stamps.arrival[name]
+            stream, stamp, arrival = streams[name], stamps[name], streams[name].arrival
             timed = stamp != _LOST
             if not timed.all():
-                stamps.notes.append(f"{name}: {int((~timed).sum())} rows without time were left out")
-            if name in stamps.table and self._alone:
-                stamp = self._in_a_row(stream, stamp, timed, stamps.notes)
-            for part, (columns, rows) in self._parts(stream, stamps).items():
+                self.notes.append(f"{name}: {int((~timed).sum())} rows without time were left out")
+            if name in self._tables and self._alone:
+                stamp = self._in_a_row(stream, stamp, timed)
+            for part, (columns, rows) in self._parts(stream, len(stamp)).items():
                 rows = rows & timed
                 index = np.flatnonzero(rows)
                 if not len(index):
@@ -370,16 +362,15 @@ class OneClock:
                     span, steps = (int(series.stamp[0]), int(series.stamp[-1])), series.report.clock_steps
         return found
 
-    def _parts(self, stream: Stream, stamps: _Stamps) -> dict[str, tuple[list[str], Flags]]:
+    def _parts(self, stream: Stream, count: int) -> dict[str, tuple[list[str], Flags]]:
         """Return the columns of a stream and their rows; those of a table at other rates apart, by quantity."""
-        every = np.ones(len(stamps.stamp[stream.name]), dtype=bool)
+        table, every = self._tables.get(stream.name), np.ones(count, dtype=bool)
         of: dict[str, list[str]] = {}
         for key, places in self._quantities.items():
             here = [place.column for place in places if place.stream == stream.name]
             if here:
                 of[key] = list(dict.fromkeys(here))
         together = list(dict.fromkeys(column for columns in of.values() for column in columns))
-        table = stamps.table.get(stream.name)
         if table is None or table.column is None:
             return {"": (together, every)}
         there = {
@@ -397,13 +388,13 @@ class OneClock:
         apart = [key for key, rows in there.items() if rows.any() and (lacks(base, rows) or lacks(rows, base))]
         if not apart or not base.any():
             return {"": (together, every)}
-        stamps.notes.append(
+        self.notes.append(
             f"{stream.name}: {', '.join(apart)} were recorded at another rate than q_nominal, and brought onto its rows"
         )
         left = list(dict.fromkeys(column for key, columns in of.items() if key not in apart for column in columns))
         return {"": (left, base), **{key: (of[key], there[key]) for key in apart}}
 
-    def _in_a_row(self, stream: Stream, stamp: Integers, timed: Flags, notes: list[str]) -> Integers:
+    def _in_a_row(self, stream: Stream, stamp: Integers, timed: Flags) -> Integers:
         """Return stamps that rise where those of a table go back, far apart from the recording before."""
         known = stamp[timed]
         back = np.flatnonzero(np.diff(known) < 0) + 1
@@ -412,7 +403,7 @@ class OneClock:
         told = np.flatnonzero(begins[timed][1:]) + 1
         unsaid = np.setdiff1d(back, told)
         if len(unsaid):
-            notes.append(
+            self.notes.append(
                 f"{stream.name}: time goes back {len(unsaid)} time(s), first at row {unsaid[0]}; another recording "
                 "begins there" + ("; are the rows shuffled?" if len(unsaid) > 5 else "")
             )
@@ -425,41 +416,31 @@ class OneClock:
         moved[timed] = known + np.cumsum(later)
         return moved
 
-
-def _stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping, *, alone: bool) -> _Stamps:
-    """Return the stamps to go by: a table's time, a message's header where it has one, or its arrival."""
-    found = _Stamps({}, {}, {}, set(), [])
-    for name, stream in streams.items():
-        own, came = stream.stamp, stream.arrival
+    def _stamp_of(self, stream: Stream) -> Integers:
+        """Return the stamps to go by [ns]: a table's time, a message's header where it has one, or its arrival."""
+        name, own, came, mapping = stream.name, stream.stamp, stream.arrival, self._mapping
         if own is None:
             time = time_of(stream, mapping.time, mapping.time_unit, mapping.rate_hz)
-            if time is None and not alone:
+            if time is None and not self._alone:
                 raise InputError(
                     f"{name}: which column is the time? give time = ..., or rate_hz where rows are evenly apart; "
                     "streams with clocks of their own cannot be put together without"
                 )
-            if time is None:
-                time = TableTime(np.arange(stream.rows) * SECOND, None, "s", "no column is the time: rows have none")
-                found.notes.extend([time.said] * (not mapping.name))
-            else:
-                found.notes.extend([f"{name}: {time.said}"] * (not mapping.name))
-            found.table[name], found.stamp[name], found.arrival[name] = time, time.stamp, None
-            continue
-        found.stamp[name], found.arrival[name] = own, came
+            said = "no column is the time: rows have none" if time is None else f"{name}: {time.said}"
+            self.notes += [said] * (not mapping.name)
+            self._tables[name] = time or TableTime(np.arange(stream.rows) * SECOND, None, "s", said)
+            return self._tables[name].stamp
         if came is None:
-            continue
+            return own
         unset = own == 0
         if unset.all() or mapping.stamps == "arrival":
             if mapping.stamps == "header":
                 raise InputError(f'{name}: its messages carry no stamps; give stamps = "arrival"')
-            found.stamp[name] = np.zeros_like(came) if mapping.stamps == "auto" else came
-            continue
+            return np.zeros_like(came) if mapping.stamps == "auto" else came
         missing = unset & (came != 0)  # simulated time begins at zero, and what arrives then says so
         if missing.any():
-            found.stamp[name] = np.where(missing, came, own)
-            found.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
-        found.by_header.add(name)
-    return found
+            self.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
+        return np.where(missing, came, own)
 
 
 def _seconds(series: Series, origin: np.int64) -> str:
