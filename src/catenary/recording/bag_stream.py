@@ -37,7 +37,7 @@ from catenary.recording.bag_records import (
     text_at,
 )
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
-from catenary.recording.layout import ABOUT_TOPIC, Encoding, require_topics
+from catenary.recording.layout import ABOUT_TOPIC, Encoding
 from catenary.recording.messages import current_name
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -93,7 +93,10 @@ class Source:
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
-        require_topics(self.path, topics, [topic.name for topic in self.topics])
+        there = [topic.name for topic in self.topics]
+        missing = [name for name in topics or () if name not in there]
+        if missing:
+            raise FileFormatError(f"{self.path}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")
         for message in self._every_message():
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message

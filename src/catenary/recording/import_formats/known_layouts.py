@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
-from catenary.config import parse_settings
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
@@ -36,7 +35,7 @@ from catenary.raven2.transmission import CALIBRATED, COUPLING, JOINT_TORQUE
 from catenary.recording.bag_reader import open_recordings
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.importer import Synchronisation, synchronise
-from catenary.recording.import_formats.mapping import RecordingMapping, layout_mapping
+from catenary.recording.import_formats.mapping import Signal, layout_mapping
 from catenary.recording.import_formats.sources import Sources, is_bag
 from catenary.recording.import_formats.table_files import read_table_file, streams_of_arrays
 from catenary.recording.parquet_files import open_parquet
@@ -216,12 +215,10 @@ def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[st
         **{f"{joint}_scale": JOINT_TORQUE[joint] for joint in JOINT_TORQUE if joint not in CALIBRATED},
     )
     signals = {
-        name: {"columns": [f"{state}.{column}"], "units": unit, "optional": True}
+        name: Signal(columns=(f"{state}.{column}",), units=unit, optional=True)
         for name, (column, unit) in further.items()
     }
-    content = mapping.model_dump(mode="json", exclude_unset=True)
-    content |= {"signals": content["signals"] | signals}
-    return synchronise(sources, parse_settings(content, RecordingMapping, "raven2.toml"))
+    return synchronise(sources, mapping.model_copy(update={"signals": mapping.signals | signals}))
 
 
 def raven_columns(path: Path) -> Sources:

@@ -19,14 +19,15 @@ from rosbags.typesys import Stores, get_typestore
 from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import FileFormatError
+from catenary.raven2.topics import RAVENSTATE
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_records import Block
 from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.layout import COUNT, Encoding, FieldsOf, columns_of_type, read_messages
+from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import Field, current_name, fields_of, ros2_name, types_of
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.topics import SECOND, TopicColumn
+from catenary.topics import SECOND
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
 LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
@@ -130,7 +131,9 @@ class _TopicColumns:
     _notes: dict[str, None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._own: Mapping[str, TopicColumn] = columns_of_type(current_name(self.type))
+        # the columns whose numbers are not in SI, by their path in a message
+        not_in_si = RAVENSTATE.columns if current_name(self.type) == RAVENSTATE.type else ()
+        self._own = {column.path: column for column in not_in_si}
         self._joints |= {path: own.labels for path, own in self._own.items() if own.width > 1}
 
     def add(self, arrivals: Integers, block: Block) -> None:
