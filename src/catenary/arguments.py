@@ -166,7 +166,7 @@ def expected(hint: Any) -> str:
     if origin is Literal:
         return "one of " + ", ".join(map(repr, parts))
     plain = {types.NoneType: "None", float: "a number", int: "a whole number", np.ndarray: "a NumPy array"}
-    return plain.get(origin or hint) or getattr(origin or hint, "__name__", str(hint))
+    return plain.get(origin or hint, getattr(origin or hint, "__name__", str(hint)))
 
 
 def _fits_container(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:

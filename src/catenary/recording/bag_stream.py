@@ -26,15 +26,14 @@ from catenary.recording.bag_records import (
     Block,
     Records,
     Unpacking,
-    bag_record,
     chunk_records,
     field_of,
     gather,
     header_fields,
     next_chunk,
-    rows_of,
     sized,
     text_at,
+    whole_fields,
 )
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
 from catenary.recording.layout import ABOUT_TOPIC, Encoding
@@ -48,6 +47,7 @@ _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _METADATA, _DAT
 LONGEST_REMARK = 500  # characters
 _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS = 1000  # that are told one by one
+_AT_ONCE = 8192  # records that are Python's numbers at a time
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
 
@@ -153,11 +153,14 @@ class BagStream(Source):
         self.encoding = "ros1" if self.is_ros1 else "cdr"
         self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
         counts = Counter[str]()
-        for name, number, first in self._guarded(self._counts):
+        for chunk, name, records in self._guarded(self._by_topic):
             if name == ABOUT_TOPIC:
+                first = self._plain(chunk[records[0, DATA] : records[0, END]])
                 self.about = about_of(path, first, self.encoding)
             else:
-                counts[name] += number
+                counts[name] += len(records)
+            if self.is_journal:  # whose topics all stand before its first message; it is not read twice
+                break
         self.counts = counts
 
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
@@ -211,7 +214,8 @@ class BagStream(Source):
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
-            values, data = bag_record(file, size)
+            head = sized(file, size)
+            values, data = whole_fields(head or b""), None if head is None else sized(file, size)
             if data is None or not values.get(b"op"):
                 # a damaged length may reach beyond the chunks behind it
                 following = next_chunk(file, start + 1, size, is_ros1=True)
@@ -284,8 +288,9 @@ class BagStream(Source):
 
     def _messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records in self._chunks(file, size):
-            for row in rows_of(records):
-                yield self._names[row[CONNECTION]], row[TIME], self._plain(chunk[row[DATA] : row[END]])
+            for begin in range(0, len(records), _AT_ONCE):
+                for row in records[begin : begin + _AT_ONCE].tolist():
+                    yield self._names[row[CONNECTION]], row[TIME], self._plain(chunk[row[DATA] : row[END]])
 
     def _plain(self, message: bytes) -> bytes:
         return self._unpacking.message(message) if self.encoding == "cdr" else message
@@ -298,12 +303,6 @@ class BagStream(Source):
             for name in dict.fromkeys(topics.values()):
                 own = [number for number, topic in topics.items() if topic == name]
                 yield chunk, name, records if len(own) == len(topics) else records[np.isin(numbers, own)]
-
-    def _counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
-        for chunk, name, records in self._by_topic(file, size):
-            yield name, len(records), self._plain(chunk[records[0, DATA] : records[0, END]])
-            if self.is_journal:  # whose topics all stand before its first message; it is not read twice
-                return
 
     def _connection(self, number: int, head: dict[bytes, bytes], data: bytes) -> None:
         """Check and keep the type of a connection's topic."""
