@@ -94,8 +94,7 @@ def read_layout(
     path = paths[0]
     if layout in (RAVEN_BAG, RAVEN_CSV):
         arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
-        log = read_raven(paths, arm=arm).log
-        return replace(log, name=path.stem)
+        return read_raven(paths, arm=arm).log
     if layout == TORQUE_LOG and model is not None:
         return read_torques(path, model)
     if layout == RAVEN_STATE:
