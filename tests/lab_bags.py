@@ -25,13 +25,24 @@ def true_q(time: Any) -> np.ndarray:
 
 
 def write_bag(
-    path: Path, kind: Kind, topics: dict[str, str], messages: Iterable[Message], *, late: dict[str, int] | None = None
+    path: Path,
+    kind: Kind,
+    topics: dict[str, str],
+    messages: Iterable[Message],
+    *,
+    late: dict[str, int] | None = None,
+    types: dict[str, str] | None = None,
 ) -> Path:
-    """Write messages in order of time; `topics` are types by topic, `late` how long each one's are on their way [ns]."""
+    """Write messages in order of time; `topics` are types by topic, `late` how long each one's are on their way [ns].
+
+    `types` are the definitions of types that ROS does not have, by their names.
+    """
     ros1 = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-    if "tf2_msgs/msg/TFMessage" not in store.types:
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+    own = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms"} | (types or {})
+    for name, text in own.items():
+        if name not in store.types:
+            store.register(get_types_from_msg(text, name))
     plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
     path = path.with_suffix(".bag") if ros1 else path
     writer = Writer1(path) if ros1 else Writer2(path, version=8, storage_plugin=plugin)

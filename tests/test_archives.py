@@ -90,6 +90,7 @@ CLAIMS = {
     "of no bytes each": header(f"({2**40},)", "'<U0'"),
     "of bytes that are not there": header("(5,)"),
     "of true length": header("(True,)"),
+    "no rows of very many numbers": header(f"(0, {2**40})"),
     "objects": header("(0,)", "'|O'"),
     "structures": header("(0,)", "[('a', '<f8')]"),
     "arrays of arrays": header("(0,)", "('<f8', (1000000000,))"),

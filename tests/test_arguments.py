@@ -166,7 +166,7 @@ def test_an_error_that_no_argument_explains_stays_as_it_is() -> None:
     with pytest.raises(ZeroDivisionError):
         fails(1.0)
     with pytest.raises(TypeError, match="missing 1 required"):
-        fails()  # type: ignore[call-arg]
+        fails()
     with pytest.raises(InputError, match=r"names: expected Sequence, got str 'ab'"):
         fails(1.0, names="ab")
 

@@ -91,9 +91,6 @@ def _check_members(members: list[zipfile.ZipInfo], most: int) -> None:
     total = sum(member.file_size for member in members)
     if total > most:
         raise ValueError(f"would unpack to {total} bytes, expected {most} at most")
-    for member in members:
-        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ValueError(f"{shortened(member.filename)} is packed in a way that NumPy does not write")
 
 
 def _memory_of(array: NDArray[Any], most: int) -> int:

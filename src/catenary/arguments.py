@@ -165,15 +165,8 @@ def expected(hint: Any) -> str:
         return " or ".join(dict.fromkeys(["numbers"] * has_array + [*map(expected, rest)]))
     if origin is Literal:
         return "one of " + ", ".join(map(repr, parts))
-    if hint in (None, types.NoneType):
-        return "None"
-    if hint is float:
-        return "a number"
-    if hint is int:
-        return "a whole number"
-    if origin is np.ndarray:
-        return "a NumPy array"
-    return getattr(origin or hint, "__name__", str(hint))
+    plain = {types.NoneType: "None", float: "a number", int: "a whole number", np.ndarray: "a NumPy array"}
+    return plain.get(origin or hint, getattr(origin or hint, "__name__", str(hint)))
 
 
 def _fits_container(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:

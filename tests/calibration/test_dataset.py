@@ -27,6 +27,11 @@ def kept_rows(data: CalibrationData, log: MotionLog, number: int = 0) -> np.ndar
     return np.searchsorted(log.time, data.time[data.recording == number])
 
 
+@pytest.mark.parametrize(("began", "day"), [(1.7e9, "2023-11-14"), (0.0, None), (86_400.0, None)])
+def test_rows_by_a_clock_that_counts_from_1970_have_a_date(began: float, day: str | None) -> None:
+    assert calibration_data([run(began=began)], PLAIN).dates == (day, day)  # a robot's own clock has none
+
+
 def test_rows_without_measurement_or_known_inputs_are_left_out_and_counted() -> None:
     log = run(bad=(1, 20, 21))
     data = calibration_data([log], PLAIN)

@@ -2,7 +2,9 @@
 
 import gzip
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -10,7 +12,7 @@ import pyarrow.parquet as pq
 
 from . import QD, TAU, Q, Sample, T
 
-NAMES = ["shoulder_pan", "shoulder_lift", "rail"]
+STATES, MOTORS = [{"observation.state": Q, "timestamp": T}], {"motors": ["shoulder_pan", "shoulder_lift", "rail"]}
 
 
 def robomimic(path: Path) -> None:
@@ -40,17 +42,32 @@ def matlab(path: Path) -> None:
             file[name].attrs["MATLAB_class"] = np.bytes_(b"double")
 
 
-def lerobot(path: Path, version: str) -> None:
-    folder = path / "data" / "chunk-000"
+def lerobot(
+    path: Path, version: str, episodes: Sequence[Mapping[str, Any]], names: Any, split: int = 10**6, **info: Any
+) -> Path:
+    """Write a dataset of columns (N,) or (N, k), these by `names`: a file an episode, or of version 3 two split there."""
+    folder, tables = path / "data" / "chunk-000", []
     folder.mkdir(parents=True)
     (path / "meta").mkdir()
-    features = {"observation.state": {"names": {"motors": NAMES}}}
-    (path / "meta" / "info.json").write_text(
-        json.dumps({"codebase_version": version, "fps": 100, "features": features})
-    )
-    state = pa.FixedSizeListArray.from_arrays(pa.array(Q.ravel()), 3)
-    table = pa.table({"observation.state": state, "timestamp": T, "episode_index": np.zeros(len(T), dtype=int)})
-    pq.write_table(table, folder / ("episode_000000.parquet" if version < "v3" else "file-000.parquet"))
+    for number, columns in enumerate(episodes):
+        lists = {
+            key: v if np.ndim(v) == 1 else pa.FixedSizeListArray.from_arrays(pa.array(v.ravel()), v.shape[1])
+            for key, v in columns.items()
+        }
+        rows = np.arange(len(next(iter(columns.values()))))
+        tables.append(pa.table(lists | {"episode_index": np.full(len(rows), number), "frame_index": rows}))
+    features = {key: {"names": names if np.ndim(v) == 2 else None} for key, v in episodes[0].items()}
+    info = {"codebase_version": version, "fps": 100, "features": features} | info
+    (path / "meta" / "info.json").write_text(json.dumps(info))
+    if version < "v3":
+        for number, table in enumerate(tables):
+            pq.write_table(table, folder / f"episode_{number:06d}.parquet")
+    else:
+        whole = pa.concat_tables(tables)
+        for number, part in enumerate([whole.slice(0, split), whole.slice(split)]):
+            if part.num_rows:
+                pq.write_table(part, folder / f"file-{number:03d}.parquet")
+    return path
 
 
 def packed(path: Path) -> None:
@@ -64,21 +81,11 @@ SAMPLES = [
     Sample(
         "MATLAB `save -v7.3`", "v73.mat", "as older versions", matlab, truth={"q_nominal": Q, "tau": TAU, "time": T}
     ),
-    Sample("LeRobot 2", "pusht2", "joints by the names of the features", lambda path: lerobot(path, "v2.1")),
-    Sample("LeRobot 3", "pusht3", "likewise", lambda path: lerobot(path, "v3.0")),
+    Sample(
+        "LeRobot 2", "pusht2", "joints by the names of the features", lambda path: lerobot(path, "v2.1", STATES, MOTORS)
+    ),
+    Sample("LeRobot 3", "pusht3", "likewise", lambda path: lerobot(path, "v3.0", STATES, MOTORS)),
     Sample("gzip", "run.csv.gz", "as the plain one", packed),
-    Sample(
-        "Excel",
-        "lab.xlsx",
-        "",
-        lambda path: path.write_bytes(b"PK\x03\x04"),
-        refused="is a spreadsheet: save its sheet as CSV",
-    ),
-    Sample(
-        "Python's pickle",
-        "lab.pkl",
-        "",
-        lambda path: path.write_bytes(b"\x80"),
-        refused="is a pickle, which runs what it holds",
-    ),
+    Sample("Excel", "lab.xlsx", "", Path.touch, refused="is a spreadsheet: save its sheet as CSV"),
+    Sample("Python's pickle", "lab.pkl", "", Path.touch, refused="is a pickle, which runs what it holds"),
 ]

@@ -21,7 +21,12 @@ WHICH = {"q_nominal": "data[1]"}
 def savetxt(columns: Sequence[np.ndarray], **how: object) -> Callable[[Path], object]:
     """Return what writes columns as np.savetxt does."""
     how = {"fmt": "%.9g", "comments": "# "} | how
-    return lambda path: np.savetxt(path, np.column_stack(columns), **how)  # type: ignore[call-overload]
+    return lambda path: np.savetxt(path, np.column_stack(columns), **how)
+
+
+def named(header: str, *columns: np.ndarray, **how: object) -> Callable[[Path], object]:
+    """Return what writes columns below their names, between commas."""
+    return savetxt(columns, delimiter=",", comments="", header=header, **how)
 
 
 def lines(head: str, rows: Callable[[int], str], end: str = "\n") -> Callable[[Path], object]:
@@ -206,15 +211,14 @@ SAMPLES = [
     ),
     Sample(
         "a script, units in the names", "named.csv", "deg/s and mNm by the names; joints of other units stay together",
-        savetxt([T, DEG * Q, DEG * QD, TAU * [1e3, 1e3, 1]], delimiter=",", comments="", fmt="%.12g",
-                header="t_s,q1_deg,q2_deg,q3_mm,dq1_deg_s,dq2_deg_s,dq3_mm_s,tau1_mNm,tau2_mNm,tau3_N"),
+        named("t_s,q1_deg,q2_deg,q3_mm,dq1_deg_s,dq2_deg_s,dq3_mm_s,tau1_mNm,tau2_mNm,tau3_N",
+              T, DEG * Q, DEG * QD, TAU * [1e3, 1e3, 1], fmt="%.12g"),
         says=('units = ["deg", "deg", "mm"]  # per second', "scale = [0.001, 0.001, 1.0]"), units=None, truth=MOVED,
     ),
     Sample(
         "a spreadsheet, units in the names", "sheet.csv", "position, speed and torque of a joint by their units",
-        savetxt([T, DEG * Q, QD, TAU], delimiter=",", comments="", fmt="%.12g", encoding="utf-8",
-                header="t,yaw [°],pitch [°],insertion [mm],yaw [rad/s],pitch [rad/s],insertion [m/s],"
-                "yaw [Nm],pitch [Nm],insertion [N]"),
+        named("t,yaw [°],pitch [°],insertion [mm],yaw [rad/s],pitch [rad/s],insertion [m/s],"
+              "yaw [Nm],pitch [Nm],insertion [N]", T, DEG * Q, QD, TAU, fmt="%.12g", encoding="utf-8"),
         units=None, truth=MOVED,
     ),
     Sample(
@@ -237,40 +241,33 @@ SAMPLES = [
     ),
     Sample(
         "reported and measured columns", "reported.csv", "reported is q_nominal, measured q_encoder",
-        savetxt([T, SEEN, Q], delimiter=",", comments="",
-                header="t,measured_1,measured_2,measured_3,reported_1,reported_2,reported_3"),
-        truth=PAIR,
+        named("t,measured_1,measured_2,measured_3,reported_1,reported_2,reported_3", T, SEEN, Q), truth=PAIR,
     ),
     Sample(
         "estimated and measured columns", "estimated.csv", "whether measured was measured at the joints is asked",
-        savetxt([T, SEEN, Q], delimiter=",", comments="", header="t,meas_1,meas_2,meas_3,est_1,est_2,est_3"),
-        asks={"q_encoder": "meas"}, truth=PAIR,
+        named("t,meas_1,meas_2,meas_3,est_1,est_2,est_3", T, SEEN, Q), asks={"q_encoder": "meas"}, truth=PAIR,
     ),
     Sample(
         "motor and camera columns", "camera.csv", "motors report; the camera is q_encoder; the rest is listed",
-        savetxt([T, Q, SEEN, TAU], delimiter=",", comments="",
-                header="t,motor_1,motor_2,motor_3,camera_1,camera_2,camera_3,action1,action2,action3"),
+        named("t,motor_1,motor_2,motor_3,camera_1,camera_2,camera_3,action1,action2,action3", T, Q, SEEN, TAU),
         says=("not used: action1 ... action3",), truth=PAIR,
     ),
     Sample(
         "commanded and actual columns", "actual.csv", "whether actual was measured at the joints is asked",
-        savetxt([T, Q, SEEN], delimiter=",", comments="", header="t,cmd1,cmd2,cmd3,act1,act2,act3"),
-        asks={"q_encoder": "act1"}, truth=PAIR,
+        named("t,cmd1,cmd2,cmd3,act1,act2,act3", T, Q, SEEN), asks={"q_encoder": "act1"}, truth=PAIR,
     ),
     Sample(
         "two cameras", "two.csv", "which of them is asked",
-        savetxt([T, Q, SEEN, SEEN + 0.1], delimiter=",", comments="",
-                header="t,cmd1,cmd2,cmd3,vicon1,vicon2,vicon3,camera1,camera2,camera3"),
+        named("t,cmd1,cmd2,cmd3,vicon1,vicon2,vicon3,camera1,camera2,camera3", T, Q, SEEN, SEEN + 0.1),
         asks={"q_encoder": "vicon"}, says=("not used: camera1 ... camera3",), truth=PAIR,
     ),
     Sample(
         "two clocks", "clocks.csv", "which of them is asked",
-        savetxt([T, T + 0.002, Q], delimiter=",", comments="", header="stamp_robot,stamp_pc,q1,q2,q3"),
-        asks={"time": "stamp_robot"},
+        named("stamp_robot,stamp_pc,q1,q2,q3", T, T + 0.002, Q), asks={"time": "stamp_robot"},
     ),
     Sample(
         "degrees without saying so", "degrees.csv", "units are asked",
-        savetxt([T, 4.0 * DEG[0] * Q[:, :2]], delimiter=",", comments="", header="t,q1,q2"), units=None,
+        named("t,q1,q2", T, 4.0 * DEG[0] * Q[:, :2]), units=None,
         asks={"q_nominal.units": "deg"}, truth={"q_nominal": 4.0 * Q[:, :2]},
     ),
     Sample(

@@ -150,8 +150,7 @@ SAMPLES = [
     *map(_transforms, KINDS),
     Sample(
         "NDI ToolTracker (Polaris)", "polaris.csv", "position and quaternion of the first tool; the rate is to be said",
-        ndi, pose="Tx",
-        says=('orientation = "wxyz"',),
+        ndi, pose="Tx", says=('orientation = "wxyz"',),
     ),
     Sample(
         "TUM's trajectories", "tum.txt", "a pose by number, told by its quaternion",
@@ -171,14 +170,12 @@ SAMPLES = [
     ),
     Sample(
         "Universal Robots' RTDE", "ur.csv", "rotation vectors; that they may be angles is said",
-        lambda path: table(path, "timestamp,tcp_x,tcp_y,tcp_z,tcp_rx,tcp_ry,tcp_rz", R.as_rotvec()),
-        pose="tcp_x",
+        lambda path: table(path, "timestamp,tcp_x,tcp_y,tcp_z,tcp_rx,tcp_ry,tcp_rz", R.as_rotvec()), pose="tcp_x",
         says=('orientation = "vector"  # axis times angle, as a UR says its tool, or angles about axes',),
     ),
     Sample(
         "a logger of roll, pitch, yaw", "rpy.csv", "angles about fixed axes",
-        lambda path: table(path, "t,x,y,z,roll,pitch,yaw", np.rad2deg(R.as_euler("xyz")), clock=0.0),
-        pose="x",
+        lambda path: table(path, "t,x,y,z,roll,pitch,yaw", np.rad2deg(R.as_euler("xyz")), clock=0.0), pose="x",
         says=('angle_unit = "deg"', 'orientation = "xyz"  # turns about fixed axes, roll first',),
     ),
     Sample(

@@ -12,6 +12,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import FrictionHistory, alternate_blocks, prepare, presliding
+from catenary.plant import MotionLog
 from catenary.robots.actuation import ActuationTerm
 from catenary.robots.catalog import load_robot
 from catenary.sensing.vector import tilted_gravity
@@ -105,6 +106,14 @@ def test_a_rate_that_a_robots_file_asks_for_makes_no_row_in_a_gap():
     samples = prepare(run, arm, FULL)
     assert np.abs(samples.time[:, None] - run.time).min(axis=1).max() < 0.0051  # half a step
     assert "brought to" in samples.notes[1]
+
+
+def test_stamps_in_another_unit_do_not_make_millions_of_rows_by_the_filters_own_rate():
+    panda, t = load_robot("panda"), np.arange(3000) * 10.0
+    q = 0.5 * (panda.lower + panda.upper) + 0.3 * np.sin(0.01 * t[:, None] + np.arange(7))
+    slow = MotionLog("log", panda.joint_names, panda.joint_units, q, np.ones(3000, dtype=bool), tau=np.cos(q), time=t)
+    with pytest.raises(InputError, match="is time in ms, us or ns"):
+        prepare(slow, panda, FULL)
 
 
 def test_a_stretch_between_gaps_that_is_shorter_than_the_filter_needs_is_left_out_and_told():

@@ -35,7 +35,7 @@ def test_single_numbers_are_columns_of_one_and_the_duration_is_in_seconds() -> N
 
 def test_an_arm_has_eight_channels_of_which_one_is_unused_and_the_other_arms_are_zero() -> None:
     for arm, first in (("gold", 0), ("green", 8)):
-        channels = in_channels(arm, np.arange(1.0, 8.0))  # type: ignore[arg-type]
+        channels = in_channels(arm, np.arange(1.0, 8.0))
         assert_array_equal(channels[first : first + 8], [1, 2, 3, 0, 4, 5, 6, 7])
         assert_array_equal(channels[list(CHANNELS[arm])], np.arange(1.0, 8.0))
         assert channels.sum() == 28.0

@@ -1,3 +1,6 @@
+"""Bags that are written, read back whole or damaged, and what of them is said to be lost."""
+
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +14,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.bag_reader import JournalReader, open_recording, open_recordings
+from catenary.recording.bag_reader import Hole, JournalReader, Rescue, TopicLoss, open_recording, open_recordings
+from catenary.recording.bag_stream import BagStream
 from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.layout import ABOUT_TOPIC
 from catenary.recording.messages import full_definition, md5_sum, typestore
@@ -68,7 +72,6 @@ def test_mcap_holds_the_same_messages_in_cdr(journal, bags, sent, tmp_path) -> N
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
 def test_robot_seed_and_simulated_travel_with_the_bag(bags: dict[str, Path], kind: str) -> None:
     source = open_recording(bags[kind])
-    assert source.about is not None
     assert (source.about.robot, source.about.simulated, source.about.seed) == ("raven2", True, ABOUT.seed)
     assert ABOUT_TOPIC not in [topic.name for topic in source.topics]
 
@@ -176,3 +179,68 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("hello")
     with pytest.raises(FileFormatError, match=r"expected a journal, a \.bag"):
         open_recording(tmp_path / "notes.txt")
+
+
+@pytest.fixture(scope="module")
+def long_journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """More than three chunks of a bag."""
+    return record(tmp_path_factory.mktemp("recording") / "journal", 35.0)
+
+
+@pytest.fixture(scope="module")
+def long_sent(long_journal: Path) -> list[Message]:
+    return list(JournalReader(long_journal).messages())
+
+
+@pytest.fixture(scope="module", params=["ros1", "bz2", "mcap"])
+def bag(request: pytest.FixtureRequest, long_journal: Path, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("bags")
+    if request.param == "mcap":
+        (mcap,) = write_bag(long_journal, folder / "a").glob("*.mcap")
+        return mcap
+    return write_bag(
+        long_journal, *((folder / "a.bag",) if request.param == "ros1" else (folder / "packed.bag", "BZ2"))
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(bag: Path, long_sent, tmp_path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    content = bytearray(bag.read_bytes())
+    size = (1, 30, 3000, 100_000)[seed] if bag.name == "a.bag" else 3000
+    place = int(rng.integers(0.3 * len(content), 0.5 * len(content)))
+    content[place : place + size] = rng.bytes(size)
+    hit = tmp_path / bag.name
+    hit.write_bytes(content)
+    stream = BagStream(hit)
+    kept = [message[:2] for message in stream.messages()]
+    there, found = Counter((t, s) for t, s, _ in long_sent), set(kept)
+    missing = sum((there - Counter(kept)).values())
+    assert missing < 0.45 * len(long_sent)
+    assert [one for one in kept if one in there] == [(t, s) for t, s, _ in long_sent if (t, s) in found]
+    if missing == 0:
+        return  # within a message's own bytes, which no checksum guards
+    assert stream.damage
+    arrivals = {t.name: np.array([s for name, s in kept if name == t.name]) for t in stream.topics}
+    rescue = Rescue.of(arrivals, stream.holes, ends_early=stream.ends_early)
+    lost = sum(one.lost for one in rescue.topics)
+    assert abs(lost - missing) <= 0.1 * missing + 4  # a jitter of 5 %, rounded for each topic
+    assert "lost: about" in rescue.text()
+
+
+def test_what_is_lost_is_told_by_each_topics_own_rate() -> None:
+    second = 1_000_000_000
+    fast, slow = second // 100 * np.arange(1000), second // 10 * np.arange(100)
+    hole = (3 * second, 5 * second)
+    cut = {"/fast": fast[(fast <= hole[0]) | (fast >= hole[1])], "/slow": slow[(slow <= hole[0]) | (slow >= hole[1])]}
+
+    def losses(arrivals: dict[str, np.ndarray], holes: list[Hole]) -> tuple[TopicLoss, ...]:
+        return Rescue.of(arrivals, holes, ends_early=False).topics
+
+    found = {one.topic: one for one in losses(cut, [hole])}
+    assert (found["/fast"].lost, found["/slow"].lost) == (199, 19)
+    assert found["/fast"].seconds == pytest.approx(1.99)
+    assert all(one.lost == 0 for one in losses(cut, []))
+    assert [one.lost for one in losses({"/once": fast[:1], "/none": fast[:0]}, [hole])] == [0, 0]
+    ended = losses({"/a": fast[:500], "/b": fast}, [(int(fast[499]), None)])
+    assert [one.lost for one in ended] == [500, 0]

@@ -1,6 +1,5 @@
 """One recording in twelve containers: twelve equal logs, and twelve equal verdicts."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from catenary.recording.journal import JournalTopic, JournalWriter
 from catenary.recording.messages import ros2_name, typestore
 from catenary.verdict.check import findings_of
 from catenary.workflows.import_recording import import_recording
+from gallery.containers import lerobot
 from lab_bags import JOINT_STATE, JOINTS, START, Message, header, joint_state, true_q, write_bag
 
 STATE, CAMERA = "/arm/joint_states", "/camera/joints"
@@ -45,7 +45,7 @@ def messages() -> list[Message]:
 def of_bag(kind: str) -> Callable[[Path], list[Path]]:
     def write(folder: Path) -> list[Path]:
         topics = {STATE: JOINT_STATE, CAMERA: JOINT_STATE}
-        return [write_bag(folder / "lab", kind, topics, messages())]  # type: ignore[arg-type]
+        return [write_bag(folder / "lab", kind, topics, messages())]
 
     return write
 
@@ -138,22 +138,11 @@ def of_hdf5(folder: Path) -> list[Path]:
 
 def of_lerobot(folder: Path) -> list[Path]:
     """A dataset of one episode, whose rows are those of one table; its lists have a number for each joint."""
-    state, camera = columns()
     whole = one_table()
-    lists: dict[str, pa.Array] = {"stamp": pa.array(whole["stamp"])}
-    for name in ("q", "qd", "tau", "cam"):
-        rows = np.array([whole[f"{name}[{i}]"] for i in range(3)], dtype=float).T
-        lists[name] = pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), 3)
-    rows = len(whole["stamp"])
-    table = pa.table(lists | {"episode_index": np.zeros(rows, dtype=int), "frame_index": np.arange(rows)})
-    assert rows == len(state["stamp"]) + len(camera["stamp"])
-    (folder / "lab" / "meta").mkdir(parents=True)
-    (folder / "lab" / "data" / "chunk-000").mkdir(parents=True)
-    features = {name: {"names": {"motors": list(JOINTS)}} for name in ("q", "cam")}
-    info = {"codebase_version": "v3.0", "fps": 30, "features": features}
-    (folder / "lab" / "meta" / "info.json").write_text(json.dumps(info))
-    pq.write_table(table, folder / "lab" / "data" / "chunk-000" / "file-000.parquet")
-    return [folder / "lab"]
+    lists = {
+        name: np.array([whole[f"{name}[{i}]"] for i in range(3)], dtype=float).T for name in ("q", "qd", "tau", "cam")
+    }
+    return [lerobot(folder / "lab", "v3.0", [{"stamp": whole["stamp"], **lists}], {"motors": list(JOINTS)})]
 
 
 BY_TOPIC = {
@@ -202,7 +191,6 @@ def test_every_container_gives_the_log_of_the_rule_and_equal_verdicts(
     """The rule, worked out here: the straight line between the two samples around each stamp, no farther apart than 50 ms."""
     log, first = logs[container], logs["ROS 1 bag"]
     assert log.time is not None
-    assert log.q_encoder is not None
     stamp, seen = stamps(T), stamps(T_SEEN)
     right = np.searchsorted(seen, stamp).clip(1, len(seen) - 1)
     left = right - 1

@@ -1,4 +1,10 @@
+"""Motion logs as files and on disk, bit for bit, and what is refused of them."""
+
+import errno
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,13 +15,16 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.calibration.fit_options import FitOptions, FitRun
+from catenary.calibration.fit_recordings import fit_logs
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
-from catenary.plant import MotionLog
+from catenary.plant import JOINT_ARRAYS, MotionLog
 from catenary.recording import parquet_files
-from catenary.recording.logs import FORMAT, read_log, read_torque_log, write_parquet
+from catenary.recording.logs import FORMAT, on_disk, read_log, read_torque_log, write_parquet
 from catenary.recording.parquet_files import open_parquet
 from catenary.robots.catalog import load_robot
+from catenary.side_by_side import on_workers
 from recordings import recording
 
 ARM = load_robot("two_link")
@@ -38,6 +47,7 @@ def full_log(rows: int = 8) -> MotionLog:
         robot="raven2",
         notes=("units not stated",),
         units_assumed=True,
+        began=1.7e9,
     )
 
 
@@ -54,7 +64,7 @@ def path(tmp_path: Path) -> Path:
 
 
 ARRAYS = ("q_nominal", "q_encoder", "qd", "tau", "time", "ok")
-SAID = ("joint_names", "joint_units", "robot", "simulated", "units_assumed", "notes", "signal_units")
+SAID = ("joint_names", "joint_units", "robot", "simulated", "units_assumed", "notes", "signal_units", "began")
 
 
 @pytest.mark.parametrize(
@@ -288,3 +298,48 @@ def test_what_is_no_recording_is_refused(read, arrays, error, said):
     with pytest.raises(error) as caught:
         read(**arrays)
     assert said in str(caught.value)
+
+
+def test_a_recording_on_disk_holds_the_same_bits_and_its_parts_stay_there() -> None:
+    log = replace(recording(np.random.default_rng(0), rows=300), signals={"current": np.arange(300.0)})
+    kept = on_disk(log)
+    for one, other in ((kept, log), (kept.part(10, 200), log.part(10, 200)), (replace(kept, name="b"), log)):
+        for name in (*JOINT_ARRAYS, "time", "ok"):
+            assert_array_equal(getattr(one, name), getattr(other, name))
+            assert getattr(one, name) is None or isinstance(getattr(one, name), np.memmap)
+        assert_array_equal(one.signals["current"], other.signals["current"])
+    with pytest.raises(ValueError, match="read-only"):
+        kept.q_nominal[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_fit_of_recordings_on_disk_is_that_of_the_same_in_memory(workers: int) -> None:
+    logs = [replace(recording(np.random.default_rng(k), rows=400), name=f"run {k}") for k in range(3)]
+    options, run = FitOptions(kind="hysteretic"), FitRun()
+    alone = fit_logs(logs, options, run)
+    with on_workers(workers):
+        found = fit_logs([on_disk(log) for log in logs], options, run)
+    assert found.card == alone.card
+
+
+def test_a_full_disk_is_told_with_the_way_round_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(np, "save", full)
+    with pytest.raises(InputError, match="cannot hold it: No space left on device; name another folder by TMPDIR"):
+        on_disk(recording(np.random.default_rng(0), rows=30))
+
+
+def test_nothing_is_left_on_disk_when_the_program_ends() -> None:
+    program = """
+import numpy as np
+from catenary.plant import MotionLog
+from catenary.recording.logs import on_disk
+print(on_disk(MotionLog("a", ("J1",), ("rad",), np.zeros((9, 1)), np.ones(9, dtype=bool))).q_nominal.filename)
+"""
+    path = Path(
+        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip()
+    )
+    assert path.suffix == ".npy"
+    assert not path.parent.exists()

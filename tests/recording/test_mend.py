@@ -28,11 +28,9 @@ def test_nothing_to_mend_is_the_same_recording() -> None:
 def test_numbers_in_deg_and_mm_become_rad_and_m() -> None:
     log = recording()
     factor = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])
-    assert log.q_encoder is not None
     spoilt = replace(log, q_nominal=log.q_nominal * factor, q_encoder=log.q_encoder * factor)
     mended = Mend(units=("deg,deg,mm",))(spoilt)
     assert_allclose(mended.q_nominal, log.q_nominal, rtol=1e-14)
-    assert mended.q_encoder is not None
     assert_allclose(mended.q_encoder, log.q_encoder, rtol=1e-14)
     assert mended.notes == ("corrected by --units deg,deg,mm",)
 
@@ -41,15 +39,12 @@ def test_the_units_of_one_array_leave_the_others() -> None:
     log = recording()
     mended = Mend(units=("q_encoder:rad,rad,mm",))(log)
     assert_array_equal(mended.q_nominal, log.q_nominal)
-    assert log.q_encoder is not None
-    assert mended.q_encoder is not None
     assert_allclose(mended.q_encoder[:, 2], 1e-3 * log.q_encoder[:, 2])
 
 
 @given(st.permutations([0, 1, 2]))
 def test_exchanges_put_any_order_in_place(order: list[int]) -> None:
     log = recording()
-    assert log.q_encoder is not None
     spoilt = replace(log, q_encoder=log.q_encoder[:, order])
     swaps, at = [], list(order)
     for joint in range(3):
@@ -63,11 +58,9 @@ def test_exchanges_put_any_order_in_place(order: list[int]) -> None:
 def test_a_shift_brings_rows_in_step_within_each_recording(rows: int) -> None:
     log = recording()
     log = replace(log, time=np.concatenate([np.arange(25.0), np.arange(15.0)]))
-    assert log.q_encoder is not None
     spoilt = replace(log, q_encoder=np.roll(log.q_encoder, rows, axis=0))
     mended = Mend(shift=rows)(spoilt)
     assert mended.ok.sum() == len(log) - 2 * abs(rows)
-    assert mended.q_encoder is not None
     inner = mended.ok.copy()
     inner[:10] = inner[-10:] = inner[15:35] = False  # np.roll mixes the ends of the two recordings
     assert_array_equal(mended.q_encoder[inner], log.q_encoder[inner])
@@ -76,14 +69,8 @@ def test_a_shift_brings_rows_in_step_within_each_recording(rows: int) -> None:
 def test_signs_scales_torques_and_stamps() -> None:
     log = recording()
     mended = Mend(sign=("J1", "tau:J2"), scale=("J3=0.5",), time_unit="ms", leave_out=("3:5,10:11",))(log)
-    assert log.q_encoder is not None
-    assert log.tau is not None
-    assert log.time is not None
-    assert mended.q_encoder is not None
     assert_array_equal(mended.q_encoder, log.q_encoder * [-1.0, 1.0, 0.5])
-    assert mended.tau is not None
     assert_array_equal(mended.tau, log.tau * [1.0, -1.0, 1.0])
-    assert mended.time is not None
     assert_allclose(mended.time, 1e-3 * log.time)
     assert np.flatnonzero(~mended.ok).tolist() == [3, 4, 10]
 

@@ -53,7 +53,7 @@ def test_raven_state_has_964_bytes_after_its_header() -> None:
     message = blank_messages("raven_2/raven_state", 1, {}, {})
     header = 4 + 8 + 4  # seq, stamp, length of an empty frame
     assert message.dtype.itemsize == header + 964
-    assert message.dtype.fields["runlevel"][1] == header  # type: ignore[index]
+    assert message.dtype.fields["runlevel"][1] == header
 
 
 def _joint_state(rng: np.random.Generator, joints: int, frame: str) -> bytes:
@@ -74,7 +74,7 @@ def test_joint_states_of_all_shapes_read_as_rosbags_reads_them(encoding: str) ->
         raw = [bytes(store.ros1_to_cdr(message, name)) for message in raw]
     read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
     seen = []
-    for where, records in read_messages("sensor_msgs/JointState", raw, encoding):  # type: ignore[arg-type]
+    for where, records in read_messages("sensor_msgs/JointState", raw, encoding):
         for row, record in zip(where, records, strict=True):
             expected = read(raw[row], name)
             np.testing.assert_array_equal(record["position"], expected.position)
@@ -98,7 +98,7 @@ def test_numbers_written_by_field_are_what_rosbags_reads(name: str, encoding: st
         raw = bytes(messages.typestore(2).ros1_to_cdr(raw, messages.ros2_name(name)))
     read = messages.typestore(1).deserialize_ros1 if encoding == "ros1" else messages.typestore(2).deserialize_cdr
     expected = read(raw, messages.ros2_name(name))
-    ((_, records),) = read_messages(name, [raw], encoding)  # type: ignore[arg-type]
+    ((_, records),) = read_messages(name, [raw], encoding)
     for path in records.dtype.names or ():
         value = expected
         for part in path.lstrip("#").replace("nsec", "nanosec").split("."):

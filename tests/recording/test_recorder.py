@@ -45,7 +45,6 @@ def test_what_a_robot_lacks_is_left_out_and_named(tmp_path: Path) -> None:
         )
     assert [text.split(":")[0] for text in recorder.left_out] == ["/ext_jpos", "/joint_enc"]
     about = JournalReader(tmp_path / "r").about
-    assert about is not None
     assert "encVals" in about.configuration["not_in_telemetry"]["/ravenstate"]
 
 

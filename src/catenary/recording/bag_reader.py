@@ -8,7 +8,6 @@ import re
 import sqlite3
 from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import cached_property
 from itertools import islice
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple, Self
@@ -16,19 +15,19 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from catenary.arrays import Integers
-from catenary.documents import cut, reading, shortened
+from catenary.documents import reading, shortened
 from catenary.errors import FileFormatError
 from catenary.recording.bag_records import DAMAGE, Block, Unpacking
-from catenary.recording.bag_stream import BagConnection, BagFile, BagStream, Hole, about_of
-from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, LeftOff, is_journal_name
-from catenary.recording.layout import ABOUT_TOPIC, Encoding, require_topics
+from catenary.recording.bag_stream import BagConnection, BagStream, Hole, Source, about_of
+from catenary.recording.journal import LIBRARY, MAGIC, LeftOff, is_journal_name
+from catenary.recording.layout import ABOUT_TOPIC
 from catenary.topics import SECOND
 
 AT_ONCE = 2048  # messages that are in memory at once
 _ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
 
 
-class SqliteBag(BagFile):
+class SqliteBag(Source):
     """Reads a SQLite file of a ROS 2 bag, in the order in which it was recorded."""
 
     def __init__(self, path: Path) -> None:
@@ -191,35 +190,22 @@ def is_journal(path: Path) -> bool:
     return LIBRARY.encode() in begin and begin.startswith(MAGIC)
 
 
-class FilesInARow:
+class FilesInARow(Source):
     """A recording in several files, each read to its end before the next."""
 
     def __init__(self, path: Path, parts: Sequence[BagStream | SqliteBag]) -> None:
         """Take in what the files say of their topics."""
-        self.path, self.parts = path, parts
-        self.connections: dict[str, BagConnection] = {}
-        types: dict[str, JournalTopic] = {}
-        for part in parts:
-            self.connections |= part.connections
-            for topic in part.topics:
-                if types.setdefault(topic.name, topic) != topic:
-                    raise FileFormatError(f"{part.path}: topic {cut(topic.name)}: is of another type than before")
-        self.topics = tuple(types.values())
-        self.encoding: Encoding = parts[0].encoding if parts else "ros1"
-        self.about: About | None = next((part.about for part in parts if part.about is not None), None)
-        self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
+        super().__init__(path)
+        self.parts = parts
+        for number, connection in enumerate(each for part in parts for each in part.connections.values()):
+            self._keep(number, connection)
+        self.encoding = parts[0].encoding if parts else "ros1"
+        self.about = next((part.about for part in parts if part.about is not None), None)
+        self.first = next((part.first for part in parts if part.first is not None), None)
 
-    @property
-    def first(self) -> int | None:
-        """Arrival of the first message [ns]."""
-        return next((part.first for part in self.parts if part.first is not None), None)
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, file by file."""
-        require_topics(self.path, topics, [topic.name for topic in self.topics])
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         for part in self._each():
-            there = [topic.name for topic in part.topics]
-            yield from part.messages([name for name in there if topics is None or name in topics])
+            yield from part.messages()
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
         """Yield topic, arrival stamps [ns] (N,) and messages, file by file."""
@@ -279,14 +265,6 @@ class JournalReader(FilesInARow):
         begins = last_pass if in_passes else last_pass + (last - first) * 1e-9
         return LeftOff(begins, part_number, numbers, last, dropped)
 
-    @cached_property
-    def counts(self) -> dict[str, int]:
-        """Number of messages by topic."""
-        found = {topic.name: 0 for topic in self.topics}
-        for name, arrivals, _ in self.blocks(found):
-            found[name] += len(arrivals)
-        return found
-
     @property
     def problems(self) -> list[str]:
         """What was found missing or damaged so far, in words, and the recorder's own notes."""
@@ -328,9 +306,9 @@ class BagFolder(FilesInARow):
         packed = sorted(path.glob("*.zstd"))
         damage += [f"{file}: is packed, and was not read; `zstd -d {file.name}` unpacks it" for file in packed]
         none = f"{path}/{METADATA}: lists no file; its files were read one by one: {', '.join(chosen)}"
-        self.warnings = [none] * ((path / METADATA).is_file() and not listed)
+        warnings = [none] * ((path / METADATA).is_file() and not listed)
         strange = f"lies in the folder, and {METADATA} does not list it: it was not read"
-        self.warnings += [f"{path / name}: {strange}" for name in there if name not in chosen]
+        warnings += [f"{path / name}: {strange}" for name in there if name not in chosen]
         parts = list[BagStream | SqliteBag]()
         for name in chosen:
             try:
@@ -342,7 +320,7 @@ class BagFolder(FilesInARow):
             none = f"{path}: has no file of a bag; it holds {inside}, expected {', '.join(FILES)}"
             raise FileFormatError("; ".join(damage) or none)
         super().__init__(path, sorted(parts, key=_start))
-        self.damage = [*damage, *(problem for part in self.parts for problem in part.damage)]
+        self.damage, self.warnings = [*damage, *(each for part in self.parts for each in part.damage)], warnings
         self.counts = Counter[str]()
         for part in self.parts:
             self.counts.update(part.counts)
@@ -363,9 +341,6 @@ class BagFolder(FilesInARow):
         for part in self.parts:
             yield part
             self.holes += [*part.holes, *([(part.last, None)] if self.damage else [])]
-
-
-Source = BagStream | SqliteBag | BagFolder | JournalReader  # of messages, in the order of arrival
 
 
 def _start(source: Source) -> int:

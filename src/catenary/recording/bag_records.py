@@ -1,10 +1,7 @@
-"""The records of a bag: read within bounds, searched for behind damage, and gathered by compiled code.
-
-A chunk of a ROS 1 bag or of MCAP makes no Python object per message. [wiki.ros.org/Bags/Format/2.0, mcap.dev/spec]
-"""
+"""Records of a bag: bounded, searched for behind damage, walked by compiled code [wiki.ros.org/Bags, mcap.dev/spec]."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from struct import Struct, error
 from typing import Any, BinaryIO, Literal, cast
@@ -30,7 +27,6 @@ _PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a messa
 # what reading damaged bytes raises
 DAMAGE = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
 KIND, CONNECTION, TIME, HEADER, DATA, END = range(6)  # columns of a chunk's records
-_AT_ONCE = 8192
 Records = Integers
 
 
@@ -53,7 +49,7 @@ def _ros1_chunk(block: bytes, sign: int) -> int | None:
     for begin in range(max(0, sign - _REACH // 2), sign - 7):
         length = _U32.unpack_from(block, begin)[0]
         if sign < begin + 4 + length <= begin + _REACH:
-            head = _fields(block[begin + 4 : begin + 4 + length])
+            head = whole_fields(block[begin + 4 : begin + 4 + length])
             if head.keys() == {b"op", b"compression", b"size"} and len(head[b"size"]) == 4:
                 return begin
     return None
@@ -71,7 +67,7 @@ def _mcap_chunk(block: bytes, sign: int) -> int | None:
     return sign if length == 40 + named + inside else None
 
 
-def _fields(data: bytes) -> dict[bytes, bytes]:
+def whole_fields(data: bytes) -> dict[bytes, bytes]:
     """Return the fields of a header; none of a damaged one."""
     try:
         return header_fields(data)
@@ -109,13 +105,6 @@ def sized(file: BinaryIO, size: int) -> bytes | None:
         return None
     length = _U32.unpack(file.read(4))[0]
     return file.read(length) if file.tell() + length <= size else None  # else what is there can still be read
-
-
-def bag_record(file: BinaryIO, size: int) -> tuple[dict[bytes, bytes], bytes | None]:
-    """Return header and data of a record: no header where it is damaged, no data where the file ends first."""
-    head = sized(file, size)
-    data = None if head is None else sized(file, size)
-    return _fields(head or b""), data
 
 
 class Unpacking:
@@ -202,18 +191,10 @@ def chunk_records(chunk: bytes, *, is_ros1: bool) -> Records:
     return records[: (_walk if is_ros1 else _walk_mcap)(data, records)]
 
 
-def rows_of(records: Records) -> Iterator[list[int]]:
-    """Yield records as Python's numbers, some thousands in memory at a time."""
-    for begin in range(0, len(records), _AT_ONCE):
-        yield from records[begin : begin + _AT_ONCE].tolist()
-
-
 def gather(chunk: bytes, records: Records) -> Block:
     """Return the messages of a chunk's records."""
-    lengths = records[:, END] - records[:, DATA]
-    out = np.empty(int(lengths.sum()), dtype=np.uint8)
-    _copy(np.frombuffer(chunk, dtype=np.uint8), records, out)
-    return Block(out, lengths)
+    parts = map(chunk.__getitem__, map(slice, records[:, DATA].tolist(), records[:, END].tolist()))
+    return Block(np.frombuffer(b"".join(parts), dtype=np.uint8), records[:, END] - records[:, DATA])
 
 
 @compiled
@@ -282,12 +263,3 @@ def _walk_mcap(data: NDArray[np.uint8], records: Records) -> int:
         count += 1
         position = begin + length
     return count
-
-
-@compiled
-def _copy(data: NDArray[np.uint8], records: Records, out: NDArray[np.uint8]) -> None:
-    place = 0
-    for i in range(len(records)):
-        length = records[i, 5] - records[i, 4]
-        out[place : place + length] = data[records[i, 4] : records[i, 5]]
-        place += length

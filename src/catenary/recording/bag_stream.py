@@ -1,7 +1,9 @@
 """ROS 1 bags and MCAP read from their first byte to their last, by no index, which a bag that was cut off lacks."""
 
 import contextlib
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator
+from functools import cached_property
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO, NamedTuple, TypeVar
@@ -24,18 +26,17 @@ from catenary.recording.bag_records import (
     Block,
     Records,
     Unpacking,
-    bag_record,
     chunk_records,
     field_of,
     gather,
     header_fields,
     next_chunk,
-    rows_of,
     sized,
     text_at,
+    whole_fields,
 )
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
-from catenary.recording.layout import ABOUT_TOPIC, Encoding, require_topics
+from catenary.recording.layout import ABOUT_TOPIC, Encoding
 from catenary.recording.messages import current_name
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -46,6 +47,7 @@ _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _METADATA, _DAT
 LONGEST_REMARK = 500  # characters
 _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS = 1000  # that are told one by one
+_AT_ONCE = 8192  # records that are Python's numbers at a time
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
 
@@ -63,8 +65,8 @@ class BagConnection(NamedTuple):
     definition: str
 
 
-class BagFile:
-    """A file of a bag: what it says of itself, and what was found damaged."""
+class Source:
+    """A recording, or a file of one, in the order of arrival: what it says of itself, and what was found damaged."""
 
     encoding: Encoding = "cdr"
 
@@ -73,7 +75,6 @@ class BagFile:
         self.warnings: list[str] = []  # of whoever opened it
         self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
-        self.counts: dict[str, int] = {}  # of messages, by topic
         self._names: dict[int, str] = {}  # of topics
         self.about: About | None = None
         self.first: int | None = None  # [ns] arrival of the first message
@@ -92,10 +93,25 @@ class BagFile:
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
-        require_topics(self.path, topics, [topic.name for topic in self.topics])
+        there = [topic.name for topic in self.topics]
+        missing = [name for name in topics or () if name not in there]
+        if missing:
+            raise FileFormatError(f"{self.path}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")
         for message in self._every_message():
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
+
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages, some of every topic before more of one."""
+        raise NotImplementedError
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Number of messages by topic."""
+        found = {topic.name: 0 for topic in self.topics}
+        for name, arrivals, _ in self.blocks(found):
+            found[name] += len(arrivals)
+        return found
 
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         raise NotImplementedError
@@ -111,7 +127,7 @@ class BagFile:
         self._names[number] = name
 
 
-class BagStream(BagFile):
+class BagStream(Source):
     """Reads a ROS 1 bag or an MCAP file as it was recorded, and on behind damage, which `damage` tells."""
 
     def __init__(self, path: Path) -> None:
@@ -136,11 +152,16 @@ class BagStream(BagFile):
             )
         self.encoding = "ros1" if self.is_ros1 else "cdr"
         self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
-        for name, number, first in self._guarded(self._counts):
+        counts = Counter[str]()
+        for chunk, name, records in self._guarded(self._by_topic):
             if name == ABOUT_TOPIC:
+                first = self._plain(chunk[records[0, DATA] : records[0, END]])
                 self.about = about_of(path, first, self.encoding)
             else:
-                self.counts[name] = self.counts.get(name, 0) + number
+                counts[name] += len(records)
+            if self.is_journal:  # whose topics all stand before its first message; it is not read twice
+                break
+        self.counts = counts
 
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         return self._guarded(self._messages)
@@ -193,7 +214,8 @@ class BagStream(BagFile):
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
-            values, data = bag_record(file, size)
+            head = sized(file, size)
+            values, data = whole_fields(head or b""), None if head is None else sized(file, size)
             if data is None or not values.get(b"op"):
                 # a damaged length may reach beyond the chunks behind it
                 following = next_chunk(file, start + 1, size, is_ros1=True)
@@ -215,22 +237,17 @@ class BagStream(BagFile):
             kind = values[b"op"][0]
             if kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
-            try:
+            chunk = None
+            with self._damage_told(f"from byte {start} to {file.tell()}"):
                 if kind == _BAG_HEADER and _U64.unpack(field_of(values, b"index_pos", 8))[0]:
                     counts = (field_of(values, key, 4) for key in (b"conn_count", b"chunk_count"))
                     missing = sum(_U32.unpack(count)[0] for count in counts)
                 elif kind == _CONNECTION:  # it says again what stands before its messages
                     self._connection(_U32.unpack(field_of(values, b"conn", 4))[0], values, data)
-                chunk = None
-                if kind == _CHUNK:
+                elif kind == _CHUNK:
                     packing = field_of(values, b"compression").decode(errors="replace")
                     stated = 0 if packing == "none" else _U32.unpack(field_of(values, b"size", 4))[0]
                     chunk = self._unpacking.chunk(data, packing, stated)
-            except FileFormatError:
-                raise
-            except DAMAGE as problem:
-                self._damaged(f"from byte {start} to {file.tell()}: {cut(str(problem) or repr(problem))}")
-                continue
             if chunk is not None:
                 yield chunk
         if missing != 0:
@@ -244,7 +261,7 @@ class BagStream(BagFile):
             damaged = np.flatnonzero(records[:, KIND] < 0)
             whole = records[: damaged[0]] if len(damaged) else records
             for row in whole[whole[:, KIND] == _CONNECTION].tolist():
-                with self._damage_told(file.tell()):
+                with self._damage_told(f"before byte {file.tell()}"):
                     head = header_fields(chunk[row[HEADER] : row[DATA] - 4])
                     self._connection(row[CONNECTION], head, chunk[row[DATA] : row[END]])
             yield chunk, whole[whole[:, KIND] == _MESSAGE]
@@ -271,8 +288,9 @@ class BagStream(BagFile):
 
     def _messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records in self._chunks(file, size):
-            for row in rows_of(records):
-                yield self._names[row[CONNECTION]], row[TIME], self._plain(chunk[row[DATA] : row[END]])
+            for begin in range(0, len(records), _AT_ONCE):
+                for row in records[begin : begin + _AT_ONCE].tolist():
+                    yield self._names[row[CONNECTION]], row[TIME], self._plain(chunk[row[DATA] : row[END]])
 
     def _plain(self, message: bytes) -> bytes:
         return self._unpacking.message(message) if self.encoding == "cdr" else message
@@ -285,12 +303,6 @@ class BagStream(BagFile):
             for name in dict.fromkeys(topics.values()):
                 own = [number for number, topic in topics.items() if topic == name]
                 yield chunk, name, records if len(own) == len(topics) else records[np.isin(numbers, own)]
-
-    def _counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
-        for chunk, name, records in self._by_topic(file, size):
-            yield name, len(records), self._plain(chunk[records[0, DATA] : records[0, END]])
-            if self.is_journal:  # whose topics all stand before its first message; it is not read twice
-                return
 
     def _connection(self, number: int, head: dict[bytes, bytes], data: bytes) -> None:
         """Check and keep the type of a connection's topic."""
@@ -305,6 +317,7 @@ class BagStream(BagFile):
         is_over = is_closed = False  # what follows the data says again which topics there are
         while len(head := file.read(9)) == 9:
             start, length = file.tell() - 9, _U64.unpack_from(head, 1)[0]
+            here = f"in the record that begins at byte {start}"
             data = file.read(min(length, size))
             is_whole, kind = len(data) == length, head[0]
             following = None
@@ -315,12 +328,12 @@ class BagStream(BagFile):
             is_over |= kind == _DATA_END
             is_closed |= kind == _FOOTER and is_whole
             if kind == _MCAP_CHUNK and (is_whole or len(data) > _CHUNK_HEAD):
-                with self._damage_told(start):
+                with self._damage_told(here):
                     is_hit = following is not None and self.is_journal
                     inside = self._mcap_contents(data, is_whole=is_whole, is_hit=is_hit)
                     records = chunk_records(inside, is_ros1=False)
                     for row in records[np.isin(records[:, KIND], (_SCHEMA, _CHANNEL))].tolist():
-                        with self._damage_told(start):
+                        with self._damage_told(here):
                             self._mcap_record(row[KIND], inside[row[HEADER] : row[END]], schemas)
                     yield inside, records[records[:, KIND] == _MCAP_MESSAGE]
                     if is_whole and len(inside) != (records[-1, END] if len(records) else 0):
@@ -328,7 +341,7 @@ class BagStream(BagFile):
             elif kind == _MCAP_MESSAGE and is_whole and not is_over:
                 yield head + data, chunk_records(head + data, is_ros1=False)
             elif is_whole and (not is_over or kind in (_SCHEMA, _CHANNEL)):
-                with self._damage_told(start):
+                with self._damage_told(here):
                     self._mcap_record(kind, data, schemas)
             if following is not None:
                 self._damaged(f"from byte {start} to {following}")
@@ -366,13 +379,14 @@ class BagStream(BagFile):
                 self._missed(name, int(numbers[i]), int(numbers[i] - before[i]), int(own[i, TIME]), i or expected)
 
     @contextlib.contextmanager
-    def _damage_told(self, start: int) -> Iterator[None]:
+    def _damage_told(self, where: str) -> Iterator[None]:
+        """Take what damaged bytes raise as damage there."""
         try:
             yield
         except FileFormatError:
             raise
         except DAMAGE as problem:
-            self._damaged(f"in the record that begins at byte {start}: {problem!r}")
+            self._damaged(f"{where}: {cut(str(problem) or repr(problem))}")
 
     def _mcap_record(self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]]) -> None:
         """Take in what a record tells of topics and of the recording."""

@@ -5,9 +5,10 @@ A bag has no place for the robot's name, the seed and whether it was simulated: 
 """
 
 import logging
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as Writer1
@@ -15,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.bag_reader import Source
+from catenary.recording.bag_stream import Source
 from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, Encoding, blank_messages, topic_named
 from catenary.recording.messages import MESSAGES, check_type, current_name, ros2_name, typestore
 
@@ -48,7 +49,6 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
     for path in (path for path in paths.values() if path.exists()):
         raise InputError(f"{path}: exists already, and is never overwritten")
     to: dict[str, tuple[Writer1 | Writer2, Connection]] = {}  # by topic
-    types = {topic: name for of_bag in topics.values() for topic, name in of_bag.items()}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as open_bags:
@@ -60,18 +60,27 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
                 for topic_name, of_type in topics[name].items():
                     store = typestore(1 if kind == "ros1" else 2)
                     to[topic_name] = bag, bag.add_connection(topic_name, ros2_name(of_type), typestore=store)
-            for place, (topic_name, stamp, data) in enumerate(source.messages()):
-                if place == 0 and source.about is not None:
-                    text = blank_messages(ABOUT_TYPE, 1, {"data": source.about.as_json()}, {}).tobytes()
-                    bag, connection = to[ABOUT_TOPIC]
-                    bag.write(connection, stamp, _as(kind, folder, ABOUT_TOPIC, ABOUT_TYPE, text, "ros1"))
-                bag, connection = to[topic_name]
-                bag.write(connection, stamp, _as(kind, folder, topic_name, types[topic_name], data, source.encoding))
+            copy_messages(source, to, kind, folder)
     except OSError as error:
         raise FileFormatError(f"{folder}: bags cannot be written: {error.strerror or error}") from error
     for problem in source.problems:
         log.warning("%s", problem)
     return tuple(paths.values())
+
+
+def copy_messages(source: Source, to: Mapping[str, tuple[Any, Any]], kind: BagKind, place: Path) -> None:
+    """Write a recording's messages into the bag, by the connection, of each topic; what it is of comes first."""
+    types = {topic.name: current_name(topic.type) for topic in source.topics}
+
+    def write(topic: str, name: str, stamp: int, data: bytes, given: Encoding) -> None:
+        bag, connection = to[topic]
+        bag.write(connection, stamp, _as(kind, place, topic, name, data, given))
+
+    for number, (topic, stamp, data) in enumerate(source.messages()):
+        if number == 0 and source.about is not None and ABOUT_TOPIC in to:
+            text = blank_messages(ABOUT_TYPE, 1, {"data": source.about.as_json()}, {}).tobytes()
+            write(ABOUT_TOPIC, ABOUT_TYPE, stamp, text, "ros1")
+        write(topic, types[topic], stamp, data, source.encoding)
 
 
 def _as(kind: BagKind, folder: Path, topic: str, name: str, data: bytes, given: Encoding) -> bytes | memoryview:

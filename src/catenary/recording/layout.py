@@ -3,26 +3,27 @@
 And topics by their names: thousands of messages of one from its columns in SI.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, Integers, as_array
+from catenary.documents import cut
 from catenary.dvrk_psm import psm_topic_named
 from catenary.errors import FileFormatError, InputError
-from catenary.raven2.topics import RAVEN_TOPICS, RAVENSTATE
+from catenary.raven2.topics import RAVEN_TOPICS
 from catenary.recording.bag_records import Block
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields
-from catenary.topics import SECOND, Topic, TopicColumn
+from catenary.topics import SECOND, Topic
 
 Encoding = Literal["ros1", "cdr"]
 CDR_HEADER = 4  # bytes before the message; alignment counts from behind them
 COUNT = "#"  # before the name of a string or a sequence: the field that holds its length
+DEEPEST = 32  # messages within each other
 MAX_ELEMENTS = 100_000  # of one sequence, and parts of one message; more is taken for damage
 FieldsOf = Callable[[str], tuple[Field, ...]]  # name of a message type -> its fields
 _INT32 = np.iinfo(np.int32)
@@ -40,6 +41,7 @@ class _Walk:
     offset: int = 0
     fields_of: FieldsOf = fields
     parts: int = 0
+    depth: int = 0
     names: list[str] = field(default_factory=list)
     formats: list[Any] = field(default_factory=list)
     offsets: list[int] = field(default_factory=list)
@@ -48,6 +50,8 @@ class _Walk:
         self.parts += 1
         if self.parts > MAX_ELEMENTS:
             raise FileFormatError(f"message: more than {MAX_ELEMENTS} messages within one")
+        if self.depth > DEEPEST:
+            raise FileFormatError(f"{cut(name)} holds itself, or is more than {DEEPEST} messages deep")
         for item in self.fields_of(name):
             if self.encoding == "cdr" and current_name(name) == "std_msgs/Header" and item.name == "seq":
                 continue  # ROS 2 has none
@@ -73,7 +77,9 @@ class _Walk:
         elif kind in NUMBERS:
             self._place(path, NUMBERS[kind], np.dtype(NUMBERS[kind]).itemsize)
         else:
+            self.depth += 1
             self.message(kind, f"{path}.")
+            self.depth -= 1
 
     def _length(self, path: str) -> int:
         self._place(COUNT + path, "<u4", 4)
@@ -162,11 +168,6 @@ def _records(block: bytes | bytearray | memoryview, layout: np.dtype[np.void], n
     return np.frombuffer(block, dtype=layout) if layout.itemsize else np.zeros(number, dtype=layout)
 
 
-def columns_of_type(name: str) -> Mapping[str, TopicColumn]:
-    """Return the columns of a message type whose numbers are not in SI, by their path in it; none of other types."""
-    return {column.path: column for column in RAVENSTATE.columns} if name == RAVENSTATE.type else {}
-
-
 def topic_named(name: str) -> Topic | None:
     """Return the topic of that name, with or without its leading slash, or None; a PSM's by how its name ends."""
     of_raven = next((topic for topic in RAVEN_TOPICS if topic.name.strip("/") == name.strip("/")), None)
@@ -205,11 +206,3 @@ def encode(topic: Topic, stamp: Integers, columns: Mapping[str, Floats], *, firs
             raise InputError(f"{name}: {np.abs(values).max()} does not fit into a float32")
         field[...] = values.reshape(field.shape)
     return messages
-
-
-def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterable[str]) -> None:
-    """Refuse a topic that is not in a recording."""
-    there = list(there)
-    missing = [name for name in asked or () if name not in there]
-    if missing:
-        raise FileFormatError(f"{where}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")

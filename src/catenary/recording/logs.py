@@ -1,9 +1,13 @@
 """The door for recordings: motion logs as Parquet, known layouts as they are, any other by its mapping."""
 
 import json
+import os
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,10 +25,6 @@ from catenary.units import TORQUE_UNIT
 
 if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log alone does without
     from catenary.recording.import_formats.mapping import RecordingMapping
-import os
-import tempfile
-from functools import cache
-from itertools import count
 
 FORMAT = "catenary.motion_log.1"
 
@@ -95,26 +95,6 @@ def read_log(
     return log.in_order_of(Joints(names, said), of="those given are")
 
 
-def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints: Sequence[str] = ()) -> MotionLog:
-    """Read a recording of a robot for identification: a `.parquet` motion log, or a `.npz` of positions and torques.
-
-    Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
-    `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
-    base axes, where the base tilts or turns. `effort` or `current` (N, n) in place of `tau` is what the robot reports
-    raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. Joints are put into the
-    robot's order; where only some `joints` are wanted, others may be missing, and all stay in the file's order.
-    """
-    ending = table_ending(path)
-    if ending == ".parquet":
-        log = read_log(path)
-        return log if joints else log.of_robot(model, model.name)
-    if ending != ".npz":
-        raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
-    from catenary.recording.import_formats.known_layouts import read_torques
-
-    return read_torques(path, model, raw=raw, joints=joints)
-
-
 def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
     """Read a recording, by a mapping or as `read_log` does, and mend it."""
     reading = reading if reading is not None else Reading()
@@ -123,7 +103,7 @@ def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLo
     return reading.mend(_by_mapping(Path(path), reading.mapping, None))
 
 
-def read_torque_recording(
+def read_torque_log(
     path: Path,
     model: RobotModel,
     reading: Reading | None = None,
@@ -131,18 +111,31 @@ def read_torque_recording(
     *,
     joints: Sequence[str] = (),
 ) -> MotionLog:
-    """Read and mend a recording of torques, by a mapping or `read_torque_log`, also as `trained` recordings were."""
+    """Read a robot's recording for identification: by a mapping, a `.parquet` motion log, or a `.npz`; and mend it.
+
+    Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
+    `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
+    base axes, where the base tilts or turns. `effort` or `current` (N, n) in place of `tau` is what the robot reports
+    raw; the robot's file then gives the torque per unit of it. Joints are put into the robot's order; where only some
+    `joints` are wanted, others may be missing, and all stay in the file's order. It is mended as `trained` ones were.
+    """
     reading = reading if reading is not None else Reading()
-    mapping, raw = reading.mapping, reading.currents
-    if mapping is None:
-        log = read_torque_log(path, model, raw=raw, joints=joints)
-    else:
+    mapping, ending = reading.mapping, table_ending(path)
+    if mapping is not None:
         if not mapping.joint_names and len(mapping.q_nominal.columns) == len(joints):
             mapping = mapping.model_copy(update={"joint_names": tuple(joints)})
         log = _by_mapping(path, mapping, model)
+    elif ending == ".parquet":
+        log = read_log(path) if joints else read_log(path).of_robot(model, model.name)
+    elif ending == ".npz":
+        from catenary.recording.import_formats.known_layouts import read_torques
+
+        log = read_torques(path, model, raw=reading.currents, joints=joints)
+    else:
+        raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     log = reading.mend(log, trained if reading.as_trained else None)
     scale = None if model.actuation is None else model.actuation.effort_scale
-    if not raw or scale is None or log.tau is None:
+    if not reading.currents or scale is None or log.tau is None:
         return log
     from catenary.recording.import_formats.known_layouts import with_effort_scale
 

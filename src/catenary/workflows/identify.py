@@ -37,7 +37,7 @@ from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
 from catenary.recording.import_formats.table_files import read_rows
-from catenary.recording.logs import Reading, read_torque_recording
+from catenary.recording.logs import Reading, read_torque_log
 from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.cut import lock_joints
@@ -345,7 +345,7 @@ def _recording(path: Path, model: RobotModel, robot: str, joints: Sequence[str],
     if (reading is None or reading.mapping is None) and table_ending(path) not in (".npz", ".parquet"):
         # a known layout, or the proposal of a mapping in the refusal
         return (reading or Reading()).mend(import_recording(path, robot=robot))
-    return read_torque_recording(path, model, reading, joints=joints)
+    return read_torque_log(path, model, reading, joints=joints)
 
 
 def _times(log: MotionLog, gains: Floats) -> MotionLog:
@@ -472,7 +472,7 @@ def _read_for(
     require_names(accept)
     held: dict[str, float] = card.get("held", {})
     few = result.model.joint_names if held else ()
-    read = [read_torque_recording(path, result.model, reading, mends, joints=few) for path in paths]
+    read = [read_torque_log(path, result.model, reading, mends, joints=few) for path in paths]
     if held:
         require_held(read, held)
         read = [of_joints(log, result.model) for log in read]

@@ -1,7 +1,6 @@
 """Write a whole recording from a damaged one: a journal from a journal, a bag from a bag; the damaged one stays."""
 
 import os
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,10 @@ from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag_reader import METADATA, JournalReader, Rescue, Source, is_journal, open_recording, rescue_of
-from catenary.recording.bag_stream import BagStream
-from catenary.recording.bag_writer import ROS2_VERSION
+from catenary.recording.bag_reader import JournalReader, Rescue, bags_in, open_recording, rescue_of
+from catenary.recording.bag_stream import BagStream, Source
+from catenary.recording.bag_writer import ROS2_VERSION, copy_messages
 from catenary.recording.journal import JournalWriter
-from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, blank_messages
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
 
@@ -56,10 +54,8 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
             part = folder / place.name
             if isinstance(source, JournalReader):
                 _write_journal(source, part, rescue)
-            elif isinstance(source, BagStream) and is_bag:
-                _write_bag(source, part)
             else:
-                _write_mcap(source, part)
+                _write_bag(source, part, is_bag=is_bag)
             for written in part.rglob("*") if part.is_dir() else [part]:
                 if written.is_file():
                     with written.open("rb") as file:
@@ -73,17 +69,10 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
 
 
 def _opened(path: Path) -> Source:
-    if not path.exists():
-        raise FileFormatError(f"{path}: no such recording")
-    if is_journal(path) or path.suffix == ".db3" or (path / METADATA).is_file():
-        return open_recording(path)
-    files = [*path.glob("*.mcap"), *path.glob("*.bag")] if path.is_dir() else [path]
-    if len(files) != 1:
-        raise FileFormatError(
-            f"{path}: expected a journal (folder or file), a .bag, an .mcap or a folder with one of these, "
-            f"got a folder with {len(files)} of them"
-        )
-    return BagStream(files[0])
+    found = bags_in(path)
+    if len(found) != 1:
+        raise FileFormatError(f"{path}: expected one recording, got a folder with {len(found)} of them: name one")
+    return open_recording(found[0])
 
 
 def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:
@@ -114,27 +103,14 @@ def _write_journal(source: JournalReader, part: Path, rescue: Rescue) -> None:
             journal.append(*message)
 
 
-def _write_bag(source: BagStream, part: Path) -> None:
-    with BagWriter(part) as bag:
-        to = {
-            topic: bag.add_connection(topic, kind.replace("/", "/msg/"), msgdef=definition, md5sum=md5)
-            for topic, kind, md5, definition in source.connections.values()
-        }
-        _copy(source, bag, to, lambda text: blank_messages(ABOUT_TYPE, 1, {"data": text}, {}).tobytes())
-
-
-def _write_mcap(source: Source, part: Path) -> None:
-    with McapWriter(part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
-        to = {
-            topic: bag.add_connection(topic, kind, msgdef=definition, rihs01=UNKNOWN_HASH)
-            for topic, kind, _, definition in source.connections.values()
-        }
-        _copy(source, bag, to, lambda text: b"\0\1\0\0" + (len(text) + 1).to_bytes(4, "little") + text.encode() + b"\0")
-
-
-def _copy(source: Source, bag: Any, to: Mapping[str, Any], as_message: Callable[[str], bytes]) -> None:
-    """Write all messages of a recording by the bag's connections; what it is of comes first."""
-    for place, (topic, arrival, data) in enumerate(source.messages()):
-        if place == 0 and source.about is not None and ABOUT_TOPIC in to:
-            bag.write(to[ABOUT_TOPIC], arrival, as_message(source.about.as_json()))
-        bag.write(to[topic], arrival, data)
+def _write_bag(source: Source, part: Path, *, is_bag: bool) -> None:
+    """Write a ROS 1 bag, or the folder of a ROS 2 bag, whose types are defined as in the source."""
+    mcap: dict[str, Any] = {"version": ROS2_VERSION, "storage_plugin": StoragePlugin.MCAP}
+    with BagWriter(part) if is_bag else McapWriter(part, **mcap) as bag:
+        to = {}
+        for topic, name, md5, definition in source.connections.values():
+            how: dict[str, Any] = {"rihs01": UNKNOWN_HASH, "serialization_format": source.encoding}
+            how = {"md5sum": md5} if is_bag else how
+            spelt = name.replace("/", "/msg/") if is_bag else name
+            to[topic] = bag, bag.add_connection(topic, spelt, msgdef=definition, **how)
+        copy_messages(source, to, "ros1" if source.encoding == "ros1" else "mcap", part)

@@ -60,7 +60,6 @@ def _is_pose(path: Path, sample: gallery.Sample) -> None:
     if "tf_" in sample.file:  # where it has any message there, and all of them were seen
         rows = rows[(rows % 5 > 0) | (rows % 3 > 0)]
     seen = ~np.isin(rows, trackers.LOST) | ("tf_" in sample.file)
-    assert rotation is not None
     assert np.isnan(position[~seen]).all()
     assert_allclose(position[seen], trackers.P[rows[seen]], atol=1e-8)  # nine digits in the file
     assert_allclose(rotation[seen], trackers.R.as_matrix()[rows[seen]], atol=1e-7)
@@ -89,7 +88,6 @@ def test_velocities_and_torques_of_real_arms_are_told_without_names(arm: str, or
     columns = {f"data[{i}]": v for i, v in enumerate(np.column_stack([blocks[b] for b in order.split()]).T)}
     seconds = np.arange(len(third)) / float(content["fs"]) if "fs" in content else content["t"]
     found = by_motion(columns, seconds if timed else None)
-    assert found is not None
     for block, told in (("q", found.q), ("dq", found.qd), ("third", found.tau)):
         first = n * order.split().index(block)
         assert told == tuple(f"data[{first + j}]" for j in range(n))

@@ -54,7 +54,6 @@ def test_episodes_of_robomimic_stand_one_behind_the_other_in_the_order_of_their_
     assert log.starts == (0, 60, 160)
     expected = np.vstack([joints(rows, 7, k) for k, rows in zip((0, 2, 10), LENGTHS, strict=True)])
     assert_array_equal(log.q_nominal, expected)
-    assert log.time is not None
     assert_allclose(log.time, np.concatenate([np.arange(rows) / 20 for rows in LENGTHS]), atol=1e-9)
     told = " ".join(log.notes)
     assert "3 episodes, one behind the other: data/demo_0, data/demo_2, data/demo_10" in told
@@ -98,7 +97,6 @@ def test_episodes_whose_clock_goes_on_begin_anew_all_the_same(tmp_path: Path) ->
             file[f"data/demo_{number}/obs/stamp"] = begin + 100.0 * number + np.arange(rows) / 20
     log = import_recording(path, ["q_nominal=obs/robot0_joint_pos@rad", "time=obs/stamp"])
     assert (log.began, log.starts) == (begin, (0, 60, 160))
-    assert log.time is not None
     assert_allclose(log.time, np.concatenate([np.arange(rows) / 20 for rows in LENGTHS]), atol=1e-6)
 
 
@@ -139,7 +137,6 @@ def test_names_of_joints_and_other_texts_are_texts(tmp_path: Path) -> None:
     mapping = {"q_nominal": {"columns": "q", "units": "rad"}, "names_in": "joint_names"}
     log = import_recording(tmp_path / "lab.h5", mapping)
     assert log.joint_names == ("a", "b", "c")
-    assert log.time is not None
     assert log.time[-1] == pytest.approx(99 / 50)
 
 

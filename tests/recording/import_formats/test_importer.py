@@ -1,13 +1,20 @@
-"""Recordings of other makes, written by other programs' libraries, on one clock."""
+"""Recordings of other makes, written by other programs' libraries, on one clock.
+
+Angles that were recorded within one turn come out continuous, in the turn of the commands and of the limits.
+"""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.writer import Writer
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.arrays import Floats
 from catenary.errors import ConfigError, FileFormatError, InputError
+from catenary.recording.import_formats.importer import unwrapped
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, two_topics, write_bag
 
@@ -20,8 +27,6 @@ def test_a_bag_is_brought_onto_one_clock_by_the_joints_names_by_hand_and_as_prop
     bag = two_topics(tmp_path / "lab", "mcap")
     log = import_recording(bag, BY_HAND, units="rad,rad,m")
     assert (log.joint_names, log.joint_units) == (JOINTS, ("rad", "rad", "m"))
-    assert log.time is not None
-    assert log.q_encoder is not None
     assert_allclose(log.q_nominal, true_q(log.time), atol=1e-9)
     assert log.ok.sum() > 700  # of 1000: the camera sees 8 s of 10
     assert not log.ok[log.time < 0.99].any()  # it starts later
@@ -42,7 +47,6 @@ def test_units_signs_and_parts_of_arrays_turn_numbers_into_si(tmp_path: Path) ->
     options = ["q_nominal=/cmd.position[0:3]@rad,rad,m"]
     options += ["q_encoder=/cam.position[0],-/cam.position[1],/cam.position[2]@deg,deg,mm"]
     log = import_recording(bag, options)
-    assert log.q_encoder is not None
     assert log.ok.all()
     assert_allclose(log.q_encoder, log.q_nominal, atol=1e-12)
 
@@ -59,7 +63,6 @@ def test_counts_need_a_scale(tmp_path: Path) -> None:
         bag, ["q_nominal=/raven/joint_cmd.position[outer_yaw],/raven/joint_cmd.position[outer_pitch]@counts*0.5"],
         robot="two_link",
     )  # fmt: skip
-    assert counted.time is not None
     assert_allclose(counted.q_nominal, 0.5 * true_q(counted.time)[:, :2], atol=1e-9)
 
 
@@ -71,7 +74,6 @@ def test_arrays_that_change_length_leave_rows_without_a_measurement(tmp_path: Pa
         messages.append((t, "/cam", joint_state(JOINTS[: 1 if lost else 3], true_q(t)[: 1 if lost else 3])))
     bag = write_bag(tmp_path / "lab", "sqlite", {"/cmd": JOINT_STATE, "/cam": JOINT_STATE}, messages)
     log = import_recording(bag, ["q_nominal=/cmd.position", "q_encoder=/cam.position"], units="rad,rad,m")
-    assert log.time is not None
     assert not log.ok[(log.time > 0.495) & (log.time < 0.795)].any()
     assert log.ok.sum() == 170
     (said,) = (note for note in log.notes if "have no q_encoder" in note)
@@ -89,7 +91,6 @@ def test_messages_without_stamps_are_taken_at_their_arrival_and_nan_is_no_measur
         messages.append((t, "/cam", joint_state(JOINTS, seen, stamped=False)))
     bag = write_bag(tmp_path / "lab", "ros1", {"/cmd": JOINT_STATE, "/cam": JOINT_STATE}, messages)
     log = import_recording(bag, ["q_nominal=/cmd.position", "q_encoder=/cam.position"], units="rad,rad,m")
-    assert log.q_encoder is not None
     assert any("carry no stamps; their arrival was taken" in note for note in log.notes)
     assert np.flatnonzero(~log.ok).tolist() == [100]
     assert_allclose(log.q_encoder[log.ok], log.q_nominal[log.ok])
@@ -106,8 +107,6 @@ def test_what_lies_between_a_good_sample_and_a_bad_one_is_not_trusted(good: int,
     np.savetxt(camera, np.column_stack([s, seen, valid]), delimiter=",", header="t,cam1,cam2,cam3,valid", comments="")
     options = ["q_nominal=q1,q2,q3", "q_encoder=cam1,cam2,cam3", "ok=valid"]
     log = import_recording([robot, camera], options, units="rad,rad,m")
-    assert log.time is not None
-    assert log.q_encoder is not None
     inside = (log.time > s[99]) & (log.time < s[103])
     assert np.array_equal(log.ok, (log.time >= s[0]) & (log.time <= s[-1]) & ~inside)
     assert_allclose(log.q_encoder[log.ok], true_q(log.time[log.ok]) + 0.01, atol=STRAIGHT)
@@ -148,7 +147,7 @@ def test_clocks_that_nobody_set_are_left_for_arrivals(tmp_path: Path) -> None:
     options = ["q_nominal=/cmd.position", "q_encoder=/cam.position"]
     log = import_recording(bag, options, units="rad,rad,m")
     assert log.ok.all()
-    assert_allclose(log.q_encoder, log.q_nominal, atol=1e-9)  # type: ignore[arg-type]
+    assert_allclose(log.q_encoder, log.q_nominal, atol=1e-9)
     assert any("clocks that differ; arrivals were taken" in note for note in log.notes)
 
 
@@ -181,7 +180,6 @@ def test_a_bag_that_was_cut_off_while_it_was_recorded_is_read(tmp_path: Path) ->
     bag = tmp_path / "lab.bag.active"  # rosbag renames it when it is closed
     bag.write_bytes(data[: len(data) * 3 // 4])
     log = import_recording(bag, BY_HAND, units="rad,rad,m")
-    assert log.time is not None
     assert len(log) > 500
     assert_allclose(log.q_nominal, true_q(log.time), atol=1e-9)
 
@@ -196,3 +194,70 @@ def test_mcap_in_other_encodings_is_called_what_it_is(tmp_path: Path, encoding: 
         writer.finish()
     with pytest.raises(FileFormatError, match=f"/joints is in {encoding}, which is left out; .*PlotJuggler exports"):
         import_recording(tmp_path / "lab.mcap", BY_HAND)
+
+
+def roll(t: Floats) -> Floats:
+    """Two joints [rad]: a roll that goes three turns out and back, and an elbow."""
+    return np.column_stack([3.0 + 9.0 * np.sin(0.4 * t), 0.5 * np.sin(t)])
+
+
+def within_a_turn(q: Floats) -> Floats:
+    return np.asarray((q + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+@given(start=st.floats(-3.0, 3.0), speed=st.floats(-15.0, 15.0), rate=st.sampled_from([30.0, 100.0]))
+def test_what_moves_slower_than_a_tenth_of_a_turn_a_row_is_brought_back(
+    start: float, speed: float, rate: float
+) -> None:
+    q = start + speed * np.sin(np.arange(0.0, 4.0, 1.0 / rate))
+    found, jumps = unwrapped(within_a_turn(q), 2.0 * np.pi)
+    off = found - q
+    assert_allclose(off, off[0], atol=1e-9)
+    # jumps are counted where the joint leaves its turn
+    assert jumps == np.count_nonzero(np.diff(np.floor((q + np.pi) / (2.0 * np.pi))))
+
+
+def test_random_poses_are_left_as_they_are() -> None:
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, 2000)
+    assert_array_equal(unwrapped(q, 2.0 * np.pi)[0], q)
+
+
+def test_a_camera_that_counts_within_a_turn_is_interpolated_and_follows_the_motor(tmp_path: Path) -> None:
+    messages: list[Message] = [
+        (t, "/cmd", joint_state(("roll", "elbow"), roll(np.array([t]))[0])) for t in np.arange(0.0, 8.0, 0.01)
+    ]
+    messages += [
+        (t, "/cam", joint_state(("roll", "elbow"), within_a_turn(roll(np.array([t])))[0]))
+        for t in np.arange(0.0, 8.0, 1 / 30)
+    ]
+    bag = write_bag(tmp_path / "lab", "mcap", {"/cmd": JOINT_STATE, "/cam": JOINT_STATE}, messages)
+    log = import_recording(bag, ["q_nominal=/cmd.position@rad", "q_encoder=/cam.position@rad"])
+    # a straight line between samples 1/30 s apart is off by at most h^2/8 of the acceleration, 9 * 0.16 rad/s2
+    assert_allclose(log.q_encoder[log.ok], log.q_nominal[log.ok], atol=9 * 0.16 / 30**2 / 8 + 1e-9)
+    assert any("q_encoder of roll: jumps by a turn" in note for note in log.notes)
+    assert not any("elbow" in note for note in log.notes)
+
+
+def test_degrees_are_turns_of_360_and_both_may_wrap(tmp_path: Path) -> None:
+    t = np.arange(0.0, 20.0, 0.02)
+    q = roll(t)
+    q[:, 0] = 3.0 + 0.6 * np.sin(t)  # about pi
+    seen = q + np.array([0.4, 0.01])
+    table = np.column_stack([t, np.rad2deg(within_a_turn(q)), np.rad2deg(within_a_turn(seen))])
+    header = "t,roll,elbow,cam_roll,cam_elbow"
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=header, comments="")
+    log = import_recording(tmp_path / "lab.csv", ["q_nominal=roll,elbow", "q_encoder=cam_roll,cam_elbow"], units="deg")
+    assert_allclose(log.q_nominal, q, atol=1e-9)
+    assert_allclose(log.q_encoder, seen, atol=1e-9)
+
+
+def test_a_joint_whose_limits_are_known_comes_out_within_them(tmp_path: Path) -> None:
+    t = np.arange(0.0, 20.0, 0.02)
+    q = 2.9 + 0.6 * np.cos(t)  # a Panda's sixth joint reaches from 0 to 3.75; the first row is beyond pi
+    table = np.column_stack([t, within_a_turn(q), within_a_turn(q + 0.01)])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="t,q6,cam", comments="")
+    mapping = {"robot": "panda", "joint_names": ["q6"], "q_nominal": {"columns": "q6"}, "q_encoder": {"columns": "cam"}}
+    log = import_recording(tmp_path / "lab.csv", mapping)
+    assert_allclose(log.q_nominal[:, 0], q, atol=1e-9)
+    assert_allclose(log.q_encoder[:, 0], q + 0.01, atol=1e-9)
+    assert any("q6: brought within the robot's limits by +1 turn(s)" in note for note in log.notes)

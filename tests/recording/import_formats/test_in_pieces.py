@@ -11,8 +11,9 @@ from numpy.testing import assert_allclose
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording import bag_reader
-from catenary.recording.import_formats import csv_files, in_pieces, message_columns, sources
+from catenary.recording.import_formats import csv_files, message_columns, sources
 from catenary.recording.logs import read_log
+from catenary.workflows import import_recording as in_pieces
 from catenary.workflows.import_recording import ImportedLog, import_recording, import_to_file
 from lab_bags import JOINT_STATE, write_bag
 from tests.recording.test_containers import BY_TOPIC, CAMERA, CONTAINERS, STATE, messages
@@ -74,7 +75,7 @@ def two_recordings(path: Path) -> Path:
 
 
 def imported(path: Path, out: Path, **how: object) -> tuple[MotionLog, ImportedLog]:
-    done = import_to_file(out, [path], MAPPING, units="rad", **how)  # type: ignore[arg-type]
+    done = import_to_file(out, [path], MAPPING, units="rad", **how)
     return read_log(out), done
 
 

@@ -1,6 +1,5 @@
 """LeRobot's datasets as its versions 2 and 3 write them: names, rates, episodes, dates, and shares in place of angles."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from catenary.errors import CatenaryError, FileFormatError, InputError
 from catenary.recording.logs import read_log, write_parquet
 from catenary.workflows.check import check_file
 from catenary.workflows.import_recording import import_recording, propose_mapping
+from gallery.containers import lerobot
 
 JOINTS = ("waist", "shoulder_lift", "elbow", "wrist")
 LENGTHS = (90, 1, 120)
@@ -29,42 +29,16 @@ def dataset(
     path: Path, version: str = "v3.0", *, names: Any = JOINTS, scale: float = 1.0, lengths: tuple[int, ...] = LENGTHS,
     **changes: Any,
 ) -> Path:  # fmt: skip
-    (path / "meta").mkdir(parents=True)
-    (path / "data" / "chunk-000").mkdir(parents=True)
-    feature = {"dtype": "float32", "shape": [len(JOINTS)], "names": names}
-    info = {
-        "codebase_version": version, "robot_type": "lab", "fps": 30,
-        "features": {"observation.state": feature, "action": feature, "timestamp": {"names": None}},
-    } | changes  # fmt: skip
-    (path / "meta" / "info.json").write_text(json.dumps(info))
-    tables = []
+    """Of version 3 several episodes a file, one of them in two."""
+    episodes = []
     for episode, rows in enumerate(lengths):
-        q = scale * state(rows, episode)
-        lists = {
-            "observation.state": q,
-            "action": q + np.float32(0.01 * scale) * np.sin(np.arange(rows, dtype=np.float32))[:, None],
-        }
-        columns = {k: pa.FixedSizeListArray.from_arrays(pa.array(v.ravel()), v.shape[1]) for k, v in lists.items()}
-        tables.append(
-            pa.table(
-                columns
-                | {
-                    "timestamp": (np.arange(rows) / 30).astype(np.float32),
-                    "frame_index": np.arange(rows),
-                    "episode_index": np.full(rows, episode),
-                    "index": np.arange(rows) + 1000 * episode,
-                    "task_index": np.zeros(rows, dtype=np.int64),
-                }
-            )
-        )
-    if version < "v3":
-        for episode, table in enumerate(tables):
-            pq.write_table(table, path / "data" / "chunk-000" / f"episode_{episode:06d}.parquet")
-    else:  # several episodes a file, one of them in two
-        whole = pa.concat_tables(tables)
-        pq.write_table(whole.slice(0, 100), path / "data" / "chunk-000" / "file-000.parquet")
-        pq.write_table(whole.slice(100), path / "data" / "chunk-000" / "file-001.parquet")
-    return path
+        q, count = scale * state(rows, episode), np.arange(rows)
+        told = q + np.float32(0.01 * scale) * np.sin(count.astype(np.float32))[:, None]
+        times = (count / 30).astype(np.float32)
+        index, task = count + 1000 * episode, np.zeros(rows, dtype=np.int64)
+        columns = {"observation.state": q, "action": told, "timestamp": times, "index": index, "task_index": task}
+        episodes.append(columns)
+    return lerobot(path, version, episodes, names, split=100, fps=30, **changes)
 
 
 def test_the_whole_dataset_and_its_episodes_are_known_by_the_same_hashes(tmp_path: Path) -> None:
@@ -94,7 +68,6 @@ def test_all_episodes_stand_one_behind_the_other_with_the_names_of_the_joints(
     assert (log.name, log.joint_names) == ("lab", JOINTS)
     expected = np.vstack([state(rows, k) for k, rows in enumerate(LENGTHS)])
     assert_array_equal(log.q_nominal, expected)
-    assert log.time is not None
     assert_allclose(log.time, np.concatenate([np.arange(rows) / 30 for rows in LENGTHS]), atol=1e-6)
     assert any("3 episodes, one behind the other: episode_0, episode_1, episode_2" in note for note in log.notes)
 
@@ -107,7 +80,6 @@ def test_an_episode_alone_keeps_its_name_and_the_date_of_the_dataset(tmp_path: P
     assert log.name == f"lab {named}"
     assert log.began == 1762074000.0
     assert_array_equal(log.q_nominal, state(120, 2))
-    assert log.time is not None
     assert_allclose(log.time, np.arange(120) / 30, atol=1e-6)  # timestamps are of single precision
     assert check_file(str(path / named)).kind == "third-party recording"
 

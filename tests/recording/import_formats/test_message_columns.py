@@ -1,19 +1,17 @@
 """Message types that only the bag defines, and definitions that nobody should believe."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from rosbags.rosbag1 import Writer
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.sources import Sources
 from catenary.workflows.import_recording import import_recording
-from lab_bags import KINDS, START, Kind, header, true_q, two_topics
+from lab_bags import KINDS, START, Kind, Message, true_q, two_topics, write_bag
 
 ARM = "std_msgs/Header header\nlab_msgs/Joint[] joints\nfloat64[3] camera\nstring mode\nuint8 OFF=0\nbool ok\n"
 JOINT = "string name\nfloat32 pos  # [deg]\nfloat64[2] limits\n"
@@ -21,22 +19,18 @@ JOINT = "string name\nfloat32 pos  # [deg]\nfloat64[2] limits\n"
 
 def own_types(path: Path, kind: Kind) -> Path:
     """A bag of lab_msgs/Arm, 100 Hz: positions in degrees in an array of messages."""
-    ros1 = kind == "ros1"
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-    store.register({**get_types_from_msg(ARM, "lab_msgs/msg/Arm"), **get_types_from_msg(JOINT, "lab_msgs/msg/Joint")})
-    arm, joint = (store.types[f"lab_msgs/msg/{name}"] for name in ("Arm", "Joint"))
-    plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-    path = path.with_suffix(".bag") if ros1 else path
-    serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
-    with Writer(path) if ros1 else Writer2(path, version=8, storage_plugin=plugin) as writer:
-        connection = writer.add_connection("/lab/arm", "lab_msgs/msg/Arm", typestore=store)  # type: ignore[arg-type]
-        for i, t in enumerate(np.arange(0.0, 3.0, 0.01)):
-            stamp = START + round(t * 1e9)
+    messages: list[Message] = []
+    for i, t in enumerate(np.arange(0.0, 3.0, 0.01)):
+
+        def make(store: Any, head: Any, i: int = i, t: float = t) -> Any:
+            arm, joint = (store.types[f"lab_msgs/msg/{name}"] for name in ("Arm", "Joint"))
             shown = [np.float32(np.rad2deg(q)) for q in true_q(t)]
             joints = [joint("j" * (1 + i % 3), q, np.zeros(2)) for q in shown]
-            message = arm(header(store, stamp, ros1=ros1), joints, true_q(t) + 0.01, "run" * (i % 2), i != 7)
-            writer.write(connection, stamp, serialise(message, "lab_msgs/msg/Arm"))  # type: ignore[arg-type]
-    return path
+            return arm(head, joints, true_q(t) + 0.01, "run" * (i % 2), i != 7)
+
+        messages.append((t, "/lab/arm", make))
+    types = {"lab_msgs/msg/Joint": JOINT, "lab_msgs/msg/Arm": ARM}
+    return write_bag(path, kind, {"/lab/arm": "lab_msgs/msg/Arm"}, messages, types=types)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -44,7 +38,6 @@ def test_types_are_read_by_the_definitions_in_the_bag(kind: Kind, tmp_path: Path
     bag = own_types(tmp_path / "lab", kind)
     options = [f"q_nominal={','.join(f'/lab/arm.joints[{i}].pos' for i in range(3))}@deg,deg,mm"]
     log = import_recording(bag, [*options, "q_encoder=/lab/arm.camera@rad,rad,m", "ok=/lab/arm.ok"])
-    assert log.time is not None
     scale = np.array([1.0, 1.0, np.rad2deg(1.0) / 1000.0])
     assert_allclose(log.q_nominal, true_q(log.time) * scale, atol=1e-5)  # float32 of degrees
     assert_allclose(log.q_encoder, true_q(log.time) + 0.01)

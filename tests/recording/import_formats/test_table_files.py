@@ -1,16 +1,20 @@
-"""Tables of many makes, written by the libraries that people use for them."""
+"""Tables of many makes, written by the libraries that people use for them; what a text's first and last lines say."""
 
 import gzip
+import struct
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from catenary.errors import FileFormatError, InputError
+from catenary.recording.import_formats.csv_files import date_format, read_head
 from catenary.workflows.check import check_file
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from lab_bags import true_q
@@ -42,6 +46,7 @@ def test_the_unit_of_time_is_told_by_the_rate_or_the_epoch_and_said(
     log = import_recording(path, ["q_nominal=q1,q2"], units="rad")
     assert_allclose(log.time, T, atol=1e-6)
     assert any(f"time is t in {unit}" in note for note in log.notes)
+    assert log.began == since
 
 
 @pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
@@ -77,8 +82,9 @@ def test_a_unit_of_time_that_cannot_be_told_is_asked(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"unit of time t cannot be told, rows are 1 apart.*ms \(1000 Hz\)"):
         import_recording(table, ["q_nominal=q1,q2"], units="rad")
     log = import_recording(table, ["q_nominal=q1,q2", "time=t@ms"], units="rad")
-    assert log.time is not None
     assert log.time[-1] == pytest.approx(0.599)
+    even = {"q_nominal": {"columns": ["q1", "q2"], "units": "rad"}, "rate_hz": 100.0}
+    assert import_recording(table, even).began == 0.0
 
 
 def test_names_that_are_there_twice_are_numbered(tmp_path: Path) -> None:
@@ -112,7 +118,6 @@ def of_matlab(path: Path) -> Path:
 def test_arrays_of_matlab_are_read_by_name_within_its_structures(tmp_path: Path) -> None:
     table = of_matlab(tmp_path / "lab")
     log = import_recording(table, ["q_nominal=log.cmd", "q_encoder=log.optitrack"], units="rad,rad,m")
-    assert log.q_encoder is not None
     assert_allclose(log.time, T, atol=1e-9)
     assert_allclose(log.q_nominal, Q)
     assert_allclose(log.q_encoder, SEEN)
@@ -187,6 +192,24 @@ def test_bytes_of_no_file_are_refused(ending: str, tmp_path: Path, rng: np.rando
             propose_mapping(tmp_path / f"lab{ending}")
 
 
+def test_small_files_that_state_large_counts_are_refused_before_room_is_made_for_them(tmp_path: Path) -> None:
+    content = np.empty((1, 3), dtype=object)
+    content[:] = [[1.0, 2.0, 3.0]]
+    savemat(tmp_path / "cells.mat", {"c": content})
+    data = (tmp_path / "cells.mat").read_bytes()
+    (tmp_path / "cells.mat").write_bytes(data.replace(struct.pack("<ii", 1, 3), struct.pack("<ii", 2**15, 2**15)))
+    schema = pa.schema([(f"c{i}", pa.float64()) for i in range(20_000)])
+    pq.ParquetWriter(tmp_path / "wide.parquet", schema).close()
+    np.savez(tmp_path / "none.npz", q=np.empty((0, 2**23)))
+    for name, said in (
+        ("cells.mat", r"an array of shape \(32768, 32768\)"),
+        ("wide.parquet", "20000 columns, expected 5000 at most"),
+        ("none.npz", "holds no array of numbers"),
+    ):
+        with pytest.raises(FileFormatError, match=said):
+            propose_mapping(tmp_path / name)
+
+
 def test_damaged_matlab_files_are_refused_or_read(tmp_path: Path, rng: np.random.Generator) -> None:
     whole = of_matlab(tmp_path / "lab").read_bytes()
     for _ in range(60):
@@ -207,3 +230,86 @@ def test_control_characters_in_names_stay_out_of_the_proposal(tmp_path: Path) ->
     assert not any(ord(letter) < 32 and letter != "\n" for letter in proposal.toml)
     log = import_recording(table, proposal.accepted())
     assert_allclose(log.q_nominal, Q[:, :2], atol=1e-9)
+
+
+CELLS = st.sampled_from(
+    ["", "0.5", "-1e3", "nan", "x", "2026-03-04", "03/04/2026", "12:30:01", "1700000000", "true", '"', "é"]
+)
+SEPARATORS = st.sampled_from([",", ";", "\t", " ", ", "])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    mark=st.sampled_from(["", "# ", "% ", "//", "sep=;\n"]),
+    rows=st.lists(st.lists(CELLS, max_size=5), max_size=8),
+    separator=SEPARATORS,
+)
+@example(mark="", rows=[["", "", "", "12:30:01", ""], ["", "", "2026-03-04", "", ""]], separator=",")
+def test_any_table_of_text_is_read_or_refused(
+    mark: str, rows: list[list[str]], separator: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path: Path = tmp_path_factory.mktemp("any") / "lab.csv"
+    path.write_text(mark + "\n".join(separator.join(row) for row in rows))
+    try:
+        propose_mapping(path)
+    except (FileFormatError, InputError):
+        return
+
+
+@pytest.mark.parametrize(
+    ("lines", "names"),
+    [
+        ("t q1\n0 1\n1 2", ["t", "q1"]),
+        ("# t, q1\n0 1\n1 2", ["t", "q1"]),
+        ("# 2026 at the lab\n# t q1\n0 1\n1 2", ["t", "q1"]),
+        ("t,q1\n(s),(deg)\n0,1\n1,2", ["t [s]", "q1 [deg]"]),
+        ("t [ms],q1\n-,rad\n0,1\n1,2", ["t [ms]", "q1 [rad]"]),
+        ("t,q1,\n0,1,\n1,2,", ["t", "q1"]),
+        ("t,q,,,f,,\n0,1,2,3,4,5,6\n1,2,3,4,5,6,7", ["t", "q[0]", "q[1]", "q[2]", "f[0]", "f[1]", "f[2]"]),
+        ("t,q1,,,,,\n0,1,2,3,4,5,6\n1,2,3,4,5,6,7", [f"data[{i}]" for i in range(7)]),
+        ("t,q1,q2\n0,1\n1,2", ["data[0]", "data[1]"]),
+        ("0;1,5\n1;2,5", ["data[0]", "data[1]"]),
+        ("Recorded by a student\n\nt,note,q1\n0,begin,1\n1,,2", ["t", "note", "q1"]),
+    ],
+)
+def test_names_are_those_above_the_rows(lines: str, names: list[str]) -> None:
+    assert [column.name for column in read_head("lab", lines.split("\n")).columns] == names
+
+
+@pytest.mark.parametrize(
+    ("line", "torn"), [("2,5", False), ("2,", False), ("2", True), ("2,-", True), ("2,1e-", True), ("2,\0\0", True)]
+)
+def test_a_last_line_without_an_end_is_torn_where_it_lacks_cells_or_one_is_no_number(line: str, torn: bool) -> None:
+    head = read_head("lab", ["t,q1", "0,1", "1,2"], unended=line)
+    assert head.torn == (line if torn else "")
+    assert [column.kind for column in head.columns] == ["number", "number"]
+
+
+@pytest.mark.parametrize(
+    ("last", "torn"), [("0.1234", False), ("0.12", True), ("0.", True), ("0", True), ("-0.5555", False), ("nan", False)]
+)
+def test_a_number_cut_within_its_digits_is_torn_where_all_others_have_more(last: str, torn: bool) -> None:
+    rows = [f"{0.01 * i:.2f},{np.sin(i):.4f}" for i in range(40)]
+    line = f"0.40,{last}"
+    assert read_head("lab", ["t,q1", *rows], unended=line).torn == (line if torn else "")
+
+
+@pytest.mark.parametrize(
+    ("texts", "order", "doubt"),
+    [
+        (["2026-03-04", "2026-03-05"], "ymd", False),
+        (["04.03.2026"], "dmy", False),
+        (["13/04/2026", "01/05/2026"], "dmy", False),
+        (["04/13/2026", "05/01/2026"], "mdy", False),
+        (["03/04/2026", "04/04/2026"], "dmy", False),  # a day, or a month
+        (["03/04/2026", "03/05/2026"], "mdy", False),
+        (["04/04/2026"], "dmy", False),
+        (["03/04/2026"], "dmy", True),
+        (["4-Mar-2026 10:00"], "dmy", False),
+        (["10:00:00.5", "10:00:01"], "", False),
+        *((texts, None, False) for texts in (["1.5", "2.5"], ["2026-03-04", "12"], [])),  # no dates
+    ],
+)
+def test_the_order_of_day_and_month_is_told_or_is_a_doubt(texts: list[str], order: str | None, doubt: bool) -> None:
+    form = date_format(texts)
+    assert (None if form is None else form.order, bool(form and form.doubt)) == (order, doubt)

@@ -1,7 +1,12 @@
-"""Joints from the poses of a tracked marker: the nearest that the robot reaches."""
+"""Joints from the poses of a tracked marker: the nearest that the robot reaches; trackers' files beyond the gallery.
+
+Where a robot says that its tip is, against its file: the distance is named, and what makes it.
+"""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +16,17 @@ from catenary.arrays import Floats
 from catenary.documents import toml_table
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import forward_kinematics, jacobian
-from catenary.errors import InputError
-from catenary.recording.import_formats.tracked_pose import open_joints
+from catenary.errors import ConfigError, FileFormatError, InputError
+from catenary.recording.import_formats import message_columns
+from catenary.recording.import_formats.mapping import TrackedPose
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.tracked_pose import open_joints, pose_places
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
-from catenary.workflows.import_recording import import_recording
+from catenary.workflows import import_recording as in_pieces
+from catenary.workflows.import_recording import import_recording, import_to_file
+from gallery.trackers import ROWS, P, R, motive, table, transforms, write
+from lab_bags import JOINT_STATE, KINDS, POSE, Kind, Message, joint_state, pose, write_bag
 
 TRACKER = Pose(rotation_from_rpy([0.1, -0.2, 1.0]), np.array([0.4, -0.3, 0.9]))  # in the base
 MARKER = Pose(rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02]))  # the tip in the marker's frame
@@ -65,7 +76,6 @@ def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
     error = np.array([0.02, -0.015, 0.002, 0.1, -0.08, 0.05])
     path = tracked(tmp_path / "arm.csv", "raven2_full", q, q + error)
     log = import_recording(path, mapping("raven2_full", match="pose"))
-    assert log.q_encoder is not None
     assert log.ok.all()
     assert_allclose(log.q_encoder, q + error, atol=1e-5)  # the CSV has all digits; the search ends within 1e-9 m
 
@@ -115,7 +125,6 @@ def test_an_arm_that_reaches_no_measured_pose_is_taken_at_its_nearest(tmp_path: 
     noise = np.random.default_rng(0).normal(0.0, 0.2, (len(q), 3))  # [mm], out of the arm's plane too
     path = tracked(tmp_path / "arm.csv", "planar_3r", q, q + 0.01, noise)
     log = import_recording(path, mapping("planar_3r", match="pose"))
-    assert log.q_encoder is not None
     assert log.ok.mean() > 0.95
     # 0.2 mm at 0.2 m and more is 1 mrad, and three joints share it
     assert np.sqrt(np.mean((log.q_encoder - q - 0.01)[log.ok] ** 2)) < 4e-3
@@ -145,7 +154,7 @@ def posed(path: Path, robot: str, reported: Floats, truth: Floats, **how: object
     """A CSV as `tracked` writes it, of a tracker of 0.2 mm, and a mapping that gives no transform."""
     noise = np.random.default_rng(2).normal(0.0, 0.2, (len(truth), 3))
     given = mapping(robot, **how)
-    del given["q_encoder"]["pose"]["T_base_tracker"], given["q_encoder"]["pose"]["T_marker_frame"]  # type: ignore[index]
+    del given["q_encoder"]["pose"]["T_base_tracker"], given["q_encoder"]["pose"]["T_marker_frame"]
     return tracked(path, robot, reported, truth, noise), given
 
 
@@ -160,7 +169,6 @@ def test_without_transforms_the_joints_follow_but_for_zeros_that_nothing_tells(
     )
     path, given = posed(tmp_path / "arm.csv", "raven2", q, q + error, columns=columns)
     log = import_recording(path, given)
-    assert log.q_encoder is not None
     assert log.ok.mean() > 0.99
     off = log.q_encoder - q - error
     free = off - off.mean(axis=0)
@@ -168,15 +176,115 @@ def test_without_transforms_the_joints_follow_but_for_zeros_that_nothing_tells(
     constant = off[log.ok].mean(axis=0)
     notes = " ".join(log.notes)
     stated = re.search(r"may put q_encoder off by, 95 %: .*elbow ([\d.]+) deg", notes)
-    assert stated is not None
     assert abs(constant[1]) < np.deg2rad(float(stated[1])) < 0.1  # the zero of the elbow is told
     assert "no motion tells the zero of shoulder, insertion" in notes
     assert constant[0] == pytest.approx(-0.02, abs=2e-3)  # and is what the note says: as reported
     toml = next(note for note in log.notes if note.startswith("T_base_tracker = ")).partition("#")[0]
     base = toml_table(toml, "note")["T_base_tracker"]
     marker = toml_table(next(n for n in log.notes if n.startswith("T_marker_frame = ")).partition("#")[0], "note")
-    pose = {**given["q_encoder"]["pose"], "T_base_tracker": base, **marker}  # type: ignore[index]
+    pose = {**given["q_encoder"]["pose"], "T_base_tracker": base, **marker}
     again = import_recording(path, {**given, "q_encoder": {"pose": pose}})
-    assert again.q_encoder is not None
     assert_allclose(again.q_encoder[log.ok], log.q_encoder[log.ok], atol=1e-4)  # the note's digits
     assert not any("registered" in note for note in again.notes)
+
+
+RPY = ["x", "y", "z", "roll", "pitch", "yaw"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_transforms_are_followed_by_child_each_with_its_own_stamp(kind: Kind, tmp_path: Path) -> None:
+    source = transforms(tmp_path / "lab", kind)
+    sources = Sources([source])
+    reference = "/tf.transforms[probe/1].transform"
+    places = pose_places(TrackedPose(columns=(reference,)), sources.streams)
+    stream = sources.read({"/tf": [place.column for place in places]})["/tf"]
+    there = [i for i in range(ROWS) if i % 5 > 0 or i % 3 > 0]
+    assert_allclose(np.column_stack([stream.columns[p.column] for p in places[:3]]), P[there], atol=1e-12)
+    late = (stream.arrival - stream.stamp) / 1e9 - 0.002  # a message takes 2 ms to arrive
+    assert_allclose(late, 0.2, atol=1e-6)
+    assert (np.diff(stream.arrival) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda d: motive(d / "take.csv", "1.23", "Furlongs"), "Length Units of meters, centimeters, millimeters, got fur"),
+        (lambda d: write(d / "take.csv", ["Format Version,1.2,Length Units,Meters", "", "1,2,3"]), "lines of types, names"),
+    ],
+)  # fmt: skip
+def test_an_export_that_is_not_as_its_program_writes_it_is_refused(
+    make: Callable[[Path], Path], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(FileFormatError, match=message):
+        Sources([make(tmp_path)])
+
+
+@pytest.mark.parametrize(
+    ("pose", "error", "message"),
+    [
+        ({"columns": RPY}, InputError, "6 columns with orientation"),
+        ({"columns": ["x", "y"]}, InputError, "expected a message's pose, or three, six or seven"),
+        ({"columns": RPY, "orientation": "XXZ"}, ConfigError, "turns twice about one axis"),
+        ({"columns": RPY, "orientation": "rpy"}, ConfigError, "orientation"),
+    ],
+)
+def test_a_pose_that_cannot_be_one_is_refused(
+    pose: dict[str, Any], error: type[Exception], message: str, tmp_path: Path
+) -> None:
+    source = table(tmp_path / "rpy.csv", "t,x,y,z,roll,pitch,yaw", R.as_euler("xyz"), clock=0.0)
+    whole = {"robot": "two_link", "q_nominal": {"columns": ["x", "y"]}, "q_encoder": {"pose": pose}}
+    with pytest.raises(error, match=message):
+        import_recording(source, whole)
+
+
+PSM = load_robot("dvrk_psm")
+ASIDE = Pose(rotation_from_rpy([0.0, 0.0, 0.3]), np.array([0.2, 0.1, 0.0]))
+OFF = np.array([0.1, -0.2, 0.0, 0.3, 0.0, 0.0])
+LONGER = Pose(np.eye(3), np.array([0.0, 0.0, 0.0508]))  # an S or Si instrument's
+
+
+def lab(path: Path, tip: Callable[[np.ndarray], Pose], **others: Callable[[np.ndarray], Pose]) -> Path:
+    """A PSM that reports its joints at 100 Hz and its tip at 40 Hz."""
+    messages: list[Message] = []
+
+    def q(t: float) -> np.ndarray:
+        return np.array([0.5, 0.4, 0.03, 0.6, 0.5, 0.4]) * np.sin(t * np.linspace(1.0, 1.5, 6)) + [0, 0, 0.12, 0, 0, 0]
+
+    for t in np.arange(0.0, 6.0, 0.01):
+        messages.append((t, "/PSM1/measured_js", joint_state(PSM.joint_names, q(t))))
+    for t in np.arange(0.0, 6.0, 0.025):
+        for verb, of in {"measured_cp": tip, **{f"{k}/measured_cp": v for k, v in others.items()}}.items():
+            at = of(q(t))
+            messages.append((t, f"/PSM1/{verb}", pose(at.position, quaternion_from_rotation(at.rotation))))
+    return write_bag(
+        path, "ros1", {topic: JOINT_STATE if "js" in topic else POSE for _, topic, _ in messages}, messages
+    )
+
+
+def true(q: np.ndarray) -> Pose:
+    return forward_kinematics(PSM, q)
+
+
+SAID = {
+    "as its file": (true, {}, ""),
+    "another base frame, and its own beside": (lambda q: ASIDE @ true(q), {"local": true}, ""),
+    "another tool": (lambda q: true(q) @ LONGER, {}, r"50\.8 mm and 0\.0 deg .* another tool"),
+    "another base": (lambda q: ASIDE @ true(q), {}, r" mm and 17\.2 deg .* another base frame"),
+    "joints of another zero": (lambda q: true(q + OFF), {}, "another robot, or other units"),
+}
+
+
+@pytest.mark.slow  # compiles the robot's kinematics
+def test_a_tip_that_is_elsewhere_is_named_with_its_distance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mapping = {"robot": "dvrk_psm", "q_nominal": {"columns": "/PSM1/measured_js.position"}}
+    for name, (tip, others, words) in SAID.items():
+        bag = lab(tmp_path / name.replace(" ", "_"), tip, **others)
+        log = import_recording(bag, mapping)
+        told = [note for note in log.notes if "from the tip of" in note]
+        assert len(told) == bool(words), (name, log.notes)
+        assert not words or re.search(words, told[0]), told
+    monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 13 * 100)
+    monkeypatch.setattr(in_pieces, "OVERLAP", 20)
+    monkeypatch.setattr(message_columns, "_BATCH", 50)
+    done = import_to_file(tmp_path / "log.parquet", [tmp_path / "another_tool.bag"], mapping)
+    assert len([note for note in done.notes if "from the tip of" in note]) == 1

@@ -93,11 +93,11 @@ def test_half_converted_bags_go_away_and_whole_ones_are_made_once(project: Proje
     half = project.folder / "bags" / f"whole.{kind}.part"
     half.mkdir(parents=True)
     (half / "record_ravenstate.bag.part").write_bytes(b"#ROSBAG")
-    written = write_bags(project, "whole", kind)  # type: ignore[arg-type]
+    written = write_bags(project, "whole", kind)
     assert [path.stem for path in written][:2] == ["record_CRTKmeasurejs", "record_about"]
     assert not half.exists()
     before = {path: path.stat().st_mtime_ns for path in (project.folder / "bags").rglob("*")}
-    assert write_bags(project, "whole", kind) == written  # type: ignore[arg-type]
+    assert write_bags(project, "whole", kind) == written
     assert {path: path.stat().st_mtime_ns for path in (project.folder / "bags").rglob("*")} == before
     if kind == "ros1":
         assert BagStream(written[0]).damage == []

@@ -1,4 +1,4 @@
-"""Tables of text, as spreadsheets, MATLAB, NumPy, ROS and PlotJuggler write them: what their first lines say, and rows.
+"""Tables of text, as spreadsheets, MATLAB, NumPy, ROS and PlotJuggler write them: their dates, first lines, and rows.
 
 Read in pieces, so that the memory that a table takes is that of the columns that are kept.
 """
@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
@@ -22,10 +22,113 @@ from numpy.typing import NDArray
 from catenary.documents import cut, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, joined
-from catenary.recording.import_formats.text_dates import DateFormat, date_format, since_midnight
 from catenary.recording.journal import About
 from catenary.recording.parquet_files import ARROW, MOST_COLUMNS
 from catenary.topics import SECOND
+
+_DAY = 86_400 * SECOND  # [ns]
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_WRITTEN = re.compile(
+    r"(?P<date>(?P<a>\d{1,4})(?P<between>[-/.])(?P<b>\d{1,2}|[A-Za-z]{3,9})(?P=between)(?P<c>\d{4}|\d\d?))?"
+    r"(?(date)(?:[T ,_]+|\Z))"
+    r"(?P<clock>\d{1,2}:\d\d(?::\d\d(?:[.,:]\d{1,9})?)?)?(?P<half> ?[AaPp][Mm])?(?P<zone>Z|[+-]\d\d(?::?\d\d)?)?"
+)
+_IN_WORDS = {"ymd": "year, month, day", "dmy": "day, month, year", "mdy": "month, day, year"}
+_PLACES = {"ymd": r"\1-\2-\3 ", "dmy": r"\3-\2-\1 ", "mdy": r"\3-\1-\2 "}
+
+
+@dataclass(frozen=True)
+class DateFormat:
+    """How the dates or times of day of a column are written."""
+
+    order: str  # "ymd", "dmy" or "mdy"; "" for times of day without a date
+    has_clock: bool
+    has_zone: bool
+    is_iso: bool  # as Arrow reads it itself
+    doubt: str = ""  # why the order of day and month is not known: the day is then left out
+
+    def said(self, name: str) -> str:
+        """Return in words how a column of this name is read."""
+        if not self.order:
+            return f"{name}: holds times of day, read as nanoseconds since midnight; they have no date"
+        if self.doubt:
+            return f"{name}: {self.doubt}; read as nanoseconds since that midnight, without a date"
+        zone = "UTC" if self.has_zone else "no time zone, as if of UTC"
+        order = "" if self.is_iso else f"{_IN_WORDS[self.order]}; "
+        return f"{name}: holds dates, read as nanoseconds since 1970 ({order}{zone})"
+
+    def nanoseconds(self, column: pa.Array) -> pa.Array:
+        """Return int64 of texts, null where one is none."""
+        text = pc.replace_substring(pc.utf8_lower(pc.utf8_trim_whitespace(column)), ",", ".")
+        text = pc.replace_substring_regex(text, r"(:\d\d:\d\d):", r"\1.")  # before milliseconds
+        if self.order:
+            ordered = (r"^(\w+)[-/.](\w+)[-/.](\d+)(?:[t ._]+|$)", _PLACES[self.order])
+            months = [(rf"-{name}[a-z]*-", f"-{month:02d}-") for month, name in enumerate(_MONTHS, 1)]
+            digits = [(r"^(\d\d)-", r"20\1-"), (r"-(\d)-", r"-0\1-"), (r"-(\d) ", r"-0\1 ")]
+            for written, meant in [ordered, *months, *digits]:
+                text = pc.replace_substring_regex(text, written, meant)
+        else:
+            text = pc.binary_join_element_wise("1970-01-01", text, " ")
+        half = [pc.match_substring_regex(text, each) for each in ("pm", r" 12:.*[ap]m")]
+        later = pc.subtract(*(pc.if_else(each, _DAY // 2, 0) for each in half))
+        text = pc.replace_substring_regex(pc.replace_substring_regex(text, r" ?[ap]m", ""), r" (\d):", r" 0\1:")
+        text = pc.utf8_trim_whitespace(pc.replace_substring(text, "z", "Z"))
+        stamp = text.cast(pa.timestamp("ns", tz="UTC" if self.has_zone else None))
+        return pc.add(stamp.cast(pa.int64()), later)
+
+
+def date_format(texts: Sequence[str]) -> DateFormat | None:
+    """Return how all of some texts are written; None where they are no dates.
+
+    The order of day and month is told by a year that comes first, a month by name, points (day first), a number above
+    12, or the shorter of the two times that would have passed.
+    """
+    found = [
+        match for text in texts if (match := _WRITTEN.fullmatch(text.strip())) and (match["date"] or match["clock"])
+    ]
+    if not found or len(found) != len(texts):
+        return None
+    if len({(bool(m["date"]), bool(m["clock"]), bool(m["zone"]), m["between"]) for m in found}) > 1:
+        return None
+    first, doubt, is_iso = found[0], "", False
+    if not first["date"]:
+        order = ""
+    elif len(first["a"]) == 4:
+        order = "ymd"
+        iso = r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-][\d:]+)?)?"
+        is_iso = all(re.fullmatch(iso, match.string.strip()) for match in found)
+    elif not first["b"].isdigit() or first["between"] == ".":
+        order = "dmy"
+    else:
+        days = sorted({(int(m["a"]), int(m["b"])) for m in found})
+        largest = [max(each) for each in zip(*days, strict=True)]
+        day_first, month_first = (
+            max(d) - min(d) for d in ([31 * b + a for a, b in days], [31 * a + b for a, b in days])
+        )
+        order = "mdy" if largest[1] > 12 or (largest[0] <= 12 and month_first < day_first) else "dmy"
+        (a, b), is_told = days[0], max(largest) > 12 or day_first != month_first or days[0][0] == days[0][1]
+        if not is_told:
+            one, other = (_MONTHS[each - 1].capitalize() for each in (b, a))
+            doubt = f"{a}/{b} may be the {a}. of {one} or the {b}. of {other}, and nothing tells which"
+    return DateFormat(order, bool(first["clock"]), bool(first["zone"]), is_iso, doubt)
+
+
+Carried = tuple[int, int | None]  # what was added to the last stamp [ns], and that stamp; (0, None) at first
+
+
+def since_midnight(stamp: pa.Array, form: DateFormat, carried: Carried) -> tuple[pa.Array, Carried]:
+    """Return a block's stamps [ns]: times of day that go on beyond midnight, days in doubt without the day."""
+    values = stamp.to_numpy(zero_copy_only=False)
+    if not len(values) or values.dtype.kind == "f" or (form.order and not form.doubt):  # rows without: as they are
+        return stamp, carried
+    shift, last = carried
+    last = values[0] if last is None else last
+    if form.doubt:
+        shift = shift or -(int(last) // _DAY) * _DAY
+        return pa.array(values + shift), (shift, int(values[-1]))
+    turned = shift + _DAY * np.cumsum(np.diff(values, prepend=last) < -_DAY // 2)
+    return pa.array(values + turned), (int(turned[-1]), int(values[-1]))
+
 
 NOTHING = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "None", "none", "#N/A")
 TRUTHS = {"true", "false"}
@@ -310,8 +413,6 @@ _COMMENTS = "comment lines among the rows were passed over"
 _BEGINS = (b"#", b"%", b"//")  # of comments
 _TYPES: Mapping[str, Any] = {"number": pa.float64(), "whole": pa.int64(), "truth": pa.bool_()}
 
-Block = dict[str, NDArray[Any]]
-
 
 class TextTable:
     """A table of text whose head was read; its rows are read when they are wanted."""
@@ -352,15 +453,12 @@ class TextTable:
         return ([part] for part in self.streams(wanted[self.path.stem]))
 
     def streams(self, wanted: Collection[str] | None = None) -> Iterator[Stream]:
-        """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time."""
+        """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time.
+
+        Dates are nanoseconds; whole numbers that no float64 can hold stay whole.
+        """
         dates = tuple(column.name for column in self.head.columns if column.date is not None)
         told: dict[str, Any] = {"joints": self.head.joints, "dates": dates, "notes": tuple(self.head.notes)}
-        for block in self.blocks(wanted):
-            columns = {name: v if v.dtype.kind == "i" else v.astype(np.float64) for name, v in block.items()}
-            yield Stream(self.path.stem, "table", columns, len(next(iter(columns.values()))), **told)
-
-    def blocks(self, wanted: Collection[str] | None = None) -> Iterator[Block]:
-        """Yield the same as plain arrays: dates as nanoseconds, whole numbers that no float64 can hold as such."""
         columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
         names = [str(i) for i in range(self.head.width)]
@@ -381,7 +479,8 @@ class TextTable:
                 if wanted is not None:  # not of a sample
                     self._progress(min(1.0, file.tell() / self._size))
                 for batch in batches:
-                    yield {column.name: _numbers(column, batch, carried) for column in columns}
+                    numbers = {column.name: _numbers(column, batch, carried) for column in columns}
+                    yield Stream(self.path.stem, "table", numbers, batch.num_rows, **told)
         said = [f"{count} {what}" for what, count in passed.items() if count]
         said += ["its last line is torn, and was left out"] * bool(self.head.torn)
         self.notes += [note for note in said if note not in self.notes]
@@ -432,7 +531,7 @@ def _numbers(column: TextColumn, batch: pa.RecordBatch, carried: dict[str, tuple
         one = column.date.nanoseconds(one if len(cells) == 1 else pc.binary_join_element_wise(*cells, " "))
         one, carried[column.name] = since_midnight(one, column.date, carried.get(column.name, (0, None)))
     values: NDArray[Any] = one.to_numpy(zero_copy_only=False)
-    return values.astype(np.float64) if values.dtype.kind == "O" else values  # truth values, and some missing
+    return values if values.dtype.kind == "i" else values.astype(np.float64)
 
 
 def _lines(path: Path) -> tuple[list[str], list[int], list[str], str]:

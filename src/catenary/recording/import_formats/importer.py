@@ -15,7 +15,7 @@ from catenary.recording.import_formats.column_groups import Candidate, joints_me
 from catenary.recording.import_formats.column_units import Units, encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
-from catenary.recording.import_formats.one_clock import OneClock
+from catenary.recording.import_formats.one_clock import OneClock, Series, TopicReport, interpolate
 from catenary.recording.import_formats.registration import TrackedPoses
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import times_among
@@ -27,7 +27,6 @@ from catenary.recording.import_formats.tracked_pose import (
     tip_columns,
     tip_said,
 )
-from catenary.recording.series import Series, TopicReport, interpolate
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.topics import SECOND

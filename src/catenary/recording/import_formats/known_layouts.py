@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
-from catenary.config import parse_settings
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
@@ -36,7 +35,7 @@ from catenary.raven2.transmission import CALIBRATED, COUPLING, JOINT_TORQUE
 from catenary.recording.bag_reader import open_recordings
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.importer import Synchronisation, synchronise
-from catenary.recording.import_formats.mapping import RecordingMapping, layout_mapping
+from catenary.recording.import_formats.mapping import Signal, layout_mapping
 from catenary.recording.import_formats.sources import Sources, is_bag
 from catenary.recording.import_formats.table_files import read_table_file, streams_of_arrays
 from catenary.recording.parquet_files import open_parquet
@@ -95,8 +94,7 @@ def read_layout(
     path = paths[0]
     if layout in (RAVEN_BAG, RAVEN_CSV):
         arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
-        log = read_raven(paths, arm=arm).log
-        return replace(log, name=path.stem)
+        return read_raven(paths, arm=arm).log
     if layout == TORQUE_LOG and model is not None:
         return read_torques(path, model)
     if layout == RAVEN_STATE:
@@ -124,7 +122,8 @@ def read_commands(
     _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("recording/command_log")
     given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
-    return synchronise(_sources(path, content), mapping.model_copy(update=given)).log
+    sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
+    return synchronise(sources, mapping.model_copy(update=given)).log
 
 
 _TORQUES = ("tau", "effort", "current")  # arrays of a torque log, the first that it has; the others raw
@@ -140,7 +139,7 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
             f"{content_in_words(content)}"
         )
     _require_rows(path, content, ("q", *_TORQUES, "dq"), ("t",))
-    sources = _sources(path, content)
+    sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
     mapping = layout_mapping("recording/torque_log", torque=torque)
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
     unnamed = joints if n == len(joints) else model.joint_names if n == model.n else nameless(n)
@@ -168,11 +167,6 @@ def with_effort_scale(log: MotionLog, model: RobotModel, scale: Floats) -> Motio
     places = places_of(log, model, whose=f'robot "{model.name}"', of="the recording is of")
     assert log.tau is not None  # for the type checker
     return replace(log, tau=log.tau * scale[places], notes=(*log.notes, "raw efforts times the robot's effort_scale"))
-
-
-def _sources(path: Path, content: Mapping[str, NDArray[Any]]) -> Sources:
-    """Return the arrays that were read of a `.npz`, whose rows come first."""
-    return Sources.of([path], streams_of_arrays(path, content, rows_first=True))
 
 
 def _require_rows(
@@ -220,12 +214,10 @@ def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[st
         **{f"{joint}_scale": JOINT_TORQUE[joint] for joint in JOINT_TORQUE if joint not in CALIBRATED},
     )
     signals = {
-        name: {"columns": [f"{state}.{column}"], "units": unit, "optional": True}
+        name: Signal(columns=(f"{state}.{column}",), units=unit, optional=True)
         for name, (column, unit) in further.items()
     }
-    content = mapping.model_dump(mode="json", exclude_unset=True)
-    content |= {"signals": content["signals"] | signals}
-    return synchronise(sources, parse_settings(content, RecordingMapping, "raven2.toml"))
+    return synchronise(sources, mapping.model_copy(update={"signals": mapping.signals | signals}))
 
 
 def raven_columns(path: Path) -> Sources:

@@ -19,18 +19,18 @@ from rosbags.typesys import Stores, get_typestore
 from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import FileFormatError
+from catenary.raven2.topics import RAVENSTATE
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_records import Block
 from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.layout import COUNT, Encoding, FieldsOf, columns_of_type, read_messages
-from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name, types_of
+from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
+from catenary.recording.messages import Field, current_name, fields_of, ros2_name, types_of
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.topics import SECOND, TopicColumn
+from catenary.topics import SECOND
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
 LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
-DEEPEST = 32  # messages within each other
 _BATCH = 4096
 _MOST_JOINTS = 1000
 _NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
@@ -131,7 +131,9 @@ class _TopicColumns:
     _notes: dict[str, None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._own: Mapping[str, TopicColumn] = columns_of_type(current_name(self.type))
+        # the columns whose numbers are not in SI, by their path in a message
+        not_in_si = RAVENSTATE.columns if current_name(self.type) == RAVENSTATE.type else ()
+        self._own = {column.path: column for column in not_in_si}
         self._joints |= {path: own.labels for path, own in self._own.items() if own.width > 1}
 
     def add(self, arrivals: Integers, block: Block) -> None:
@@ -280,34 +282,23 @@ def _orders(records: NDArray[np.void], kinds: Mapping[str, Any], names: str) -> 
     return [(rows, [text.rstrip(b"\0").decode(errors="replace") for text in order]) for rows, order in found]
 
 
-def fields_by_definition(
-    path: Path, connection: BagConnection, encoding: Encoding
-) -> Callable[[str], tuple[Field, ...]]:
+def fields_by_definition(path: Path, connection: BagConnection, encoding: Encoding) -> FieldsOf:
     """Return what gives the fields of a topic's message type and of those within it."""
     where = f"{path}: topic {cut(connection.topic)}: type {cut(connection.type)}"
     types = _of_ros(encoding)
     if connection.definition.strip():
         types = types | types_of(where, connection.type, connection.definition)
-    known: dict[str, tuple[Field, ...]] = {}
-    deepest: dict[str, int] = {}
 
-    def depth(name: str, above: tuple[str, ...]) -> int:
-        if name in above or len(above) > DEEPEST:
-            raise FileFormatError(f"{where}: {cut(name)} holds itself, or is more than {DEEPEST} messages deep")
-        if name not in deepest:
-            if ros2_name(name) not in types:
-                raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
-            own = fields_of(types[ros2_name(name)][1])
-            known[name] = tuple(each._replace(type=_SAME.get(each.type, current_name(each.type))) for each in own)
-            inner = {f.type for f in known[name]} - set(NUMBERS) - {*TIMES, "string"}
-            strange = sorted(kind for kind in inner if "/" not in kind)
-            if strange:
-                raise FileFormatError(f"{where}: has a {cut(strange[0])}, which is not read")
-            deepest[name] = 1 + max((depth(kind, (*above, name)) for kind in inner), default=0)
-        return deepest[name]
+    @cache
+    def fields_in(name: str) -> tuple[Field, ...]:
+        if "/" not in name:
+            raise FileFormatError(f"{where}: has a {cut(name)}, which is not read")
+        if ros2_name(name) not in types:
+            raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
+        own = fields_of(types[ros2_name(name)][1])
+        return tuple(each._replace(type=_SAME.get(each.type, current_name(each.type))) for each in own)
 
-    depth(current_name(connection.type), ())
-    return known.__getitem__
+    return fields_in
 
 
 @cache

@@ -1,22 +1,212 @@
 """The synchroniser: what was recorded at rates and by clocks of its own, at the stamps of q_nominal.
 
-Topics of a bag, tables beside one another and the columns of one table are alike: samples with stamps, cleaned, and
-read on the straight line between their two neighbours in time.
+Topics of a bag, tables beside one another and the columns of one table are alike: samples with stamps, put in order,
+measured for gaps, and read on the straight line between their two neighbours in time. Steps of their clock are taken
+out. The time between two messages is the lesser of what stamps and arrivals say of it, where that is not negative.
+Integers that go back or forth by more than that, and stay so, are those of a clock that was set. Messages that were
+late, lost or out of order, and connections that stood still, leave the stamps alone.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers
 from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Place, Stream
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.import_formats.table_time import TableTime, time_of
-from catenary.recording.series import WIDE, ClockStep, Series, clean_series, interpolate
 from catenary.topics import SECOND
+
+WIDE = 3.0  # intervals that a gap is long, at least; a slow topic has no gaps merely for being slow
+OFFSET = 0.005  # [s] of a clock against the arrival of messages that is worth a note
+STEP = SECOND // 4  # [ns] the least; what is smaller costs no more than as many stamps that repeat
+SAME = SECOND // 50  # [ns] within which topics agree on one and the same step
+NEAR = 2 * SECOND  # [ns] within which they see it
+LEAST = 3  # messages that have to stay where the clock is
+# [ns] stamps that creep on, to stay in order, while messages come further apart
+CRAWL, FURTHER = 1000, SECOND // 10_000
+
+
+class ClockStep(NamedTuple):
+    """A clock that was set."""
+
+    at: int  # [ns] arrival of the first message behind it
+    by: int  # [ns]; of stamps that stand still by how much it is at least
+
+    def note(self, start: int) -> str:
+        """Return this in words; `start` is the arrival of the first message [ns]."""
+        after, by = (self.at - start) / SECOND, self.by / SECOND
+        return f"its clock was set by {by:+.3f} s, {after:.1f} s after the first message"
+
+
+@dataclass(frozen=True)
+class TopicReport:
+    """Rate, gaps and disorder of a topic's messages."""
+
+    topic: str
+    messages: int  # as recorded
+    rate: float  # [Hz] of what is left, gaps left out; nan for fewer than two
+    # [s] where each begins, from the first state message or sample, and its length
+    gaps: tuple[tuple[float, float], ...]
+    repeated: int  # stamps that were there before; dropped
+    shuffled: int  # messages that came after one with a later stamp; sorted
+    # [s] median of arrival minus stamp: transport, and what the clocks differ by; nan if unknown
+    clock_offset: float
+    stamped_by_arrival: bool  # messages carried no stamps
+    clock_steps: tuple[ClockStep, ...] = ()  # of the clock of the stamps; taken out of them
+    start: int = 0  # [ns] arrival of the first message
+
+    @property
+    def longest_gap(self) -> float:
+        """Length of the longest gap, 0 for none [s]."""
+        return max((length for _, length in self.gaps), default=0.0)
+
+    def notes(self) -> list[str]:
+        """Return what a reader should know, in words."""
+        told = {
+            f"{len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s": self.gaps,
+            f"{self.repeated} repeated stamps were dropped": self.repeated,
+            f"{self.shuffled} messages were out of order and sorted": self.shuffled,
+            f"stamps lie {self.clock_offset:.3f} s before arrival; not corrected": abs(self.clock_offset) > OFFSET,
+            "messages carry no stamps; their arrival was taken": self.stamped_by_arrival,
+        }
+        steps = [f"{step.note(self.start)}; stamps continue as before" for step in self.clock_steps]
+        return [f"{self.topic}: {text}" for text in [*(text for text, is_so in told.items() if is_so), *steps]]
+
+
+@dataclass(frozen=True)
+class Series:
+    """Samples with stamps that strictly increase."""
+
+    stamp: Integers  # (M,) [ns]
+    values: Floats  # (M, k)
+    report: TopicReport
+
+
+def clean_series(
+    topic: str,
+    stamp: Integers,
+    values: NDArray[Any],
+    *,
+    max_gap: float,  # intervals beyond it, and beyond three median intervals, are gaps [s]
+    arrival: Integers | None = None,  # (M,) [ns]; takes the stamps' place where none is set (all are 0)
+    span: tuple[int, int] | None = None,  # of the state [ns]; what is missing at its ends counts as a gap
+    clock_steps: Sequence[ClockStep] = (),  # that other topics' clocks did
+) -> Series:
+    """Put samples (M, k) in the order of their stamps [ns], drop stamps that repeat (the first stays), and report."""
+    if len(stamp) == 0:
+        raise InputError(f"topic {topic}: has no messages")
+    unstamped = arrival is not None and not stamp.any() and bool(arrival.any())
+    offset, steps = float("nan"), tuple[ClockStep, ...]()
+    if arrival is not None and unstamped:
+        stamp = arrival
+    elif arrival is not None:
+        stamp, steps = without_steps(stamp, arrival, clock_steps)
+        offset = float(np.median(arrival - stamp)) / SECOND
+    shuffled = int((stamp < np.maximum.accumulate(stamp)).sum())
+    ordered, repeated = stamp, 0
+    if (np.diff(stamp) <= 0).any():  # rarely; long series are not copied for nothing
+        order = np.argsort(stamp, kind="stable")
+        fresh = np.concatenate([[True], np.diff(stamp[order]) > 0])
+        order, repeated = order[fresh], int((~fresh).sum())
+        ordered, values = stamp[order], values[order]
+    start, end = (ordered[0], ordered[-1]) if span is None else span
+    edges = np.concatenate([[min(start, ordered[0])], ordered, [max(end, ordered[-1])]])
+    intervals = np.diff(ordered) / SECOND
+    limit = max(max_gap, WIDE * float(np.median(intervals))) if len(intervals) else max_gap
+    regular = intervals[intervals <= limit]
+    wide = np.flatnonzero(np.diff(edges) / SECOND > limit)
+    gaps = tuple((float(edges[i] - start) / SECOND, float(edges[i + 1] - edges[i]) / SECOND) for i in wide)
+    rate = float(1.0 / regular.mean()) if len(regular) else float("nan")
+    began = 0 if arrival is None else int(arrival[0])
+    report = TopicReport(topic, len(stamp), rate, gaps, repeated, shuffled, offset, unstamped, steps, began)
+    return Series(ordered, np.asarray(values, dtype=np.float64), report)
+
+
+def interpolate(series: Series, stamp: Integers, max_gap: float) -> Floats:
+    """Return values (N, k) on the line between the samples around other stamps; NaN in gaps or where one lacks."""
+    right = np.searchsorted(series.stamp, stamp, side="left")
+    exact = series.stamp[np.minimum(right, len(series.stamp) - 1)] == stamp
+    left = np.where(exact, right, right - 1)
+    inside = exact | ((right > 0) & (right < len(series.stamp)))
+    left, right = np.where(inside, left, 0), np.where(inside, right, 0)
+    width = series.stamp[right] - series.stamp[left]  # whole nanoseconds: no rounding of large stamps
+    share = (stamp - series.stamp[left]) / np.maximum(width, 1)
+    values = series.values[left] + share[:, None] * (series.values[right] - series.values[left])
+    values[~inside | (width > max_gap * SECOND)] = np.nan
+    return np.asarray(values)
+
+
+def without_steps(
+    stamp: Integers, arrival: Integers, known: Sequence[ClockStep] = ()
+) -> tuple[Integers, tuple[ClockStep, ...]]:
+    """Return stamps (M,) [ns] as the clock of the first message would have given them, and the steps taken out.
+
+    What a step was by is known as well as arrivals follow stamps (the median of their difference), and taken from
+    `known` where another topic saw the same one: so topics stay as near to one another as they were stamped. Where
+    arrivals go back too, and into stamps that were there, both clocks were set.
+    """
+    if len(stamp) < 2 * LEAST:
+        return stamp, ()
+    arrival = _steady(stamp, arrival)
+    stamp, steps = _awake(stamp, arrival)
+    places = np.flatnonzero(np.abs(np.diff(stamp) - _elapsed(stamp, arrival)) > STEP) + 1
+    ends = [0, *places.tolist(), len(stamp)]
+    stretches = [(b, e) for b, e in pairwise(ends) if e - b >= LEAST]
+    usual = int(np.median((arrival - stamp)[slice(*stretches[0])])) if stretches else 0
+    for begin, end in stretches[1:]:
+        by = usual - int(np.median((arrival - stamp)[begin:end]))  # a clock that is ahead makes messages come early
+        if abs(by) > STEP:
+            shared = [one.by for one in known if abs(one.by - by) < SAME and abs(one.at - arrival[begin]) < NEAR]
+            by = shared[0] if shared else by
+            stamp = np.concatenate([stamp[:begin], stamp[begin:] - by])
+            steps = (*steps, ClockStep(int(arrival[begin]), by))
+    return stamp, steps
+
+
+def _elapsed(stamp: Integers, arrival: Integers) -> Integers:
+    """Return the time between messages (M - 1,): the lesser, if one is negative the other, if both are the usual."""
+    by_stamp, by_arrival = np.diff(stamp), np.diff(arrival)
+    usual = int(np.median(np.abs(by_stamp)))
+    lesser, greater = np.minimum(by_stamp, by_arrival), np.maximum(by_stamp, by_arrival)
+    return np.where(lesser >= 0, lesser, np.where(greater >= 0, greater, usual))
+
+
+def _steady(stamp: Integers, arrival: Integers) -> Integers:
+    """Return arrivals by a clock that was not set back; files read in another order never go into what was there."""
+    places = np.flatnonzero(np.diff(arrival) < -STEP) + 1
+    if len(places) == 0:
+        return arrival
+    elapsed, ends = _elapsed(stamp, arrival), [0, *places.tolist(), len(stamp)]
+    arrival = arrival.copy()
+    for before, begin, end in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
+        both = stamp[begin] < stamp[begin - 1] - STEP
+        if not both or stamp[begin:end].max() >= stamp[before:begin].min():
+            arrival[begin:] += arrival[begin - 1] + elapsed[begin - 1] - arrival[begin]
+    return arrival
+
+
+def _awake(stamp: Integers, arrival: Integers) -> tuple[Integers, tuple[ClockStep, ...]]:
+    """Return stamps that do not stand still, as those of a program do that never lets them go back."""
+    ahead = np.diff(stamp)
+    creeps = (ahead > 0) & (ahead <= CRAWL) & (np.diff(arrival) > FURTHER)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], creeps, [False]]).astype(np.int8)))
+    steps: tuple[ClockStep, ...] = ()
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if last - first < LEAST or first == 0:
+            continue
+        stamp = stamp.copy() if not steps else stamp
+        rows = slice(first + 1, last + 1)
+        awake = arrival[rows] - int(np.median(arrival[: first + 1] - stamp[: first + 1]))
+        steps = (*steps, ClockStep(int(arrival[first + 1]), int(stamp[last] - awake[-1])))
+        stamp[rows] = awake
+    return stamp, steps
+
 
 APART = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
 APART_FROM_1970 = 10**9 * SECOND  # [ns] below which stamps count from a zero of their own
@@ -25,16 +215,6 @@ BASE = "q_nominal"  # the quantity whose samples are the rows
 OTHER_RATE = 0.5
 _LOST = np.iinfo(np.int64).min  # stamp of a row without time
 _BETWEEN = 10 * 24 * 3600  # [s] between recordings that stand one behind the other in a table
-
-
-class _Stamps(NamedTuple):
-    """Stamps of streams on one clock."""
-
-    stamp: dict[str, Integers]  # [ns]
-    arrival: dict[str, Integers | None]
-    table: dict[str, TableTime]
-    by_header: set[str]  # topics whose messages carry stamps
-    notes: list[str]
 
 
 class OneClock:
@@ -51,20 +231,22 @@ class OneClock:
         self._quantities, self._mapping = quantities, mapping
         self.base = quantities[BASE][0].stream
         self._alone = len(streams) == 1 and streams[self.base].stamp is None
-        stamps = _stamps_of(streams, mapping, alone=self._alone)
+        self._tables, self.notes = dict[str, TableTime](), list[str]()
+        stamps = {name: self._stamp_of(stream) for name, stream in streams.items()}
         found = self._clean(streams, stamps)
-        offsets = {name: found[name, ""].report.clock_offset for name in stamps.by_header}
-        unstamped = [n for n, came in stamps.arrival.items() if came is not None and n not in offsets]
-        spread = [*offsets.values(), *([0.0] if unstamped and offsets else [])]
+        arrivals = {name: one.arrival for name, one in streams.items() if one.arrival is not None}
+        headed = {name for name, one in streams.items() if one.stamp is not None and one.stamp.any()}
+        headed = headed & arrivals.keys() if mapping.stamps != "arrival" else set[str]()
+        offsets = {name: found[name, ""].report.clock_offset for name in arrivals if name in headed}
+        spread = [*offsets.values(), *([0.0] if offsets and headed < arrivals.keys() else [])]
         if mapping.stamps == "auto" and spread and max(spread) - min(spread) > APART:
             said = ", ".join(f"{name} {offset:.3f} s" for name, offset in offsets.items())
-            stamps.notes.append(
+            self.notes.append(
                 f"stamps lie before arrival by {said}: clocks that differ; arrivals were taken for all topics"
             )
-            came = {name: arrival for name, arrival in stamps.arrival.items() if arrival is not None}
-            found = self._clean(streams, stamps._replace(stamp=stamps.stamp | came))
-        elif mapping.stamps == "arrival" and any(came is not None for came in stamps.arrival.values()):
-            stamps.notes.append("arrival times were taken, as asked")
+            found = self._clean(streams, stamps | arrivals)
+        elif mapping.stamps == "arrival" and arrivals:
+            self.notes.append("arrival times were taken, as asked")
         self._series = found
         # the part that each column of a quantity is of, and its place in it
         self._where: dict[str, list[tuple[tuple[str, str], int]]] = {}
@@ -74,7 +256,7 @@ class OneClock:
             self._where[key] = list(zip(parts, columns, strict=True))
         series = found[self.base, ""]
         self.repeated = series.report.repeated
-        table = stamps.table.get(self.base)
+        table = self._tables.get(self.base)
         self._at: dict[tuple[str, str], Floats] = {}
         self.stamp = series.stamp
         self._own_stamp, self._seconds = series.stamp, None
@@ -91,7 +273,7 @@ class OneClock:
         self._began = streams[self.base].began
         self.is_timed = table is None or table.column is not None
         self.reports = tuple(one.report for one in found.values())
-        self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
+        self.notes += [note for report in self.reports for note in report.notes()]
         used = {place.stream for places in quantities.values() for place in places}
         for (name, _), one in found.items():
             if name in used and (one.stamp[-1] < self.stamp[0] or one.stamp[0] > self.stamp[-1]):
@@ -149,20 +331,20 @@ class OneClock:
         most = self._mapping.max_gap_s
         return max(most, WIDE * float(np.median(steps)) / SECOND) if len(steps) else most
 
-    def _clean(self, streams: Mapping[str, Stream], stamps: _Stamps) -> dict[tuple[str, str], Series]:
+    def _clean(self, streams: Mapping[str, Stream], stamps: Mapping[str, Integers]) -> dict[tuple[str, str], Series]:
         """Return the samples of each stream, or part of a table with rows of its own, the base first."""
         found: dict[tuple[str, str], Series] = {}
         self._columns: dict[tuple[str, str], list[str]] = {}
         span: tuple[int, int] | None = None
         steps: tuple[ClockStep, ...] = ()
         for name in (self.base, *(other for other in streams if other != self.base)):
-            stream, stamp, arrival = streams[name], stamps.stamp[name], stamps.arrival[name]
+            stream, stamp, arrival = streams[name], stamps[name], streams[name].arrival
             timed = stamp != _LOST
             if not timed.all():
-                stamps.notes.append(f"{name}: {int((~timed).sum())} rows without time were left out")
-            if name in stamps.table and self._alone:
-                stamp = self._in_a_row(stream, stamp, timed, stamps.notes)
-            for part, (columns, rows) in self._parts(stream, stamps).items():
+                self.notes.append(f"{name}: {int((~timed).sum())} rows without time were left out")
+            if name in self._tables and self._alone:
+                stamp = self._in_a_row(stream, stamp, timed)
+            for part, (columns, rows) in self._parts(stream, len(stamp)).items():
                 rows = rows & timed
                 index = np.flatnonzero(rows)
                 if not len(index):
@@ -180,16 +362,15 @@ class OneClock:
                     span, steps = (int(series.stamp[0]), int(series.stamp[-1])), series.report.clock_steps
         return found
 
-    def _parts(self, stream: Stream, stamps: _Stamps) -> dict[str, tuple[list[str], Flags]]:
+    def _parts(self, stream: Stream, count: int) -> dict[str, tuple[list[str], Flags]]:
         """Return the columns of a stream and their rows; those of a table at other rates apart, by quantity."""
-        every = np.ones(len(stamps.stamp[stream.name]), dtype=bool)
+        table, every = self._tables.get(stream.name), np.ones(count, dtype=bool)
         of: dict[str, list[str]] = {}
         for key, places in self._quantities.items():
             here = [place.column for place in places if place.stream == stream.name]
             if here:
                 of[key] = list(dict.fromkeys(here))
         together = list(dict.fromkeys(column for columns in of.values() for column in columns))
-        table = stamps.table.get(stream.name)
         if table is None or table.column is None:
             return {"": (together, every)}
         there = {
@@ -207,13 +388,13 @@ class OneClock:
         apart = [key for key, rows in there.items() if rows.any() and (lacks(base, rows) or lacks(rows, base))]
         if not apart or not base.any():
             return {"": (together, every)}
-        stamps.notes.append(
+        self.notes.append(
             f"{stream.name}: {', '.join(apart)} were recorded at another rate than q_nominal, and brought onto its rows"
         )
         left = list(dict.fromkeys(column for key, columns in of.items() if key not in apart for column in columns))
         return {"": (left, base), **{key: (of[key], there[key]) for key in apart}}
 
-    def _in_a_row(self, stream: Stream, stamp: Integers, timed: Flags, notes: list[str]) -> Integers:
+    def _in_a_row(self, stream: Stream, stamp: Integers, timed: Flags) -> Integers:
         """Return stamps that rise where those of a table go back, far apart from the recording before."""
         known = stamp[timed]
         back = np.flatnonzero(np.diff(known) < 0) + 1
@@ -222,7 +403,7 @@ class OneClock:
         told = np.flatnonzero(begins[timed][1:]) + 1
         unsaid = np.setdiff1d(back, told)
         if len(unsaid):
-            notes.append(
+            self.notes.append(
                 f"{stream.name}: time goes back {len(unsaid)} time(s), first at row {unsaid[0]}; another recording "
                 "begins there" + ("; are the rows shuffled?" if len(unsaid) > 5 else "")
             )
@@ -235,41 +416,31 @@ class OneClock:
         moved[timed] = known + np.cumsum(later)
         return moved
 
-
-def _stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping, *, alone: bool) -> _Stamps:
-    """Return the stamps to go by: a table's time, a message's header where it has one, or its arrival."""
-    found = _Stamps({}, {}, {}, set(), [])
-    for name, stream in streams.items():
-        own, came = stream.stamp, stream.arrival
+    def _stamp_of(self, stream: Stream) -> Integers:
+        """Return the stamps to go by [ns]: a table's time, a message's header where it has one, or its arrival."""
+        name, own, came, mapping = stream.name, stream.stamp, stream.arrival, self._mapping
         if own is None:
             time = time_of(stream, mapping.time, mapping.time_unit, mapping.rate_hz)
-            if time is None and not alone:
+            if time is None and not self._alone:
                 raise InputError(
                     f"{name}: which column is the time? give time = ..., or rate_hz where rows are evenly apart; "
                     "streams with clocks of their own cannot be put together without"
                 )
-            if time is None:
-                time = TableTime(np.arange(stream.rows) * SECOND, None, "s", "no column is the time: rows have none")
-                found.notes.extend([time.said] * (not mapping.name))
-            else:
-                found.notes.extend([f"{name}: {time.said}"] * (not mapping.name))
-            found.table[name], found.stamp[name], found.arrival[name] = time, time.stamp, None
-            continue
-        found.stamp[name], found.arrival[name] = own, came
+            said = "no column is the time: rows have none" if time is None else f"{name}: {time.said}"
+            self.notes += [said] * (not mapping.name)
+            self._tables[name] = time or TableTime(np.arange(stream.rows) * SECOND, None, "s", said)
+            return self._tables[name].stamp
         if came is None:
-            continue
+            return own
         unset = own == 0
         if unset.all() or mapping.stamps == "arrival":
             if mapping.stamps == "header":
                 raise InputError(f'{name}: its messages carry no stamps; give stamps = "arrival"')
-            found.stamp[name] = np.zeros_like(came) if mapping.stamps == "auto" else came
-            continue
+            return np.zeros_like(came) if mapping.stamps == "auto" else came
         missing = unset & (came != 0)  # simulated time begins at zero, and what arrives then says so
         if missing.any():
-            found.stamp[name] = np.where(missing, came, own)
-            found.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
-        found.by_header.add(name)
-    return found
+            self.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
+        return np.where(missing, came, own)
 
 
 def _seconds(series: Series, origin: np.int64) -> str:

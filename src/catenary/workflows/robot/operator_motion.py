@@ -21,6 +21,7 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError
 from catenary.files import TEXT_ENDINGS, table_ending
 from catenary.plant import JointState, OperatingState, Plant, require_ready
+from catenary.recording.import_formats.columns import joined
 from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.logs import read_parquet
 from catenary.robots.catalog import RAVEN_SIDES
@@ -102,10 +103,10 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
 
 def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
     table = TextTable(path)
-    blocks = list(table.blocks())
-    if not blocks:
+    parts = list(table.streams())
+    if not parts:
         raise FileFormatError(f"{path}: has no row of numbers")
-    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    columns = joined(parts).columns
     odd = next((column for column in table.head.columns if column.kind == "text"), None)
     if odd is not None:
         where = f", {odd.odd}" if odd.odd else ""
