@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit, recording_zeros
+from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.recording_zeros import recording_zeros
 from catenary.plant import MotionLog
 
 ZEROS = np.array([0.3, -0.2, -0.1, 0.1, -0.1, -0.3, 0.2, 0.1, 0.0, 0.2, -0.2, 0.0])

@@ -18,8 +18,8 @@ from catenary.reports.page import Column, Table
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
 from catenary.verdict.check import findings_of, robot_of
-from catenary.verdict.delay import hysteresis_of
 from catenary.verdict.finding import Finding
+from catenary.verdict.hysteresis import hysteresis_of
 from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
 
 if TYPE_CHECKING:
