@@ -13,7 +13,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_refresh import SCALE, SLOPES, _Held, adjusted, refresh_model
+from catenary.calibration.model_refresh import SCALE, SLOPES, adjusted, refresh_model, regress_held
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from tests.truth.recordings import raven
@@ -102,7 +102,8 @@ def test_zero_and_scale_are_the_mean_that_a_gaussian_process_gives(seed: int, lo
     rng = np.random.default_rng(seed)
     columns, middle, spread = rng.normal(1.0, 2.0, (50, 2)), np.array([0.5, 2.0]), np.array([1.0, 3.0])
     residual = 0.02 + columns @ rng.normal(0.0, 0.02, 2) + 0.01 * rng.standard_normal(50)
-    slopes, zero = _Held(columns, middle, spread, looks, claimed).regression(np.ones(50, dtype=bool), residual)
+    held = {"trained": np.array([middle, spread]), "rows": 50, "looks": looks, "claimed": claimed}
+    slopes, zero = regress_held(columns, residual, **held)
     A = np.column_stack([np.ones(50), columns - middle])
     left = residual - A @ np.linalg.lstsq(A, residual, rcond=None)[0]
     noise = max(np.mean(left**2), claimed**2)

@@ -44,8 +44,6 @@ class Inputs(NamedTuple):
 
 def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0) -> Inputs:
     """Choose the features for recordings, looking only at what comes before their held-out last part."""
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
     logs = in_one_order(logs)
     log = logs[0]
     if isinstance(options.inputs, Mapping):
@@ -77,15 +75,13 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         joint = name.removeprefix("q:")
         if name.startswith("q:") and joint in log.joint_names:
             column = log.joint_names.index(joint)
-            commands, motions = [], []
+            motions: list[tuple[Floats, Floats]] = []
             for each in early:
-                q, room = each.q_nominal[:, column], room_of(each, period)
-                commands.append(q)
-                motions += list(zip(np.split(q, each.starts[1:]), np.split(room, each.starts[1:]), strict=True))
-            low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
-            step = largest_step(motions)
-            if high > low:
-                play += [(name, share * (high - low)) for share in shares if name not in coupled]
+                rows = each.q_nominal[:, column], room_of(each, period)
+                motions += zip(*(np.split(x, each.starts[1:]) for x in rows), strict=True)
+            if (span := float(np.ptp(np.concatenate([q for q, _ in motions])))) > 0.0:
+                step = largest_step(motions)
+                play += [(name, share * span) for share in shares if name not in coupled]
                 steps += [(name, step)] if step > 0.0 else []
     if options.play and not (play or coupled):
         raise InputError(f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved")
@@ -103,8 +99,7 @@ def _midlines(logs: Sequence[MotionLog], signals: Sequence[str]) -> list[Midline
         position = f"q:{joint}"
         if joint is None or position not in signals:
             continue
-        motions = [log.q_nominal[:, log.joint_names.index(joint)] for log in logs]
-        span = max(float(q.max()) for q in motions) - min(float(q.min()) for q in motions)
+        span = float(np.ptp(np.concatenate([log.q_nominal[:, log.joint_names.index(joint)] for log in logs])))
         if span > 0.0:
             midline = (name, position, RADIUS * span, TRAVEL * span)
             units = tuple(signals_of(logs[0])[each][1] for each in (position, name))
@@ -130,10 +125,7 @@ def _joint_of(log: MotionLog, name: str) -> str | None:
 def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent) -> CalibrationModel:
     """Fit a model to complete rows, joints with the same inputs together, zeros of several recordings left out."""
     data = data.rows(data.complete)
-    if data.features != inputs.features:
-        raise InputError(
-            f"data: holds {', '.join(data.features.names)}; the inputs are {', '.join(inputs.features.names)}"
-        )
+    data.require(data, inputs.features)
     if options.kind == "auto":
         raise InputError("model auto: is chosen from whole recordings; fit one kind to rows")
     if len(data) < SMALLEST_DATA:
