@@ -179,13 +179,11 @@ def prior_of(parameters: Parameters) -> Floats | None:
     return prior if prior.any() else None
 
 
-def weight_of_prior(
-    base: BaseParameters, gravity: Floats, samples: Sequence[Samples], weights: Floats, prior: Floats
-) -> float:
+def weight_of_prior(base: BaseParameters, samples: Sequence[Samples], weights: Floats, prior: Floats) -> float:
     """Return the weight of a prior with which blocks that were not fitted are predicted best."""
     folds = [[part.rows(fold_of_rows(part) == f, part.name) for part in samples] for f in range(FOLDS)]
     used = [[part for part in fold if len(part)] for fold in folds]  # one may lack a recording that is too short
-    reduced = [triangles(base, gravity, fold) for fold in used if fold]
+    reduced = [triangles(base, fold) for fold in used if fold]
     if len(reduced) < 2:
         return LEAST_PRIOR
     best, least = LEAST_PRIOR, np.inf

@@ -61,21 +61,16 @@ class _Products(NamedTuple):
 
 
 def choose_friction(
-    base: BaseParameters,
-    gravity: Floats,
-    samples: Sequence[Samples],
-    weights: Floats,
-    actuation: Actuation,
-    kinds: Sequence[str],
+    base: BaseParameters, samples: Sequence[Samples], weights: Floats, actuation: Actuation, kinds: Sequence[str]
 ) -> tuple[Actuation, tuple[FrictionPart, ...]]:
     """Return the actuation with the parts of friction that held-out blocks show, and what each of them gained.
-    Recordings to fit tell in `carried` what the links ask of the actuators; gravity (3,) [m/s2] is where they hold
-    none.
+
+    Recordings to fit tell in `carried` what the links ask of the actuators.
     """
     candidates, terms = _candidates(actuation, samples, kinds, base.count)
     if not candidates:
         return actuation, ()
-    products = _products(base, gravity, samples, terms, weights, actuation.coulomb_velocity)
+    products = _products(base, samples, terms, weights, actuation.coulomb_velocity)
     fixed = list(range(base.count))
     moves = [*_together(candidates, terms), *((candidate,) for candidate in candidates)]
     chosen: dict[Extra, _Candidate] = {}
@@ -120,7 +115,6 @@ def choose_friction(
 
 def terms_show(
     base: BaseParameters,
-    gravity: Floats,
     samples: Sequence[Samples],
     weights: Floats,
     terms: Sequence[ActuationTerm],
@@ -130,7 +124,7 @@ def terms_show(
 
     Those that the base parameters give, as a rotor that moves like an upright first link, do not count.
     """
-    products = _products(base, gravity, samples, terms, weights, coulomb_velocity)
+    products = _products(base, samples, terms, weights, coulomb_velocity)
     columns = list(range(base.count))
     before = _held_out(products, columns, added=1)
     for k in range(len(terms)):
@@ -202,7 +196,6 @@ def _candidates(
 
 def _products(
     base: BaseParameters,
-    gravity: Floats,
     samples: Sequence[Samples],
     terms: Sequence[ActuationTerm],
     weights: Floats,
@@ -216,7 +209,7 @@ def _products(
     for part in samples:
         fold = fold_of_rows(part)
         loads = np.column_stack([recorded_load(term, part, coulomb_velocity) for term in terms])
-        for rows, Y in base.chunks(part, gravity):
+        for rows, Y in base.chunks(part):
             for f in range(FOLDS):
                 here: NDArray[np.int64] = np.flatnonzero(fold[rows] == f)[::every]
                 for i in range(n):

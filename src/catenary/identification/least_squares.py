@@ -32,12 +32,12 @@ class Triangles:
         return np.linalg.norm(self.R @ np.append(-beta, 1.0), axis=1) / np.sqrt(self.rows)
 
 
-def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples]) -> Triangles:
+def triangles(base: BaseParameters, samples: Sequence[Samples]) -> Triangles:
     """Reduce recordings to their triangles, a chunk at a time."""
     n, b = samples[0].q.shape[1], base.count
     R = np.zeros((n, 0, b + 1))
     for part in samples:
-        for chunk, Y in base.chunks(part, gravity):
+        for chunk, Y in base.chunks(part):
             rows = np.concatenate([Y, part.tau[chunk, :, None]], axis=2).transpose(1, 0, 2)
             stacked = np.concatenate([R, rows], axis=1)
             if stacked.shape[1] < b + 1:  # fewer rows than columns: QR would give a trapezium

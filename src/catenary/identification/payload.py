@@ -344,7 +344,7 @@ def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Equ
     weights, rate = one_over(result.usual), _rate(result, samples)
     parts, rows = [], 0
     for part in samples:
-        whole = part.body_torques(result.model, result.gravity, link) * weights[:, None]
+        whole = part.body_torques(result.model, link) * weights[:, None]
         left = (part.tau - result.predict_samples(part)) * weights
         count = len(part) / _lags(result, len(part), rate) / _repeats(result, len(part))
         size = rms(part.tau + part.known) * weights

@@ -219,7 +219,7 @@ def _observed(result: Identification, pushed: Samples) -> tuple[Floats | None, s
     observer = MomentumObserver(robot, cutoff_hz=filter_of(robot, result.options).cutoff_hz, loads=loads)
     steps = np.diff(pushed.time, prepend=pushed.time[0])
     usual = float(np.median(steps[1:]))
-    down = np.broadcast_to(pushed.motion(result.gravity)[3], (len(pushed), 3))
+    down = np.broadcast_to(pushed.motion()[3], (len(pushed), 3))
     measured, shown = pushed.tau + pushed.known, np.empty_like(pushed.q)
     for k, step in enumerate(steps):
         if not 0.0 < step <= PAUSE * usual:
