@@ -80,11 +80,9 @@ class Evaluation:
 
 
 def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | None = None) -> Evaluation:
-    """Evaluate a model on rows of data.
+    """Evaluate a model on rows of data: the same ones count for the raw, the offset's and the model's error.
 
-    The same rows count for the raw, the offset and the model's error: those with a measurement and with the
-    predecessors that the model needs. A time window is `window` s (rows, where there is no time) long; a tenth of the
-    data when None.
+    A time window is `window` s (rows, where there is no time) long; a tenth of the data when None.
     """
     data.require(model, model.features)
     if len(data) == 0:

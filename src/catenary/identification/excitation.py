@@ -61,8 +61,7 @@ class FourierSeries:
     def extremes(self) -> tuple[Floats, Floats, Floats]:
         """Return what positions and speeds do not exceed at any instant: lowest, highest, fastest, (n,) each.
 
-        Between two instants h apart an extreme exceeds the nearer one's by at most h^2 / 8 of the bound of the second
-        derivative.
+        Between instants h apart an extreme exceeds the nearer one by at most h^2 / 8 of the second derivative's bound.
         """
         times = self.grid()
         h = times[1]
@@ -354,11 +353,10 @@ def fourier_motion(
 ) -> Excitation:
     """Design one period [s] of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
 
-    Coefficients by random search from the best of `trials`, a third of them anywhere, the others around the best so
-    far. Each joint is scaled to the larger part of its range that its velocity limit allows; the share of it, and the
-    place of its centre, are part of the search. Motions drawn anywhere are shrunk until they keep torques,
-    accelerations and distances; around the best, what shows more is taken if it keeps them. At last the best is checked
-    at every instant; where it fails, the best before it is. `rate` is rows per second.
+    The best of `trials` at random: coefficients, the share of each joint's range that its velocity limit allows, the
+    place of its centre; a third of them anywhere, shrunk until they keep torques, accelerations and distances, the
+    others around the best so far. The best is checked at every instant; where it fails, the one before it is. `rate` is
+    rows per second.
     """
     if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * ROWS):
         raise InputError(

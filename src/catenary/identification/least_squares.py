@@ -55,10 +55,9 @@ def joined(parts: Sequence[Triangles]) -> Triangles:
 
 
 def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:
-    """Return the weight of each axis (n,) [1/Nm or 1/N]; an axis without any torque weighs as the weakest other.
+    """Return the weight of each axis (n,) [1/Nm or 1/N]: one over the range of its torque, its spread, or its residual.
 
-    range: one over the range of its torque; spread: over its standard deviation; residual: over the RMS of its
-    residual, found by fitting twice more.
+    The residual's RMS is found by fitting twice more. An axis without any torque weighs as the weakest other.
     """
     tau = np.concatenate([part.tau for part in samples])
     n = tau.shape[1]

@@ -298,10 +298,9 @@ def _fit(
 
 
 def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]:
-    """Point mass [kg] and mass times place (3,) [kg m] whose torques Y phi are nearest to y, within reach.
+    """Return point mass [kg] and mass times place (3,) [kg m] whose torques Y phi are nearest to y, within reach.
 
-    A place shows by first moments, a mass far from every axis by its inertia too; so the equation is quadratic, and
-    is solved from several masses.
+    A mass far from every axis shows by its inertia too: the equation is quadratic, and solved from several masses.
     """
     R = np.asarray(np.linalg.qr(np.hstack([_flat(Y), y.reshape(-1, 1)]), mode="r"))
     small = PREFER_SMALL * float(np.linalg.norm(R[:, PER_LINK]))

@@ -58,9 +58,8 @@ class FrictionHistory:
 
 
 def presliding(s: Floats, distance: float) -> Floats:
-    """Return Dahl's friction z (N,) along a path s, between -1 and 1: dz = ds - |ds| z / distance, in its units.
-
-    It depends on the path alone, not on time. It begins at zero, as after a rest.
+    """Return Dahl's friction z (N,) along a path s, from rest, between -1 and 1: dz = ds - |ds| z / distance, in its
+    units.
     """
     out = np.empty(len(s))
     _presliding_rows(np.ascontiguousarray(s), distance, out)
@@ -227,10 +226,9 @@ class Samples:
 def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samples:
     """Filter a recording, derive accelerations, cut both ends, and subtract known torques.
 
-    Zero-phase Butterworth on positions, velocities and torques; accelerations are central differences of the
-    filtered velocity, and so are velocities of the position where none were recorded. A recording in which time goes
-    back, or that has gaps, is several, each filtered and cut by itself; those shorter than the filter
-    needs are left out. At rest nothing is filtered.
+    Zero-phase Butterworth; accelerations are central differences of the filtered velocity, and so are velocities that
+    were not recorded. Where time goes back, or has gaps, each part is filtered and cut by itself; those shorter than
+    the filter needs are left out. At rest nothing is filtered.
     """
     log = checked_log(log, model)
     assert log.tau is not None  # for the type checker; checked_log refused

@@ -71,12 +71,10 @@ class Delay:
 
 
 def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, about: float = 0.0) -> Delay:
-    """Estimate a recording's delay, or return the one found of the same numbers before.
+    """Estimate a recording's delay near `about` [s, or rows without stamps], or return the one found of the same
+    numbers.
 
-    Args:
-        log: With measured positions.
-        place: (n,) which command each measurement follows; its own when None.
-        about: Where to look [s], or in rows without stamps.
+    `place` (n,) says which command each measurement follows; its own when None.
     """
     given = (log.q_nominal, log.q_encoder, log.ok, log.time, place)
     arrays = [np.zeros(0) if each is None else np.asarray(each) for each in given]
