@@ -1,4 +1,4 @@
-"""The zero of each recording: a shift of its errors that features do not explain, and no model is to learn.
+"""The zero of each recording, which no feature explains and no model is to learn.
 
 Zeros are drawn to nothing, by as much as recordings that are left out in turn are then predicted best.
 """

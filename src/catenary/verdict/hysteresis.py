@@ -1,4 +1,4 @@
-"""The slack and hysteresis that a joint's measurements show, and the columns that explain them at any speed.
+"""Slack and hysteresis of joints, and the columns that explain them at any speed.
 
 A smooth function of all commands and play states of the joint's own explain a measurement [Prandtl-Ishlinskii]: one of
 radius r and weight w makes a loop 2 r w wide, and lets the joint follow from 2 r behind a reversal.
