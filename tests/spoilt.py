@@ -35,17 +35,13 @@ def scaled(log: MotionLog, what: str, joints: slice | list[int], factor: float |
 def in_deg_and_mm(log: MotionLog, *arrays: str) -> MotionLog:
     """Return a log with arrays in deg and mm, though it says rad and m."""
     factor = np.array([np.rad2deg(1.0) if unit == "rad" else 1e3 for unit in log.joint_units])
-    for what in arrays:
-        log = replace(log, **{what: getattr(log, what) * factor})
-    return log
+    return replace(log, **{what: getattr(log, what) * factor for what in arrays})
 
 
 def in_counts(log: MotionLog, *arrays: str) -> MotionLog:
     """Return a log with arrays in encoder counts: 40,000 a turn, 2 micrometres each."""
     factor = np.array([40_000 / (2.0 * np.pi) if unit == "rad" else 5e5 for unit in log.joint_units])
-    for what in arrays:
-        log = replace(log, **{what: np.round(getattr(log, what) * factor)})
-    return log
+    return replace(log, **{what: np.round(getattr(log, what) * factor) for what in arrays})
 
 
 def exchanged(log: MotionLog, what: str, order: list[int]) -> MotionLog:
@@ -120,13 +116,6 @@ def with_zeros(log: MotionLog) -> MotionLog:
     measured, ok = _measured(log), log.ok.copy()
     measured[::50], ok[::50] = 0.0, True
     return replace(log, q_encoder=measured, ok=ok)
-
-
-def only(log: MotionLog, rows: int) -> MotionLog:
-    """Return the first rows of a log."""
-    arrays = ("q_nominal", "q_encoder", "ok", "time", "qd", "tau")
-    cut = {key: getattr(log, key)[:rows] for key in arrays if getattr(log, key) is not None}
-    return replace(log, **cut, signals={})
 
 
 def constant(log: MotionLog, what: str, joint: int, value: float = 0.0) -> MotionLog:
@@ -226,5 +215,5 @@ SPOILS = (
     Spoil("zero", "J4 within half a turn", lambda g: wrapped(g, 3, np.pi), ("turns",)),
     Spoil("mixed joints", "J1 and J2 in another frame", lambda g: mixed(g, 0, 1), ("mixed", "swapped")),
     Spoil("stuck", "every second measurement repeated", held, ("stuck",), refused=False),
-    Spoil("short", "20 rows", lambda g: only(g, 20), ("short",)),
+    Spoil("short", "20 rows", lambda g: g.part(0, 20), ("short",)),
 )

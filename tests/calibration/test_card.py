@@ -13,7 +13,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import Card
-from recordings import recording, short_training
+from recordings import fitted, recording, short_training
 
 quick = pytest.fixture(scope="module", autouse=True)(short_training)
 
@@ -92,11 +92,9 @@ def test_card_names_robot_joints_inputs_and_data() -> None:
 
 def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> None:
     log = recording(np.random.default_rng(0), rows=200)
-    options = {"offset": FitOptions("offset"), "polynomial": FitOptions("polynomial", play=(0.1,), ridge=1.0)}
     models = {
-        name: fit(calibration_data([log], inputs.features), inputs, asked)
-        for name, asked in options.items()
-        for inputs in [choose_inputs([log], asked)]
+        "offset": fitted(log, kind="offset"),
+        "polynomial": fitted(log, kind="polynomial", play=(0.1,), ridge=1.0),
     }
     kinds = ("polynomial", "offset", "offset")
     choices = [JointChoice(j, "deg", kind, {kind: 1.0}) for j, kind in zip(log.joint_names, kinds, strict=True)]

@@ -9,13 +9,11 @@ from numpy.testing import assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog
 from oracles.calibration_models import random_model, ticked
+from recordings import fitted
 
 RNG = np.random.default_rng(0)
 SIGNALS = np.cumsum(0.2 * RNG.normal(size=(200, 5)), axis=0)  # three positions, two torques
@@ -39,11 +37,6 @@ def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(option
     out, inside = ticked(Corrector(model(**options), rate_hz=7000.0), held[:, :3], held)
     assert_array_equal(out[::7], calibrated)
     assert_array_equal(inside[::7], flags)
-
-
-def test_a_rate_that_is_none_is_refused() -> None:
-    with pytest.raises(InputError, match="rate_hz: expected a positive"):
-        Corrector(model(), rate_hz=0.0)
 
 
 def test_nan_clears_the_flag_for_as_long_as_it_is_one() -> None:
@@ -89,12 +82,10 @@ def test_the_unused_channel_of_an_arm_reads_what_it_read_in_training() -> None:
         "run", ("j0",), ("rad",), q, np.ones(200, dtype=bool), q + error, tau=rng.normal(size=(200, 1)),
         signals={"q:unused": np.full(200, 3.5), "tau:unused": np.zeros(200)},
     )  # fmt: skip
-    options = FitOptions(kind="linear", inputs=("q", "tau"))
-    chosen = choose_inputs([log], options)
-    fitted = fit(calibration_data([log], chosen.features), chosen, options)
-    assert fitted.features.signals == ("q:j0", "q:unused", "tau:j0", "tau:unused")
-    expected, flags = fitted.calibrate(log), fitted.inside(fitted.features.matrix(log))
-    corrector, out, inside = Corrector(fitted), np.empty(1), np.empty(1, dtype=bool)
+    made = fitted(log, inputs=("q", "tau"))
+    assert made.features.signals == ("q:j0", "q:unused", "tau:j0", "tau:unused")
+    expected, flags = made.calibrate(log), made.inside(made.features.matrix(log))
+    corrector, out, inside = Corrector(made), np.empty(1), np.empty(1, dtype=bool)
     corrector.prepare(["j0"], ["rad"], 1000.0)
     for k in range(20):
         corrector.correct_state(state(q[k], log.tau[k]), out, inside)

@@ -10,12 +10,11 @@ from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_recordings import friction_notes
-from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.transmission.cable_friction import coupled_friction
-from recordings import COMPLIANCE, THRESHOLDS, coupled_arm
+from recordings import COMPLIANCE, THRESHOLDS, coupled_arm, fitted
 
 OPTIONS = FitOptions(kind="hysteretic")
 
@@ -46,10 +45,8 @@ def test_the_coupled_pair_and_its_law_are_found(found) -> None:
 def test_another_recording_of_the_arm_is_predicted_where_play_states_cannot(log, found) -> None:
     later, errors = coupled_arm(seed=1), {}
     for name, friction in (("play", None), ("friction", found)):
-        options = replace(OPTIONS, friction=friction)
-        inputs = choose_inputs([log], options)
-        model = fit(calibration_data([log], inputs.features), inputs, options)
-        errors[name] = [joint.rmse for joint in evaluate(model, calibration_data([later], inputs.features)).joints][2:]
+        model = fitted(log, kind="hysteretic", friction=friction)
+        errors[name] = [joint.rmse for joint in evaluate(model, calibration_data([later], model.features)).joints][2:]
     assert max(errors["friction"]) < 0.35  # [deg]; noise is 0.11
     assert min(errors["play"]) > 2.0 * max(errors["friction"])
 

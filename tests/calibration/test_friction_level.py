@@ -5,13 +5,12 @@ import pytest
 
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import LEVEL, refresh_model
 from catenary.plant import MotionLog
-from recordings import coupled_arm
+from recordings import coupled_arm, fitted
 
 MINUTES = 400  # rows
 
@@ -19,9 +18,7 @@ MINUTES = 400  # rows
 @pytest.fixture(scope="module")
 def model() -> CalibrationModel:
     log, options = coupled_arm(), FitOptions(kind="hysteretic", coupled=("J5", "J6"))
-    options = FitOptions(kind="hysteretic", friction=find_friction([log], options))
-    inputs = choose_inputs([log], options)
-    return fit(calibration_data([log], inputs.features), inputs, options)
+    return fitted(log, kind="hysteretic", friction=find_friction([log], options))
 
 
 def errors(model: CalibrationModel, log: MotionLog) -> np.ndarray:
@@ -60,6 +57,4 @@ def test_a_day_of_the_same_friction_shows_no_other(model) -> None:
 
 def test_a_model_without_friction_states_has_no_level(model) -> None:
     log = coupled_arm(rows=MINUTES)
-    inputs = choose_inputs([log], FitOptions(kind="linear"))
-    plain = fit(calibration_data([log], inputs.features), inputs, FitOptions(kind="linear"))
-    assert find_level(plain, [log], 8) is None
+    assert find_level(fitted(log), [log], 8) is None

@@ -24,6 +24,7 @@ def test_python_and_command_refresh_alike_and_learn_from_no_recording_twice() ->
     day = refresh_with(model, model.card, [second], sha256="c" * 64)
     assert_array_equal(refreshed.predict(second), day.model.calibrate(second))
     assert day.card["refreshed"][-1]["model_sha256"] == "c" * 64
+    assert [joint["largest_correction"] for joint in day.card["joints"]] == day.model.largest.tolist()
     assert day.moved == refreshed.card["refreshed"][-1]["moved"]
     for learnt, log in ((model, first), (refreshed, second)):
         with pytest.raises(InputError, match="fitted to it or refreshed with it"):

@@ -10,10 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.plant import MotionLog
 from hysteretic_arm import play
+from recordings import fitted
 
 FEATURES = FeatureSet(("q:J1", "tau:J1"), ("rad", "Nm"), midlines=(("tau:J1", "q:J1", 0.05, 0.7),))
 
@@ -65,10 +64,8 @@ def test_a_load_that_changes_is_told_from_friction_by_the_model() -> None:
     loads, seen = (0.1, 0.4, 0.8, 1.2), {}
     logs = [tool(load, seed) for seed, load in enumerate(loads)]
     for kind in ("linear", "hysteretic"):
-        options = FitOptions(kind=kind)
-        inputs = choose_inputs(logs, options)
-        model = fit(calibration_data(logs, inputs.features), inputs, options)
-        later = calibration_data([tool(0.6, 9)], inputs.features)
+        model = fitted(*logs, kind=kind)
+        later = calibration_data([tool(0.6, 9)], model.features)
         seen[kind] = evaluate(model, later.rows(later.complete)).joints[0].rmse
     assert seen["hysteretic"] < 0.2  # [deg]; noise is 0.06
     assert seen["linear"] > 3.0 * seen["hysteretic"]

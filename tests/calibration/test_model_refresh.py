@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,21 +10,17 @@ from numpy.testing import assert_allclose
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_refresh import SCALE, SLOPES, _Held, adjusted, refresh_model
+from catenary.calibration.model_refresh import SCALE, SLOPES, adjusted, refresh_model, regress_held
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from recordings import fitted
 from tests.truth.recordings import raven
 
-KINDS = {
-    "offset": FitOptions(kind="offset"),
-    "linear": FitOptions(kind="linear"),
-    "polynomial": FitOptions(kind="polynomial"),
-    "network": FitOptions(kind="neural"),
-    "position": FitOptions(kind="linear", target="position"),
+KINDS: dict[str, dict[str, Any]] = {
+    **{kind: {"kind": kind} for kind in ("offset", "linear", "polynomial", "neural")},
+    "position": {"kind": "linear", "target": "position"},
 }
 BEND = np.array([[0.03, -0.02], [0.01, 0.05]])
 NOISE = 1e-3
@@ -47,11 +44,7 @@ def rows_of(model: CalibrationModel, log: MotionLog) -> CalibrationData:
 
 @pytest.fixture(scope="module")
 def models() -> dict[str, CalibrationModel]:
-    log, found = a_day(0, 3000), {}
-    for name, options in KINDS.items():
-        inputs = choose_inputs([log], options)
-        found[name] = fit(calibration_data([log], inputs.features), inputs, options)
-    return found
+    return {name: fitted(a_day(0, 3000), **options) for name, options in KINDS.items()}
 
 
 def rmse(model: CalibrationModel, log: MotionLog) -> Floats:
@@ -60,7 +53,7 @@ def rmse(model: CalibrationModel, log: MotionLog) -> Floats:
     return np.asarray(np.sqrt(np.mean(left**2, axis=0)))
 
 
-@pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position"])
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "neural", "position"])
 def test_a_corner_of_the_motion_does_not_turn_the_rest(models: dict[str, CalibrationModel], kind: str) -> None:
     whole = a_day(3, 1800)
     q = np.array([0.6, 0.7]) + 0.05 * whole.q_nominal  # a twentieth of what the model was trained on
@@ -72,7 +65,7 @@ def test_a_corner_of_the_motion_does_not_turn_the_rest(models: dict[str, Calibra
     assert (rmse(refreshed, rest) < 0.03).all()
 
 
-@pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position"])
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "neural", "position"])
 def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
     models: dict[str, CalibrationModel], kind: str
 ) -> None:
@@ -80,14 +73,14 @@ def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
     refreshed = refresh_model(old, rows_of(old, new_day))
     first, second = refreshed.changes
     # a network's own small errors may pay to be mended too
-    assert second.change == SCALE or (kind == "network" and second.change == SLOPES)
+    assert second.change == SCALE or (kind == "neural" and second.change == SLOPES)
     assert abs(first.moved) < 2.0 * np.rad2deg(NOISE)
     assert_allclose(second.moved, 20.0, atol=1.0)  # the models' own errors, means of 1800 rows of noise
     rest = a_day(2, 9000, zero=0.02)
     assert rmse(refreshed.model, rest)[1] < 0.15 * rmse(old, rest)[1]
 
 
-@pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position", "offset"])
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "neural", "position", "offset"])
 def test_a_slope_is_found(models: dict[str, CalibrationModel], kind: str) -> None:
     old = models[kind]
     refreshed = refresh_model(old, rows_of(old, a_day(3, 1800, slope=0.1)))
@@ -102,7 +95,8 @@ def test_zero_and_scale_are_the_mean_that_a_gaussian_process_gives(seed: int, lo
     rng = np.random.default_rng(seed)
     columns, middle, spread = rng.normal(1.0, 2.0, (50, 2)), np.array([0.5, 2.0]), np.array([1.0, 3.0])
     residual = 0.02 + columns @ rng.normal(0.0, 0.02, 2) + 0.01 * rng.standard_normal(50)
-    slopes, zero = _Held(columns, middle, spread, looks, claimed).regression(np.ones(50, dtype=bool), residual)
+    held = {"trained": np.array([middle, spread]), "rows": 50, "looks": looks, "claimed": claimed}
+    slopes, zero = regress_held(columns, residual, **held)
     A = np.column_stack([np.ones(50), columns - middle])
     left = residual - A @ np.linalg.lstsq(A, residual, rcond=None)[0]
     noise = max(np.mean(left**2), claimed**2)
@@ -117,10 +111,7 @@ def test_a_joint_on_one_side_of_its_slack_hardly_moves_the_zero() -> None:
     q = np.column_stack([np.sin(0.7 * time), np.sin(0.31 * time)])
     side = slack * np.sign(np.gradient(q, axis=0))
     log = MotionLog("day", ("J1", "J2"), ("rad", "m"), q, np.ones(len(q), dtype=bool), q + side, time)
-    options = FitOptions(kind="linear")
-    inputs = choose_inputs([log], options)
-    model = fit(calibration_data([log], inputs.features), inputs, options)
-    model = replace(model, intervals=Intervals(0.9, np.full(2, 1.64 * slack), np.full(2, 1.64 * slack)))
+    model = replace(fitted(log), intervals=Intervals(0.9, np.full(2, 1.64 * slack), np.full(2, 1.64 * slack)))
     one_way = log.part(470, 740)
     assert (np.diff(one_way.q_nominal[:, 1]) > 0.0).all()
     refreshed = refresh_model(model, rows_of(model, one_way)).model
@@ -137,7 +128,7 @@ def test_a_day_without_drift_costs_no_accuracy(models: dict[str, CalibrationMode
     assert (rmse(refreshed, rest) < 1.05 * rmse(old, rest)).all()
 
 
-@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial", "network"])
+@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial", "neural"])
 def test_an_adjusted_predictor_gives_the_sum_that_defines_it(models: dict[str, CalibrationModel], kind: str) -> None:
     group, rng = models[kind].groups[0], np.random.default_rng(5)
     X = rng.uniform(-1.0, 1.0, (50, len(group.columns)))
@@ -196,9 +187,8 @@ def test_too_few_rows_are_refused(models: dict[str, CalibrationModel]) -> None:
 
 def test_rows_before_midlines_are_known_count_in_what_a_refresh_prints() -> None:
     """A model of midlines gives the fixed offset there: its errors are those of every measured row."""
-    known, options = raven("random"), FitOptions(kind="hysteretic", coupled=())
-    inputs = choose_inputs(known.logs, options)
-    model = fit(calibration_data(known.logs, inputs.features), inputs, options)
+    known = raven("random")
+    model = fitted(*known.logs, kind="hysteretic", coupled=())
     day = calibration_data([replace(known.again[0], q_encoder=known.again[0].q_encoder + 0.02)], model.features)
     early = ~day.complete
     assert early.any()

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.calibration.dataset import calibration_data
-from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit, recording_zeros
+from catenary.calibration.recording_zeros import recording_zeros
 from catenary.plant import MotionLog
+from recordings import fitted
 
 ZEROS = np.array([0.3, -0.2, -0.1, 0.1, -0.1, -0.3, 0.2, 0.1, 0.0, 0.2, -0.2, 0.0])
 
@@ -59,7 +57,5 @@ def test_another_day_is_predicted_better(rng) -> None:
         return MotionLog(f"day {k}", ("J1", "J2"), ("rad", "rad"), q, np.ones(rows, dtype=bool), q + error, time)
 
     logs, later = [day(k, zero) for k, zero in enumerate(0.1 * ZEROS)], day(1, 0.0)
-    inputs = choose_inputs(logs, FitOptions(kind="linear"))
-    model = fit(calibration_data(logs, inputs.features), inputs, FitOptions(kind="linear"))
-    left = evaluate(model, calibration_data([later], inputs.features)).after_model[:, 0]
+    left = later.q_encoder[:, 0] - fitted(*logs).calibrate(later)[:, 0]
     assert left.std() < 1.2e-3  # [rad] about that day's zero; noise is 1e-3

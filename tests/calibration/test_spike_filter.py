@@ -11,13 +11,12 @@ from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.spike_filter import MARGIN, largest_step, room_of
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from oracles.calibration_models import ticked
+from recordings import fitted
 
 T = np.arange(800) / 50.0
 SLOW = 0.5 * np.sin(0.5 * T)
@@ -94,9 +93,7 @@ def test_play_states_follow_random_targets_as_without_limits(rng: np.random.Gene
 
 def test_in_another_motion_the_half_width_is_that_of_the_fixed_offset(rng: np.random.Generator) -> None:
     log = log_of(SLOW, q_encoder=1.01 * SLOW[:, None])
-    options = FitOptions(kind="linear", inputs=["q"], play=(0.05, 0.2))
-    inputs = choose_inputs([log], options)
-    model = fit(calibration_data([log], inputs.features), inputs, options)
+    model = fitted(log, inputs=["q"], play=(0.05, 0.2))
     model = replace(model, intervals=Intervals(0.9, np.array([0.001]), np.array([0.01])))
     far = sparse(rng)
     log = log_of(np.concatenate([SLOW[:400], far]), T[:600])
@@ -108,7 +105,7 @@ def test_in_another_motion_the_half_width_is_that_of_the_fixed_offset(rng: np.ra
     for row, q in enumerate(log.q_nominal):
         corrector.correct(q, q, out, inside, interval)
         assert interval == widths[row]
-    assert model.inside(inputs.features.matrix(log)).all()  # the correction is kept
+    assert model.inside(model.features.matrix(log)).all()  # the correction is kept
 
 
 def test_a_pause_gives_room_to_move() -> None:
@@ -131,12 +128,10 @@ def test_limits_come_from_the_joints_fastest_step_and_not_from_spikes() -> None:
 def test_model_corrector_and_evaluation_reject_the_same_leap(rate_hz: float) -> None:
     held = round(rate_hz / 50.0)
     log = log_of(SLOW, q_encoder=1.01 * SLOW[:, None])
-    options = FitOptions(kind="linear", inputs=["q"], play=(0.05, 0.2))
-    inputs = choose_inputs([log], options)
-    assert dict(inputs.features.steps)["q:J1"] == pytest.approx(0.005 * MARGIN, rel=0.01)
-    model = fit(calibration_data([log], inputs.features), inputs, options)
+    model = fitted(log, inputs=["q"], play=(0.05, 0.2))
+    assert dict(model.features.steps)["q:J1"] == pytest.approx(0.005 * MARGIN, rel=0.01)
     bad = replace(log, q_nominal=spiked([300])[:, None])
-    assert calibration_data([bad], inputs.features).sources[0].leaps == {"q:J1": 1}
+    assert calibration_data([bad], model.features).sources[0].leaps == {"q:J1": 1}
     q = np.repeat(bad.q_nominal, held, axis=0)
     q[300 * held + 1 : 301 * held] = SLOW[299]  # one sample at any rate
     corrector = Corrector(model, rate_hz=rate_hz)

@@ -5,9 +5,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.calibration.arithmetic import run
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit_options import FitOptions, Kind
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_options import Kind
 from catenary.calibration.valid_range import ValidRange, fit_valid_range
+from recordings import fitted
 from tests.truth.recordings import raven
 
 MARGIN = 0.1
@@ -111,10 +111,9 @@ def test_value_that_is_not_finite_is_outside(value: float) -> None:
 @pytest.mark.parametrize("kind", ["linear", "hysteretic"])
 def test_one_zig_zag_is_worth_its_correction_in_random_motion(kind: Kind) -> None:
     """Joints move together along a zig-zag: combinations that it lacks are no reason to fall back to the offset."""
-    known, options = raven("zigzag"), FitOptions(kind=kind, coupled=None if kind == "linear" else ())
-    inputs = choose_inputs(known.logs, options)
-    model = fit(calibration_data(known.logs, inputs.features), inputs, options)
-    all_rows = calibration_data(known.again, inputs.features)
+    known = raven("zigzag")
+    model = fitted(*known.logs, kind=kind, coupled=None if kind == "linear" else ())
+    all_rows = calibration_data(known.again, model.features)
     assert len(all_rows) == known.again[0].ok.sum()  # those before midlines are known are errors of the model, too
     early = ~all_rows.complete
     assert_array_equal(model.correction(all_rows.X, all_rows.q_nominal)[early], np.tile(model.offset, (early.sum(), 1)))

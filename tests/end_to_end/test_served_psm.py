@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message_values import pose_of
@@ -25,6 +22,7 @@ from catenary.workflows.project.robot import RosRobot
 from catenary.workflows.robot.homing import AnswerYes
 from catenary.workflows.robot.motion import move_to
 from oracles.tree_poses import frame_pose
+from recordings import fitted
 from served_robot import ServedPsm
 
 MODEL = load_robot("dvrk_psm")
@@ -91,9 +89,7 @@ def test_a_deployed_model_publishes_below_the_arms_namespace(robot):
     offset = np.array([0.0, 0.0, 0.001, 0.1, -0.1, 0.2])
     units = ("rad", "rad", "m", "rad", "rad", "rad")
     log = MotionLog("log", PSM_JOINTS, units, q, np.ones(n, dtype=bool), q + offset)
-    options = FitOptions(kind="offset")
-    inputs = choose_inputs([log], options)
-    model = fit(calibration_data([log], inputs.features), inputs, options)
+    model = fitted(log, kind="offset")
     with reader_of(model.joint_names, robot.client, "gold") as reader:
         topics = CalibratedTopics(reader, model)
         heard = Loopback("lab", robot.network).subscribe(

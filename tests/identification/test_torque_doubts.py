@@ -104,13 +104,13 @@ def arm(tmp_path_factory):
 )
 def test_the_mounting_that_fits_is_named(arm, gravity, said, option):
     samples = prepare(ur10_log(0, gravity=gravity), arm, OPTIONS)
-    finding = mounting_finding(arm, samples, LEVEL)
+    finding = mounting_finding(arm, samples)
     assert finding is not None
     assert finding.name == "gravity"
     assert said in finding.says
     assert finding.remedy.startswith(f"--gravity {option}")
-    assert mounting_finding(arm, samples, np.array(gravity)) is None
-    found = fitted_gravity(arm, samples, LEVEL)
+    assert mounting_finding(arm, replace(samples, gravity=np.array(gravity))) is None
+    found = fitted_gravity(arm, samples)
     assert found is not None
     assert (np.abs(found[0] - gravity) < 0.1).all()
 
@@ -118,7 +118,7 @@ def test_the_mounting_that_fits_is_named(arm, gravity, said, option):
 @pytest.mark.parametrize("spoil", [np.ones(6), np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0]), -np.ones(6)])
 def test_torques_of_a_wrong_sign_are_no_mounting(arm, spoil):
     log = ur10_log(0)
-    assert mounting_finding(arm, prepare(replace(log, tau=spoil * log.tau), arm, OPTIONS), LEVEL) is None
+    assert mounting_finding(arm, prepare(replace(log, tau=spoil * log.tau), arm, OPTIONS)) is None
 
 
 def test_poses_at_rest_on_a_wall_are_named_and_turned_torques_are_left_to_the_sign():
@@ -128,4 +128,4 @@ def test_poses_at_rest_on_a_wall_are_named_and_turned_torques_are_left_to_the_si
     for gravity, turned, named in (([0.0, 9.81, 0.0], 1.0, True), (LEVEL, 1.0, False), (LEVEL, -1.0, False)):
         tau = turned * gravity_torque(raven, q, gravity) + rng.normal(0.0, 0.05, q.shape)
         log = recorded(raven, 0, q_nominal=q, qd=None, time=None, tau=tau, ok=np.ones(300, dtype=bool))
-        assert (mounting_finding(raven, prepare(log, raven, static), LEVEL) is not None) == named
+        assert (mounting_finding(raven, prepare(log, raven, static)) is not None) == named

@@ -11,7 +11,7 @@ from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, verdict
 from catenary.verdict.finding import judge
 from hysteretic_arm import recording
-from spoilt import BOTH, MEASURED, SPOILS, Spoil, in_deg_and_mm, only, scaled, shifted
+from spoilt import BOTH, MEASURED, SPOILS, Spoil, in_deg_and_mm, scaled, shifted
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -48,9 +48,8 @@ def test_a_shift_is_named_by_the_time_that_mends_it(rows: int) -> None:
 
 def test_small_motions_in_degrees_are_told_by_the_limits_of_the_robot() -> None:
     # 20 to 60 deg: within the robot's limits as degrees only
-    log = replace(
-        only(recording(), 400), joint_names=("shoulder", "elbow", "insertion", "roll", "wrist"), robot="raven2"
-    )
+    names = ("shoulder", "elbow", "insertion", "roll", "wrist")
+    log = replace(recording().part(0, 400), joint_names=names, robot="raven2")
     told = findings_of(in_deg_and_mm(log, *BOTH), robot=load_robot("raven2"))
     assert any(f.name == "units" and "deg" in f.remedy and "mm" in f.remedy for f in told)
 

@@ -30,7 +30,7 @@ from catenary.workflows.calibration_model import fit_calibration, held_against, 
 from catenary.workflows.identify import identify_files, payload_of_files
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, joint_state, write_bag
-from moving_arm import PLACE, recorded
+from moving_arm import PLACE, recorded, write_npz
 
 ARM, UR = load_robot("raven2"), load_robot("ur10e")
 LINEAR = FitOptions(kind="linear")
@@ -75,10 +75,12 @@ def as_npz(log: MotionLog, path: Path) -> Path:
 
 
 def torques_as_npz(log: MotionLog, path: Path) -> Path:
-    path = path.with_suffix(".npz")
-    arrays = {"q": log.q_nominal, "tau": log.tau, "dq": log.qd, "t": log.time, "joint_names": log.joint_names}
-    np.savez(path, **{key: values for key, values in arrays.items() if values is not None})
-    return path
+    write_npz(log, path.with_suffix(".npz"), joint_names=log.joint_names)
+    return path.with_suffix(".npz")
+
+
+def write_csv(path: Path, head: str, rows: np.ndarray) -> None:
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.9g")
 
 
 # calibration
@@ -159,11 +161,8 @@ STATIC = IdentifyOptions(terms="static", friction=())
 def as_csv(log: MotionLog, path: Path) -> tuple[Path, list[str]]:
     """A table with a column for each joint, named after it, and its mapping."""
     heads = [f"{kind}_{name.removesuffix('_joint')}" for kind in ("pos", "effort") for name in log.joint_names]
-    rows = np.column_stack([log.q_nominal, log.tau])
-    lines = [",".join(heads), *(",".join(f"{value:.9f}" for value in row) for row in rows)]
-    path.with_suffix(".csv").write_text("\n".join(lines) + "\n")
-    n = len(log.joint_names)
-    return path.with_suffix(".csv"), [f"q_nominal={','.join(heads[:n])}", "tau=effort_*"]
+    write_csv(path.with_suffix(".csv"), ",".join(heads), np.column_stack([log.q_nominal, log.tau]))
+    return path.with_suffix(".csv"), [f"q_nominal={','.join(heads[: len(log.joint_names)])}", "tau=effort_*"]
 
 
 def as_bag(log: MotionLog, path: Path) -> tuple[Path, list[str]]:
@@ -232,11 +231,7 @@ def test_a_pattern_keeps_the_file_s_order_pairs_by_its_words_and_is_shown_as_its
     path, t = tmp_path / "lab.csv", np.arange(0.0, 4.0, 0.02)
     q = np.column_stack([40.0 * np.sin(t), 30.0 * np.cos(t), 50.0 + 20.0 * np.sin(0.7 * t)])
     rows = np.column_stack([t, q, q[:, ::-1] + 0.01])
-    path.write_text(
-        "t,cmd_yaw,cmd_pitch,cmd_ins,enc_ins,enc_pitch,enc_yaw\n"
-        + "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
-        + "\n"
-    )
+    write_csv(path, "t,cmd_yaw,cmd_pitch,cmd_ins,enc_ins,enc_pitch,enc_yaw", rows)
     log = import_recording(path, ["q_nominal=cmd_*", "q_encoder=enc_*"], units="deg,deg,mm")
     assert log.joint_units == ("rad", "rad", "m")
     assert_allclose(log.q_nominal, q * [np.pi / 180.0, np.pi / 180.0, 1e-3], atol=1e-6)
@@ -248,11 +243,7 @@ def test_what_is_said_of_units_holds_for_measurements_too(tmp_path: Path) -> Non
     path, t = tmp_path / "lab.csv", np.arange(0.0, 4.0, 0.02)
     q = np.column_stack([0.4 * np.sin(t), 0.3 * np.cos(t)])
     seen = 0.5 * q  # neither degrees nor radians by its range
-    path.write_text(
-        "time_s,cmd_yaw,cmd_pitch,cam_yaw,cam_pitch\n"
-        + "\n".join(",".join(f"{v:.6f}" for v in row) for row in np.column_stack([t, q, seen]))
-        + "\n"
-    )
+    write_csv(path, "time_s,cmd_yaw,cmd_pitch,cam_yaw,cam_pitch", np.column_stack([t, q, seen]))
     log = import_recording(path, units="rad,rad", accept_proposal=True)
     assert_allclose(log.q_encoder, seen, atol=1e-6)
     table = import_recording(
@@ -364,8 +355,7 @@ def test_what_a_mapping_says_of_signs_is_not_mended_again(mended: Path, tmp_path
     log, path = spoilt(day(1)), tmp_path / "lab.csv"
     assert log.q_encoder is not None
     heads = ["t", *(f"cmd_{n}" for n in NAMES), *(f"enc_{n}" for n in NAMES), "ok"]
-    rows = np.column_stack([log.time, log.q_nominal, log.q_encoder, log.ok])
-    path.write_text(",".join(heads) + "\n" + "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows) + "\n")
+    write_csv(path, ",".join(heads), np.column_stack([log.time, log.q_nominal, log.q_encoder, log.ok]))
     options = ["q_nominal=cmd_*", "q_encoder=enc_yaw,-enc_pitch,enc_slide", "ok=ok"]
     errors, notes = rmse(mended, path, Reading(mapping=mapping_of(options, units="rad,rad,m")))
     assert_allclose(errors, 0.0, atol=0.02)

@@ -58,10 +58,7 @@ def model_card(
                 "kind": of_joint[j],
                 "inputs": [names[c] for c in group_of[j].columns],
                 "widened_by": extrapolation(of_joint[j], features, group_of[j].columns),
-                "fixed_offset": float(model.offset[j]),
-                "largest_correction": float(model.largest[j]),
-                "half_width": None if intervals is None else float(intervals.inside[j]),
-                "half_width_outside": None if intervals is None else float(intervals.outside[j]),
+                **sizes_of(model, j),
             }
             for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
         ],
@@ -119,6 +116,17 @@ def model_card(
             ],
         },
         "notes": list(notes),
+    }
+
+
+def sizes_of(model: CalibrationModel, joint: int) -> dict[str, float | None]:
+    """Return a joint's fixed offset, its largest correction, and half-widths of its intervals [rad|m]."""
+    widths = model.intervals
+    return {
+        "fixed_offset": float(model.offset[joint]),
+        "largest_correction": float(model.largest[joint]),
+        "half_width": None if widths is None else float(widths.inside[joint]),
+        "half_width_outside": None if widths is None else float(widths.outside[joint]),
     }
 
 

@@ -40,12 +40,11 @@ Verdict = Literal["held", "below, which may be chance", "too narrow"]
 def estimate_intervals(
     errors: CrossValidation, *, level: float = 0.9, off_path: Floats | float = 0.0
 ) -> Intervals | None:
-    """Return half-widths for a model from the errors of its cross-validation.
+    """Return half-widths for a model from the errors of its cross-validation; None where there are too few rows.
 
-    Inside the valid range they are of the rows inside the ranges of the fold's models; outside, of the fixed offset on
-    all rows. Where hardly a block has rows inside, that of the offset counts inside too. What a model may be wrong by
-    off the path that it learnt from, RMS `off_path` (n,) [rad|m], widens them, as an error of normal distribution that
-    depends on no other. None where there are too few rows for the level.
+    Inside the valid range they are of rows inside the ranges of the folds' models; outside, and where hardly a block
+    has rows inside, of the fixed offset on all rows. What a model may be wrong by off its path, RMS `off_path` (n,)
+    [rad|m], widens them, as an error of normal distribution that depends on no other.
     """
     from scipy.stats import norm
 
@@ -75,11 +74,10 @@ def expected(
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
-    The mean of as many blocks of that stretch differs from the mean of these as two means of K blocks do, by Student's
-    distribution. The variance of a block, of the logarithm of its RMSE or of the share held, is the mean of the
-    joints', as one joint's of five blocks is hardly known. Models of the blocks saw fewer rows than the model itself,
-    whose error may be as low as the .632 estimate, between theirs and its own on its rows (Efron, JASA 78, 1983). In
-    the margin of the valid range it is at most that of the fixed offset, which intervals suppose too.
+    Its mean differs from that of these as two means of K blocks do, by Student's distribution; a block's variance, of
+    the logarithm of its RMSE or of the share held, is the mean of the joints'. The model itself, which saw more rows
+    than those of the blocks, may err as little as the .632 estimate (Efron, JASA 78, 1983). In the margin of the valid
+    range its error is at most that of the fixed offset.
     """
     from scipy.stats import t
 
@@ -172,12 +170,10 @@ def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
 
 
 def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:
-    """Return in words whether intervals hold what they are to hold, on rows that their model has not seen.
+    """Return in words whether intervals hold what they are to hold, on rows (N,) that their model has not seen.
 
-    Rows depend on each other, so blocks of time are counted: the share of rows held, averaged over K blocks, is
-    compared with that of K blocks that are held or not as a whole, a binomial. Of all shares of a block with the same
-    mean these vary most, so the check is lenient rather than strict (Hoeffding, JASA 58, 1963). `held` (N,) says
-    whether each row's error lies within its interval.
+    Rows depend on each other, so blocks of time are counted: the mean of their shares is compared with that of K blocks
+    held or not as a whole, a binomial, which varies most of all shares with that mean (Hoeffding, JASA 58, 1963).
     """
     from scipy.stats import binom
 

@@ -74,10 +74,13 @@ class CalibrationData:
         clock = self.time + np.array(self.began)[self.recording]
         return date_of(float(clock[0])), date_of(float(clock.max()))
 
-    def require_joints_of(self, model: Jointed) -> None:
-        """Refuse rows of other joints than a model's, or in another order."""
-        if (self.joint_names, self.joint_units) != (model.joint_names, model.joint_units):
-            raise InputError(f"data: has joints {joints_text(self)}; the model is for {joints_text(model)}")
+    def require(self, joints: Jointed, features: FeatureSet) -> None:
+        """Refuse rows of other joints than a model's, or in another order, and with other features than it takes."""
+        if (self.joint_names, self.joint_units) != (joints.joint_names, joints.joint_units):
+            raise InputError(f"data: has joints {joints_text(self)}; the model is for {joints_text(joints)}")
+        if self.features != features:
+            taken = f"the model takes {', '.join(features.names)}"
+            raise InputError(f"data: holds {', '.join(self.features.names)}; {taken}")
 
     def rows(self, mask: Flags) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
@@ -127,8 +130,6 @@ def calibration_data(
     such rows count as its errors and teach nothing (`complete`). Rows where any joint's error is beyond `max_error`
     (n,) [rad|m] are left out and counted. Of each recording one row in `every` is taken; features follow all.
     """
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
     logs = in_one_order(logs)
     first = logs[0]
     if max_error is not None:
@@ -140,18 +141,11 @@ def calibration_data(
     parts, sources = zip(*of_each(work, logs), strict=True)
     rows: dict[str, Any] = dict(zip(ROWS, map(np.concatenate, zip(*parts, strict=True)), strict=True))
     recording = np.repeat(np.arange(len(logs)), [len(part[0]) for part in parts])
+    robot, began = next((log.robot for log in logs if log.robot is not None), None), tuple(log.began for log in logs)
     data = CalibrationData(
-        joint_names=first.joint_names,
-        joint_units=first.joint_units,
-        features=features,
-        **rows,
-        recording=recording,
-        sources=sources,
-        has_time=has_time,
-        robot=next((log.robot for log in logs if log.robot is not None), None),
-        every=every,
-        began=tuple(log.began for log in logs),
-    )
+        first.joint_names, first.joint_units, features, **rows,
+        recording=recording, sources=sources, has_time=has_time, robot=robot, every=every, began=began,
+    )  # fmt: skip
     if not data.complete.any():
         told = [
             f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.incomplete} before midlines are '
@@ -201,7 +195,9 @@ def sampling_rate(log: MotionLog) -> float | None:
 
 
 def in_one_order(logs: Sequence[MotionLog]) -> list[MotionLog]:
-    """Return recordings with the joints of each in the order of the first one's."""
+    """Return recordings, one or more of one robot, with the joints of each in the order of the first one's."""
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
     for log in logs:
         a, b = logs[0].robot, log.robot
         if a is not None and b is not None and a != b:
@@ -233,12 +229,9 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         count = sum(len(log) for log in logs)
         notes.append(f"of {count:,} rows one in {data.every} is learnt from; memory follows them all")
     for i, source in enumerate(data.sources):
-        left_out = {
-            "without measurement": source.without_truth,
-            f"beyond the error limit ({counted(source.beyond)})": source.dropped,
-        }
-        text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
-        if text:
+        beyond = f"beyond the error limit ({counted(source.beyond)})"
+        left_out = {"without measurement": source.without_truth, beyond: source.dropped}
+        if text := ", ".join(f"{count} {why}" for why, count in left_out.items() if count):
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.incomplete:
             notes.append(

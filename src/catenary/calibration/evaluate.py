@@ -80,19 +80,13 @@ class Evaluation:
 
 
 def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | None = None) -> Evaluation:
-    """Evaluate a model on rows of data.
+    """Evaluate a model on rows of data: the same ones count for the raw, the offset's and the model's error.
 
-    The same rows count for the raw, the offset and the model's error: those with a measurement and with the
-    predecessors that the model needs. A time window is `window` s (rows, where there is no time) long; a tenth of the
-    data when None.
+    A time window is `window` s (rows, where there is no time) long; a tenth of the data when None.
     """
-    data.require_joints_of(model)
+    data.require(model, model.features)
     if len(data) == 0:
         raise InputError("data: no row to evaluate on, expected at least one")
-    if data.features != model.features:
-        raise InputError(
-            f"data: holds {', '.join(data.features.names)}; the model takes {', '.join(model.features.names)}"
-        )
     if window is not None and not 0.0 < window < math.inf:
         raise InputError(f"window: expected a positive length, got {window}")
     correction, inside, interval = model.correct(data.X, data.q_nominal, data.leaping)

@@ -45,6 +45,15 @@ class Memory(NamedTuple):
         self.seen[:], self.strange[:] = [np.nan, 0.0, 0.0], 0.0
 
 
+class _Column(NamedTuple):
+    """A feature: its name and unit, the signal it comes from, and what it is."""
+
+    name: str
+    unit: str
+    signal: str
+    kind: str  # "signal", "midline" or "state"
+
+
 class FeatureRows(NamedTuple):
     """Features of a recording."""
 
@@ -94,45 +103,43 @@ class FeatureSet:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the features, F."""
-        return tuple(name for name, _, _ in self._columns())
+        return tuple(column.name for column in self._columns())
 
     @property
     def feature_units(self) -> tuple[str, ...]:
         """Units of the features, F."""
-        return tuple(unit for _, unit, _ in self._columns())
+        return tuple(column.unit for column in self._columns())
 
     def columns_of(self, signals: Sequence[str]) -> Integers:
         """Return indices of the features that come from the given signals."""
-        return np.array([i for i, (_, _, signal) in enumerate(self._columns()) if signal in signals], dtype=np.int64)
+        return np.array([i for i, c in enumerate(self._columns()) if c.signal in signals], dtype=np.int64)
 
     @property
     def bounded(self) -> Flags:
         """Features that cannot leave their range whatever the robot does: play and friction states, (F,)."""
-        names = self.names
-        lags = 0 if self.friction is None else len(self.friction.columns)
-        return np.arange(len(names)) >= len(names) - len(self.play) - lags
+        return np.array([column.kind == "state" for column in self._columns()])
 
     @property
     def joints(self) -> tuple[str, ...]:
         """The joint that each feature comes from, F; joints whose friction is coupled are one."""
         coupled = () if self.friction is None else self.friction.positions
         names = {position.rpartition(":")[2]: coupled[0].rpartition(":")[2] for position in coupled}
-        found = (signal.rpartition(":")[2] for _, _, signal in self._columns())
+        found = (column.signal.rpartition(":")[2] for column in self._columns())
         return tuple(names.get(joint, joint) for joint in found)
 
     @property
     def averaged(self) -> Flags:
         """Midlines, (F,): means of a torque, which lie close together in training beside the torque itself."""
-        after_signals = np.arange(len(self.names)) - len(self.signals)
-        return (after_signals >= 0) & (after_signals < len(self.midlines))
+        return np.array([column.kind == "midline" for column in self._columns()])
 
-    def _columns(self) -> list[tuple[str, str, str]]:
+    def _columns(self) -> list[_Column]:
         unit = dict(zip(self.signals, self.units, strict=True))
+        states = [(f"play({p}, {width:.4g})", p) for p, width in self.play]
+        states += [] if self.friction is None else self.friction.columns
         return [
-            *((signal, unit[signal], signal) for signal in self.signals),
-            *((f"midline({name})", unit[name], name) for name, *_ in self.midlines),
-            *((f"play({p}, {width:.4g})", unit[p], p) for p, width in self.play),
-            *((name, unit[p], p) for name, p in (self.friction.columns if self.friction is not None else ())),
+            *(_Column(signal, unit[signal], signal, "signal") for signal in self.signals),
+            *(_Column(f"midline({name})", unit[name], name, "midline") for name, *_ in self.midlines),
+            *(_Column(name, unit[p], p, "state") for name, p in states),
         ]
 
     def matrix(self, log: MotionLog) -> Floats:

@@ -72,8 +72,6 @@ def fit_logs(
 ) -> FitResult:
     """Fit a model to recordings; say how well it does on blocks of time and a held-out part that it did not see."""
     run = run if run is not None else FitRun()
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
     logs = in_one_order(logs)
     require_folds(options, run)
     rows_of = cache(partial(_rows, logs, run=run))
@@ -294,16 +292,13 @@ def errors_with_left_out(
 
 def left_out_findings(found: Sequence[LeftOut]) -> list[Finding]:
     """Note joints on which the rows left out carry more than their share of the error."""
-    return [
-        Finding(
-            "dropped",
-            (each.joint,),
-            f"the {each.rows} rows left out, {each.share_of_rows:.2%} of all, carry {each.share_of_error:.0%} of the "
-            f"squared error: RMSE {each.rmse_with:.3g} {each.unit} with them, {each.rmse_without:.3g} without, which "
-            "is what is printed",
-            "measurement failures; or a true error that was cut away",
-            refuses=False,
-        )
-        for each in found
-        if each.share_of_error > MORE * each.share_of_rows and each.rmse_with > WORSE * each.rmse_without
-    ]
+    notes, culprit = [], "measurement failures; or a true error that was cut away"
+    for each in found:
+        if each.share_of_error > MORE * each.share_of_rows and each.rmse_with > WORSE * each.rmse_without:
+            says = (
+                f"the {each.rows} rows left out, {each.share_of_rows:.2%} of all, carry {each.share_of_error:.0%} of "
+                f"the squared error: RMSE {each.rmse_with:.3g} {each.unit} with them, {each.rmse_without:.3g} without, "
+                "which is what is printed"
+            )
+            notes.append(Finding("dropped", (each.joint,), says, culprit, refuses=False))
+    return notes

@@ -10,13 +10,14 @@ import numpy as np
 from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
-from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.midline import RADIUS, TRAVEL, Midline
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import AnyPredictor, fit_linear, fit_offset, fit_polynomial, fit_smooth
+from catenary.calibration.recording_zeros import recording_zeros
 from catenary.calibration.spike_filter import ANY, largest_step, room_of
-from catenary.calibration.valid_range import fit_valid_range, standardisation
+from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.side_by_side import Progress, part_of, silent
@@ -43,8 +44,6 @@ class Inputs(NamedTuple):
 
 def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0) -> Inputs:
     """Choose the features for recordings, looking only at what comes before their held-out last part."""
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
     logs = in_one_order(logs)
     log = logs[0]
     if isinstance(options.inputs, Mapping):
@@ -76,15 +75,13 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         joint = name.removeprefix("q:")
         if name.startswith("q:") and joint in log.joint_names:
             column = log.joint_names.index(joint)
-            commands, motions = [], []
+            motions: list[tuple[Floats, Floats]] = []
             for each in early:
-                q, room = each.q_nominal[:, column], room_of(each, period)
-                commands.append(q)
-                motions += list(zip(np.split(q, each.starts[1:]), np.split(room, each.starts[1:]), strict=True))
-            low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
-            step = largest_step(motions)
-            if high > low:
-                play += [(name, share * (high - low)) for share in shares if name not in coupled]
+                rows = each.q_nominal[:, column], room_of(each, period)
+                motions += zip(*(np.split(x, each.starts[1:]) for x in rows), strict=True)
+            if (span := float(np.ptp(np.concatenate([q for q, _ in motions])))) > 0.0:
+                step = largest_step(motions)
+                play += [(name, share * span) for share in shares if name not in coupled]
                 steps += [(name, step)] if step > 0.0 else []
     if options.play and not (play or coupled):
         raise InputError(f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved")
@@ -102,8 +99,7 @@ def _midlines(logs: Sequence[MotionLog], signals: Sequence[str]) -> list[Midline
         position = f"q:{joint}"
         if joint is None or position not in signals:
             continue
-        motions = [log.q_nominal[:, log.joint_names.index(joint)] for log in logs]
-        span = max(float(q.max()) for q in motions) - min(float(q.min()) for q in motions)
+        span = float(np.ptp(np.concatenate([log.q_nominal[:, log.joint_names.index(joint)] for log in logs])))
         if span > 0.0:
             midline = (name, position, RADIUS * span, TRAVEL * span)
             units = tuple(signals_of(logs[0])[each][1] for each in (position, name))
@@ -129,10 +125,7 @@ def _joint_of(log: MotionLog, name: str) -> str | None:
 def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent) -> CalibrationModel:
     """Fit a model to complete rows, joints with the same inputs together, zeros of several recordings left out."""
     data = data.rows(data.complete)
-    if data.features != inputs.features:
-        raise InputError(
-            f"data: holds {', '.join(data.features.names)}; the inputs are {', '.join(inputs.features.names)}"
-        )
+    data.require(data, inputs.features)
     if options.kind == "auto":
         raise InputError("model auto: is chosen from whole recordings; fit one kind to rows")
     if len(data) < SMALLEST_DATA:
@@ -191,55 +184,3 @@ def extrapolation(kind: str, features: FeatureSet, columns: Integers) -> float:
     """Return how far beyond training a kind may go, as a share of its range; columns behind the signals are memory."""
     memory = bool((columns >= len(features.signals)).any())
     return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION
-
-
-HELD = (np.inf, 3000.0, 300.0, 30.0, 3.0)  # penalties that are tried, in rows; the first takes no zeros out
-ALIKE = 0.005  # of the errors' logarithm: where it is all one to them, zeros are held least
-FEWEST = 3  # recordings: of two, the one that is not left out has no others to differ from
-FOLDS = 10  # of recordings
-ROWS = 10_000  # of which products are summed at once
-
-
-def recording_zeros(X: Floats, Y: Floats, recording: Integers) -> Floats:
-    """Return each recording's zero (R, m) over the mean of Y (N, m), learnt from X (N, F); 0 for two or fewer."""
-    zeros = np.zeros((int(recording.max()) + 1, Y.shape[1]))
-    present, number = np.unique(recording, return_inverse=True)
-    if len(present) < FEWEST:
-        return zeros
-    mean, scale = standardisation(X)
-    middle, width = Y.mean(axis=0), X.shape[1] + 1
-    sums = np.zeros((len(present), width + Y.shape[1], width + Y.shape[1]))
-    for r in range(len(present)):
-        here = np.flatnonzero(number == r)
-        for rows in np.split(here, range(ROWS, len(here), ROWS)):
-            columns = np.hstack([(X[rows] - mean) / scale, np.ones((len(rows), 1)), Y[rows] - middle])
-            sums[r] += columns.T @ columns
-    fold = np.arange(len(present)) % FOLDS
-    errors = np.empty((len(HELD), len(present), Y.shape[1]))
-    for k in np.unique(fold):
-        for p, held in enumerate(HELD):
-            weights, _ = _shared(sums[fold != k], width, held)
-            for out in np.flatnonzero(fold == k):
-                G, M, Y2 = sums[out, :width, :width], sums[out, :width, width:], np.diag(sums[out, width:, width:])
-                left = Y2 - 2.0 * (weights * M).sum(axis=0) + (weights * (G @ weights)).sum(axis=0)
-                errors[p, out] = left / sums[out, width - 1, width - 1]
-    error = 0.5 * np.log(np.maximum(errors, 1e-30)).mean(axis=1)
-    best: Integers = len(HELD) - 1 - (error <= error.min(axis=0) + ALIKE)[::-1].argmax(axis=0)
-    for p, held in enumerate(HELD):
-        joints = np.flatnonzero(best == p)
-        zeros[np.ix_(present, joints)] = _shared(sums, width, held)[1][:, joints]
-    return zeros
-
-
-def _shared(sums: Floats, width: int, held: float) -> tuple[Floats, Floats]:
-    """Return weights (F + 1, m) that recordings share, and each one's zero over the rows' mean (R, m)."""
-    rows, columns, of_y = sums[:, width - 1, width - 1], sums[:, width - 1, :width], sums[:, width - 1, width:]
-    penalty = np.diag(np.append(np.full(width - 1, MEMORY_RIDGE), 1e-9))
-    share = 1.0 / (rows + held)  # of a recording's mean error that is its zero
-    gram = sums[:, :width, :width].sum(axis=0) - np.einsum("r,rf,rg->fg", share, columns, columns)
-    moment = sums[:, :width, width:].sum(axis=0) - np.einsum("r,rf,rm->fm", share, columns, of_y)
-    weights = np.linalg.solve(gram + penalty, moment)
-    zeros = share[:, None] * (of_y - columns @ weights)
-    mean = rows @ zeros / rows.sum()
-    weights[width - 1] += mean
-    return weights, zeros - mean

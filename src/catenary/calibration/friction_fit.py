@@ -223,8 +223,7 @@ def _searched(rows: _Rows, joints: Sequence[int]) -> CoupledFriction:
 def _levels(rows: _Rows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
     """Return the logarithm of each recording's friction, (R, m), with springs and a ridge regression shared by all.
 
-    A model is fitted at their mean, as another day's is not known: fitted at each recording's own level, it predicted
-    the fourth of four recordings of a real wrist no better.
+    A model is fitted at their mean: at each recording's own level it predicted the fourth of a real wrist no better.
     """
     recordings, tried = int(rows.recording.max()) + 1, levels_tried(len(friction.directions))
     fixed, Y = rows.fixed[:, rows.columns(joints)], rows.error[:, list(joints)]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.card import valid_inputs
+from catenary.calibration.card import sizes_of, valid_inputs
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
 from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel, Card
@@ -131,12 +131,9 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
     """Return the card of a refreshed model: the old one's, its history one entry longer."""
     new = deepcopy(card)
     model = refreshed.model
-    widths = model.intervals
     for j, entry in enumerate(new["joints"]):
-        entry["fixed_offset"] = float(model.offset[j])
-        entry["half_width"] = None if widths is None else float(widths.inside[j])
-        entry["half_width_outside"] = None if widths is None else float(widths.outside[j])
-    if widths is None:
+        entry.update(sizes_of(model, j))
+    if model.intervals is None:
         new["intervals"] = None
     ranges = valid_inputs(model)
     for entry in new["inputs"]:

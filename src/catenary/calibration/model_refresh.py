@@ -15,8 +15,9 @@ error as large as the model claims or these rows leave, and a drift that may be 
 zero as of each slope over the trained range. Slopes of all inputs need most of the range, in many sweeps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -85,9 +86,7 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
     model, every = (model, data) if day is None else (day.model, day.data)
     known = every.complete
     data = every.rows(known)
-    data.require_joints_of(model)
-    if data.features != model.features:
-        raise InputError("data: holds other features than the model takes")
+    data.require(model, model.features)
     if len(data) < FEWEST_ROWS:
         raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {FEWEST_ROWS}")
     block = np.arange(len(data)) * BLOCKS // len(data)
@@ -166,10 +165,7 @@ def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Float
 def _refresh_group(
     model: CalibrationModel, group: JointGroup, data: CalibrationData, block: Integers, inside: Flags
 ) -> tuple[JointGroup, list[str], Floats, Floats, list[str]]:
-    """Return the new group, what became of its joints, errors left (N, m), what the fixed offset moves by, and notes.
-
-    Errors are those on blocks that the chosen candidates were not fitted to.
-    """
+    """Return the new group, what became of its joints, errors left (N, m) on blocks, the offset's move, and notes."""
     joints = list(group.joints)
     names = ", ".join(model.joint_names[j] for j in joints)
     X, q = np.ascontiguousarray(data.X[:, group.columns]), data.q_nominal[:, joints]
@@ -201,7 +197,7 @@ def _refresh_group(
         trained = _trained(group, model, joint)
         seen = _motion_shown(data.q_nominal[:, joint], trained)
         held = _held(model, joint, correction[rows, k], q[rows, k], place, trained, seen[1])
-        designs: list[_Ridge | _Held] = [held, *(_Ridge(X[rows], ridge) for ridge in SLOPES_RIDGES)]
+        designs: list[_Design] = [held, *((X[rows], partial(_ridge, ridge=ridge)) for ridge in SLOPES_RIDGES)]
         of_candidates = _left_on_blocks(designs, residual[:, k], parts)
         kept = [c for c, each in enumerate(HOW) if each != SLOPES or _is_shown(seen, residual[:, k], of_candidates[c])]
         chosen = kept[first_within_one_error(of_candidates[kept], parts)]
@@ -211,7 +207,8 @@ def _refresh_group(
         how.append(HOW[chosen])
         left[rows, k] = of_candidates[chosen]
         if chosen:
-            slopes, bias[k] = designs[chosen - 1].regression(slice(None), residual[:, k])
+            columns, regression = designs[chosen - 1]
+            slopes, bias[k] = regression(columns, residual[:, k])
             if HOW[chosen] == SLOPES:
                 linear[:, k] = slopes
             elif HOW[chosen] == SCALE and len(slopes):
@@ -279,9 +276,7 @@ def _only_offset(
 def first_within_one_error(left: Floats, block: Integers) -> int:
     """Return the first candidate whose mean RMSE over blocks is within one standard error, or 1 %, of the best one's.
 
-    Args:
-        left: (C, N) errors of candidates, each row by a fit that did not see its block; those that change least first.
-        block: (N,) block of each row.
+    Errors (C, N) are by fits that did not see the rows' blocks (N,), those of candidates that change least first.
     """
     rmse = np.array([np.sqrt(np.mean(np.square(left[:, block == k]), axis=1)) for k in np.unique(block)])  # (K, C)
     excess = rmse - rmse[:, [rmse.mean(axis=0).argmin()]]
@@ -304,46 +299,20 @@ def _widened(old: ValidRange, watched: Floats) -> ValidRange:
     )
 
 
-@dataclass(frozen=True)
-class _Ridge:
-    """A regression on standardised columns (N, c), held by `ridge`, with a zero that is not held."""
-
-    columns: Floats
-    ridge: float = 0.0
-
-    def regression(self, rows: Flags | slice, residual: Floats) -> tuple[Floats, float]:
-        """Return slopes (c,) and a zero, by which residuals of the rows (N,) are predicted."""
-        columns = self.columns[rows]
-        mean, scale = standardisation(columns)
-        Z = (columns - mean) / scale
-        held = self.ridge * len(Z) * np.eye(Z.shape[1])
-        y = residual[rows]
-        slopes = np.linalg.solve(Z.T @ Z + held, Z.T @ (y - y.mean())) / scale
-        return slopes, float(y.mean() - mean @ slopes)
+# columns (N, c), and what returns slopes (c,) and a zero by which some rows of them predict residuals
+_Design = tuple[Floats, Callable[[Floats, Floats], tuple[Floats, float]]]
 
 
-@dataclass(frozen=True)
-class _Held:
-    """Zero and slopes of columns (N, c) as far as minutes show them: a Bayesian regression, see the top of the file."""
+def _ridge(columns: Floats, y: Floats, ridge: float = 0.0) -> tuple[Floats, float]:
+    """Regress y (N,) on standardised columns (N, c), held by `ridge`, with a zero that is not held."""
+    mean, scale = standardisation(columns)
+    Z = (columns - mean) / scale
+    slopes = np.linalg.solve(Z.T @ Z + ridge * len(Z) * np.eye(Z.shape[1]), Z.T @ (y - y.mean())) / scale
+    return slopes, float(y.mean() - mean @ slopes)
 
-    columns: Floats
-    middle: Floats  # (c,) of the trained range, where the zero is told
-    spread: Floats  # (c,) of the trained range
-    looks: float
-    claimed: float  # [rad|m] standard deviation of the error that the model claims; 0 when it claims none
 
-    def regression(self, rows: Flags | slice, residual: Floats) -> tuple[Floats, float]:
-        """Return slopes (c,) and a zero, by which residuals of the rows (N,) are predicted."""
-        y, columns = residual[rows], self.columns[rows]
-        slopes, zero = _Ridge(columns, SCALE_RIDGE).regression(slice(None), y)
-        noise = max(float(np.square(y - zero - columns @ slopes).mean()), self.claimed**2, RESOLUTION**2)
-        drift = max(noise, float(np.square(y).mean()))
-        unit = np.where(self.spread > 0.0, self.spread, 1.0)
-        A = np.column_stack([np.ones(len(y)), (columns - self.middle) / unit])
-        held = noise / drift * len(residual) / self.looks * np.eye(A.shape[1])
-        found = np.linalg.solve(A.T @ A + held, A.T @ y)
-        slopes = found[1:] / unit
-        return slopes, float(found[0] - self.middle @ slopes)
+def _zero_of(rows: NDArray[Any]) -> _Design:
+    return np.zeros((len(rows), 0)), _ridge
 
 
 def _held(
@@ -354,36 +323,49 @@ def _held(
     place: int | None,
     trained: tuple[float, float] | None,
     sweeps: int,
-) -> _Held:
-    """Return a joint's zero and slopes of its correction and position (N,), as far as sweeps show them."""
+) -> _Design:
+    """Return the design of a joint's zero, and slopes of its correction and position (N,), by `regress_held`."""
     offset = model.offset[joint]
     largest = 0.5 * (model.largest[joint] - abs(offset))
     moved = max(np.sqrt(np.square(correction - offset).mean()), largest if np.isfinite(largest) else 0.0)
-    middle, box = (0.0, 0.0) if trained is None else trained
+    centre, box = (0.0, 0.0) if trained is None else trained
     claimed = 0.0
     if model.intervals is not None:
         claimed = model.intervals.inside[joint] / NormalDist().inv_cdf(0.5 + 0.5 * model.intervals.level)
     # a slope of the correction is one of the position too, where positions are what the model gives
     taken = 2 if place is not None else 0 if model.target == "position" else 1
-    return _Held(
-        np.column_stack([correction, q])[:, :taken],
-        np.array([offset, middle])[:taken],
-        np.array([moved, box / np.sqrt(12.0)])[:taken],
-        0.5 * (sweeps + 1),
-        float(claimed),
-    )
+    trained_on = np.array([[offset, centre], [moved, box / np.sqrt(12.0)]])[:, :taken]
+    shown = partial(regress_held, trained=trained_on, rows=len(q), looks=0.5 * (sweeps + 1), claimed=float(claimed))
+    return np.column_stack([correction, q])[:, :taken], shown
 
 
-def _zero_of(rows: NDArray[Any]) -> _Ridge:
-    return _Ridge(np.zeros((len(rows), 0)))
+def regress_held(
+    columns: Floats,
+    y: Floats,
+    *,
+    trained: Floats,  # (2, c) middle of the trained range, where the zero is told, and its spread
+    rows: int,  # of which these are some
+    looks: float,  # that they are worth
+    claimed: float,  # [rad|m] standard deviation of the error that the model claims; 0 when it claims none
+) -> tuple[Floats, float]:
+    """Return slopes (c,) and a zero as far as minutes show them: a Bayesian regression, see the top of the file."""
+    slopes, zero = _ridge(columns, y, SCALE_RIDGE)
+    noise = max(float(np.square(y - zero - columns @ slopes).mean()), claimed**2, RESOLUTION**2)
+    drift = max(noise, float(np.square(y).mean()))
+    middle, unit = trained[0], np.where(trained[1] > 0.0, trained[1], 1.0)
+    A = np.column_stack([np.ones(len(y)), (columns - middle) / unit])
+    held = noise / drift * rows / looks * np.eye(A.shape[1])
+    found = np.linalg.solve(A.T @ A + held, A.T @ y)
+    slopes = found[1:] / unit
+    return slopes, float(found[0] - middle @ slopes)
 
 
-def _left_on_blocks(designs: Sequence[_Ridge | _Held], residual: Floats, block: Integers) -> Floats:
+def _left_on_blocks(designs: Sequence[_Design], residual: Floats, block: Integers) -> Floats:
     """Return residuals (N,) as they are, and what regressions on designs leave on blocks that they did not see."""
     left = np.repeat(residual[None], 1 + len(designs), axis=0)
     for k in np.unique(block):
         new = block == k
-        for c, design in enumerate(() if new.all() else designs, start=1):
-            slopes, zero = design.regression(~new, residual)
-            left[c, new] -= design.columns[new] @ slopes + zero
+        for c, (columns, regression) in enumerate(() if new.all() else designs, start=1):
+            slopes, zero = regression(columns[~new], residual[~new])
+            left[c, new] -= columns[new] @ slopes + zero
     return left

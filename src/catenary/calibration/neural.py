@@ -223,11 +223,10 @@ BEST = NetworkSettings((100, 100), "tanh", (1e-5, 1e-4, 1e-3, 3e-3, 1e-2), 3e-3,
 def fit_neural(
     X: Floats, Y: Floats, settings: NetworkSettings, *, seed: int, late: np.ndarray, progress: Progress = silent
 ) -> Network:
-    """Train a network to give Y (N, m) from features X (N, F).
+    """Train a network to give Y (N, m) from features X (N, F), standardised, by Keras's loss as the paper's.
 
-    Minimises mean((Y - f(X))^2) over rows and outputs + l2 * sum of squared weights + other penalties, on
-    standardised X and Y (Keras's loss, as the paper's). Where the settings name several `l2`, the one that does best
-    on the rows marked `late` (N,) after training on the others is taken.
+    Where the settings name several `l2`, the one is taken that does best on the rows marked `late` (N,) after training
+    on the others.
     """
     candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
     if not late.any() or late.all():

@@ -7,17 +7,15 @@ its other side.
 
 from collections.abc import Callable, Sequence
 from functools import reduce
-from math import inf
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from catenary import __version__
 from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Step
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.midline import FULL, STATES
@@ -29,6 +27,12 @@ from catenary.transmission.cable_friction import SWEEPS
 FORMAT = "catenary.onnx.1"
 OPSET = 17  # all operators that occur have float64 kernels in runtimes since 2022
 IR_VERSION = 8  # the file format that came with this opset
+OPERATORS = {
+    np.add: "Add", np.subtract: "Sub", np.multiply: "Mul", np.divide: "Div", np.negative: "Neg", np.absolute: "Abs",
+    np.minimum: "Min", np.maximum: "Max", np.floor: "Floor", np.exp: "Exp", np.tanh: "Tanh", np.isnan: "IsNaN",
+    np.less: "Less", np.less_equal: "LessOrEqual", np.greater: "Greater", np.greater_equal: "GreaterOrEqual",
+    np.equal: "Equal", np.bitwise_and: "And", np.invert: "Not",
+}  # fmt: skip
 
 
 def to_onnx(model: CalibrationModel, card: Card) -> Any:
@@ -41,35 +45,40 @@ def to_onnx(model: CalibrationModel, card: Card) -> Any:
     of a joint, which its play states follow: keep them out (spike_filter.py). The metadata `catenary` names signals,
     units and joints as JSON; `card` is the model card.
     """
-    onnx = _import_onnx()
     n, features = len(model.joint_names), model.features
-    graph = _Graph(onnx)
-    graph.input("signals", len(features.signals), text=", ".join(features.signals))
-    if model.target == "position" or model.limits is not None:
-        graph.input("q_nominal", n, text=f"positions of {', '.join(model.joint_names)}")
+    graph = _Graph(_import_onnx())
+    signals = graph.input("signals", len(features.signals), text=", ".join(features.signals))
     X, q = np.empty((1, len(features.names))), np.empty((1, n))
-    graph.names |= {id(X): _features(graph, features), id(q): "q_nominal"}
+    if takes_q := model.target == "position" or model.limits is not None:
+        graph.tensors[id(q)] = graph.input("q_nominal", n, text=f"positions of {', '.join(model.joint_names)}")
+    graph.tensors[id(X)] = _features(graph, signals, features)
     interval = None if model.intervals is None else np.empty((1, n))
-    wanted = ("correction", "inside") if interval is None else ("correction", "inside", "interval")
-    parts_of: dict[str, list[str]] = {name: [] for name in wanted}
+    parts: dict[str, list[Any]] = {"correction": [], "inside": [], "interval": []}
     for step in model.steps(X, q, np.empty((1, n)), np.empty((1, n), dtype=bool), interval):
-        if step.function.__name__ == "choose":
-            correction, inside = _choice(graph, step, model)
-            parts_of["correction"].append(correction)
-            parts_of["inside"].append(inside)
-        elif step.function.__name__ == "widen":
-            parts_of["interval"].append(_half_widths(graph, step, parts_of["inside"][-1]))
-        else:
-            graph.names[id(step.outputs[0])] = _written(graph, step)
-    order = np.argsort([j for group in model.groups for j in group.joints])
-    for name, parts in parts_of.items():
-        together = graph.add("Concat", *parts, axis=1)
-        graph.add("Gather", together, graph.constant(order), axis=1, name=name)
-    graph.output("correction", n, text="to be added to q_nominal, in rad and m")
-    graph.output("inside", n, boolean=True, text="whether each joint is in the model's valid range")
+        given = [graph.tensors.get(id(array), array) for array in step.inputs]
+        match step.function.__name__:
+            case "choose":
+                correction, inside = _choice(graph, given, takes_q=takes_q)
+                parts["correction"].append(correction)
+                parts["inside"].append(inside)
+            case "widen":
+                parts["interval"].append(_half_widths(graph, given, parts["inside"][-1]))
+            case name if name in STEPS:
+                given += [step.inputs[0].shape[1]] if name == "monomials" else []
+                before = graph.tensors.get(id(step.outputs[0]))  # what a step in place goes on from
+                graph.tensors[id(step.outputs[0])] = STEPS[name](graph, before, *given)
+            case name:
+                raise InputError(f"model: its step {name} has no ONNX graph")
+    told = {
+        "correction": "to be added to q_nominal, in rad and m",
+        "inside": "whether each joint is in the model's valid range",
+    }
     if model.intervals is not None:
-        held = f"{100.0 * model.intervals.level:g} % of errors"
-        graph.output("interval", n, text=f"half-width that is to hold {held}, in rad and m")
+        told["interval"] = f"half-width that is to hold {100.0 * model.intervals.level:g} % of errors, in rad and m"
+    order = np.argsort([j for group in model.groups for j in group.joints])
+    for name, text in told.items():
+        together = graph.add("Gather", graph.joined(parts[name]), order, axis=1, name=name)
+        graph.output(together, n, text=text, boolean=name == "inside")
     about = {
         "format": FORMAT,
         "kind": model.kind,
@@ -97,297 +106,247 @@ def _import_onnx() -> Any:
     return imported("onnx", "ONNX files are written by the package onnx, which is not installed", "onnx")
 
 
+class _Tensor(NDArrayOperatorsMixin):
+    """A tensor of a graph: NumPy's operators and functions of it, of OPERATORS, become nodes."""
+
+    def __init__(self, graph: "_Graph", name: str) -> None:
+        self.graph, self.name = graph, name
+
+    def __array_ufunc__(self, function: np.ufunc, method: str, *given: Any) -> Any:
+        return self.graph.add(OPERATORS[function], *given)
+
+    def take(self, columns: Any, axis: int = 1) -> Any:
+        return self.graph.add("Gather", self, np.asarray(columns, dtype=np.int64), axis=axis)
+
+
 class _Graph:
-    """An ONNX graph under construction; methods that add a node return the name of its output tensor."""
+    """An ONNX graph under construction; what is no tensor in a node becomes a constant."""
 
     def __init__(self, onnx: ModuleType) -> None:
-        self.onnx = onnx
+        self.onnx, self.kinds = onnx, onnx.TensorProto
         self.nodes: list[Any] = []
         self.count = 0  # of names
-        self.constants: list[Any] = []
+        self.constants: dict[tuple[str, tuple[int, ...], bytes], Any] = {}
         self.inputs: list[Any] = []
         self.outputs: list[Any] = []
-        self.names: dict[int, str] = {}  # of tensors, by the id of the array that stands for it in a step
+        self.tensors: dict[int, Any] = {}  # by the id of the array that stands for each in a step
 
-    def add(self, operator: str, *inputs: str, name: str | None = None, **attributes: Any) -> str:
+    def add(self, operator: str, *given: Any, name: str | None = None, **attributes: Any) -> Any:
         output = name or self.name(operator.lower())
-        node = self.onnx.helper.make_node(operator, list(inputs), [output], name=output, **attributes)
-        self.nodes.append(node)
-        return output
+        names = [each.name if isinstance(each, _Tensor) else self.constant(each) for each in given]
+        self.nodes.append(self.onnx.helper.make_node(operator, names, [output], name=output, **attributes))
+        return _Tensor(self, output)
 
     def name(self, what: str) -> str:
         self.count += 1
         return f"{what}_{self.count - 1}"
 
-    def loop(
-        self, times: str, carried: Sequence[str], body: Callable[[str, list[str]], tuple[str | None, list[str]]]
-    ) -> list[str]:
+    def constant(self, values: Any) -> str:
+        values = np.asarray(values, order="C")
+        key = values.dtype.str, values.shape, values.tobytes()
+        if key not in self.constants:
+            self.constants[key] = self.onnx.numpy_helper.from_array(values, f"constant_{len(self.constants)}")
+        return str(self.constants[key].name)
+
+    def input(self, name: str, *shape: int, text: str) -> Any:
+        self.inputs.append(self._described(name, self.kinds.DOUBLE, shape, text))
+        return _Tensor(self, name)
+
+    def output(self, tensor: Any, *shape: int, text: str, boolean: bool = False) -> None:
+        kind = self.kinds.BOOL if boolean else self.kinds.DOUBLE
+        self.outputs.append(self._described(tensor.name, kind, shape, text))
+
+    def _described(self, name: str, kind: int, shape: tuple[int, ...], text: str) -> Any:
+        return self.onnx.helper.make_tensor_value_info(name, kind, ["rows", *shape], doc_string=text)
+
+    def loop(self, times: Any, carried: Sequence[Any], body: Callable[..., tuple[Any, list[Any]]]) -> list[Any]:
         """Return what `body` makes of carried float64 tensors, `times` (int64) times or until its claim is false.
 
         The body takes the number of the step and the tensors; it returns the claim, None for always, and them anew.
         """
-        helper, kinds = self.onnx.helper, self.onnx.TensorProto
+        info, kinds = self.onnx.helper.make_tensor_value_info, self.kinds
         outside, self.nodes = self.nodes, []
-        step, go = self.name("step"), self.name("go")
-        inside = [self.name("carried") for _ in carried]
+        step, go, *inside = (_Tensor(self, self.name(what)) for what in ("step", "go", *["carried"] * len(carried)))
         claim, made = body(step, inside)
         made = [self.add("Identity", each) for each in made]
         claim = self.add("Identity", go) if claim is None else claim
-        scalars = [
-            helper.make_tensor_value_info(name, kind, [])
-            for name, kind in ((step, kinds.INT64), (go, kinds.BOOL), (claim, kinds.BOOL))
-        ]
-        given, left = ([helper.make_tensor_value_info(n, kinds.DOUBLE, None) for n in each] for each in (inside, made))
-        graph = helper.make_graph(self.nodes, self.name("body"), [*scalars[:2], *given], [scalars[2], *left])
+        given = [info(step.name, kinds.INT64, []), info(go.name, kinds.BOOL, [])]
+        given += [info(each.name, kinds.DOUBLE, None) for each in inside]
+        left = [info(claim.name, kinds.BOOL, []), *(info(each.name, kinds.DOUBLE, None) for each in made)]
+        graph = self.onnx.helper.make_graph(self.nodes, self.name("body"), given, left)
         self.nodes = outside
         results = [self.name("looped") for _ in carried]
-        always = self.constant(np.array(True))
-        self.nodes.append(helper.make_node("Loop", [times, always, *carried], results, name=results[0], body=graph))
-        return results
+        names = [self.constant(np.int64(times)) if isinstance(times, int) else times.name, self.constant(True)]
+        names += [each.name for each in carried]
+        self.nodes.append(self.onnx.helper.make_node("Loop", names, results, name=results[0], body=graph))
+        return [_Tensor(self, name) for name in results]
 
-    def constant(self, values: Any) -> str:
-        name = f"constant_{len(self.constants)}"
-        self.constants.append(self.onnx.numpy_helper.from_array(np.asarray(values, order="C"), name))
-        return name
+    def where(self, claim: Any, one: Any, other: Any, **name: str) -> Any:
+        return self.add("Where", claim, one, other, **name)
 
-    def input(self, name: str, *shape: int, text: str) -> str:
-        self.inputs.append(self._tensor(name, self.onnx.TensorProto.DOUBLE, shape, text))
-        return name
+    def joined(self, parts: Sequence[Any], axis: int = 1) -> Any:
+        return self.add("Concat", *parts, axis=axis)
 
-    def output(self, name: str, *shape: int, text: str, boolean: bool = False) -> None:
-        kind = self.onnx.TensorProto.BOOL if boolean else self.onnx.TensorProto.DOUBLE
-        self.outputs.append(self._tensor(name, kind, shape, text))
+    def stacked(self, parts: Sequence[Any]) -> Any:
+        """Return tensors (rows, k) side by side along a third axis."""
+        return self.joined([self.add("Unsqueeze", each, np.array([2])) for each in parts], axis=2)
 
-    def _tensor(self, name: str, kind: int, shape: tuple[int, ...], text: str) -> Any:
-        return self.onnx.helper.make_tensor_value_info(name, kind, ["rows", *shape], doc_string=text)
-
-    def take(self, x: str, columns: Any, axis: int = 1) -> str:
-        return self.add("Gather", x, self.constant(np.asarray(columns, dtype=np.int64)), axis=axis)
-
-    def finite(self, x: str) -> str:
-        return self.add("Less", self.add("Abs", x), self.constant(np.array(inf)))  # never true for NaN
-
-    def all(self, claims: str) -> str:
+    def all(self, claims: Any) -> Any:
         """Return whether all claims of a row hold: (rows, F) to (rows, 1)."""
-        wrong = self.add("Cast", self.add("Not", claims), to=self.onnx.TensorProto.INT32)
-        count = self.add("ReduceSum", wrong, self.constant(np.array([1])), keepdims=1)
-        return self.add("Equal", count, self.constant(np.array(0, dtype=np.int32)))
-
-    def tensor(self, array: NDArray[Any]) -> str:
-        """Return the tensor that an array of a step is: one that was written before, or a constant."""
-        if id(array) not in self.names:
-            self.names[id(array)] = self.constant(array)
-        return self.names[id(array)]
+        wrong = self.add("Cast", ~claims, to=self.kinds.INT32)
+        return self.add("ReduceSum", wrong, np.array([1]), keepdims=1) == np.array(0, dtype=np.int32)
 
     def model(self, metadata: dict[str, str]) -> Any:
         helper = self.onnx.helper
-        graph = helper.make_graph(self.nodes, "calibration", self.inputs, self.outputs, self.constants)
+        graph = helper.make_graph(self.nodes, "calibration", self.inputs, self.outputs, [*self.constants.values()])
         about = {"producer_name": "catenary", "producer_version": __version__, "ir_version": IR_VERSION}
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], **about)
         helper.set_model_props(model, metadata)
         return model
 
 
-def _features(graph: _Graph, features: FeatureSet) -> str:
+def _finite(x: Any) -> Any:
+    return abs(x) < np.inf  # never true for NaN
+
+
+def _features(graph: _Graph, signals: Any, features: FeatureSet) -> Any:
     """Return all features (rows, F) in the order of FeatureSet, and carry the memory on."""
-    parts = ["signals"]
+    parts = [signals]
     if features.midlines:
-        parts.append(_midlines(graph, features))
+        parts.append(_midlines(graph, signals, features))
     if features.play:
         names, width = zip(*features.play, strict=True)
-        half = graph.constant(np.array(width))
-        graph.input("play", len(width), text=f"play states of {', '.join(names)}; NaN before the first step")
-        x = graph.take("signals", [features.signals.index(name) for name in names])
-        begun = graph.add("Where", graph.finite("play"), "play", x)
-        low, high = graph.add("Sub", x, half), graph.add("Add", x, half)
-        moved = graph.add("Min", graph.add("Max", begun, low), high)
-        graph.add("Where", graph.finite(x), moved, "play", name="play_next")
-        graph.output("play_next", len(width), text="to be given as `play` at the next step")
-        parts.append(graph.add("Sub", "play_next", x))
+        play = graph.input("play", len(width), text=f"play states of {', '.join(names)}; NaN before the first step")
+        x = signals.take([features.signals.index(name) for name in names])
+        moved = np.minimum(np.maximum(graph.where(_finite(play), play, x), x - width), x + width)
+        play = graph.where(_finite(x), moved, play, name="play_next")
+        graph.output(play, len(width), text="to be given as `play` at the next step")
+        parts.append(play - x)
     if features.friction is not None:
-        parts.append(_lags(graph, features, features.friction))
-    return graph.add("Concat", *parts, axis=1)
+        parts.append(_lags(graph, signals, features, features.friction))
+    return graph.joined(parts)
 
 
-def _midlines(graph: _Graph, features: FeatureSet) -> str:
+def _midlines(graph: _Graph, signals: Any, features: FeatureSet) -> Any:
     """Return the midlines as features (rows, M), and carry them on: `follow_midlines`."""
-    names, positions, radii, travels = zip(*features.midlines, strict=True)
-    add, number = graph.add, graph.constant
+    names, positions, *widths = zip(*features.midlines, strict=True)
+    radius, travel = map(np.array, widths)
     text = f"position before, stop, means forwards and backwards, of {', '.join(names)}; NaN before the first step"
-    graph.input("midline", len(names), STATES, text=text)
-    x, s = (graph.take("signals", [features.signals.index(name) for name in each]) for each in (positions, names))
-    before, stop, up, down = (
-        add("Gather", "midline", number(np.array(k, dtype=np.int64)), axis=2) for k in range(STATES)
-    )
-    zero, first = number(np.array(0.0)), add("IsNaN", before)
-    moved = add("Where", first, zero, add("Sub", x, before))
-    radius, edge = number(np.array(radii)), number(FULL * np.array(radii))
-    stop_now = add("Add", add("Where", first, zero, stop), moved)
-    stop_now = add("Min", add("Max", stop_now, add("Neg", radius)), radius)
-    travel = add("Div", add("Abs", moved), number(np.array(travels)))
-    share = add("Sub", number(np.array(1.0)), add("Exp", add("Neg", travel)))
-    sides = (add("GreaterOrEqual", stop_now, edge), add("LessOrEqual", stop_now, add("Neg", edge)))
-    means = []
-    for reached, mean in zip(sides, (up, down), strict=True):
-        later = add("Add", mean, add("Mul", share, add("Sub", s, mean)))
-        means.append(add("Where", reached, add("Where", add("IsNaN", mean), s, later), mean))
-    axis = number(np.array([2]))
-    together = add("Concat", *(add("Unsqueeze", each, axis) for each in (x, stop_now, *means)), axis=2)
-    known = add("Unsqueeze", add("And", graph.finite(x), graph.finite(s)), axis)
-    add("Where", known, together, "midline", name="midline_next")
-    graph.output("midline_next", len(names), STATES, text="to be given as `midline` at the next step")
-    both = add("ReduceSum", graph.take("midline_next", [2, 3], axis=2), number(np.array([2])), keepdims=0)
-    return add("Mul", both, number(np.array(0.5)))
+    midline = graph.input("midline", len(names), STATES, text=text)
+    x, s = (signals.take([features.signals.index(name) for name in each]) for each in (positions, names))
+    before, stop, *means = (midline.take(k, axis=2) for k in range(STATES))
+    first = np.isnan(before)
+    moved = graph.where(first, 0.0, x - before)
+    stop = np.minimum(np.maximum(graph.where(first, 0.0, stop) + moved, -radius), radius)
+    share = 1.0 - np.exp(-(abs(moved) / travel))
+    now = [x, stop]
+    for reached, mean in zip((stop >= FULL * radius, stop <= -FULL * radius), means, strict=True):
+        now.append(graph.where(reached, graph.where(np.isnan(mean), s, mean + share * (s - mean)), mean))
+    known = graph.add("Unsqueeze", _finite(x) & _finite(s), np.array([2]))
+    midline = graph.where(known, graph.stacked(now), midline, name="midline_next")
+    graph.output(midline, len(names), STATES, text="to be given as `midline` at the next step")
+    return 0.5 * graph.add("ReduceSum", midline.take([2, 3], axis=2), np.array([2]), keepdims=0)
 
 
-def _lags(graph: _Graph, features: FeatureSet, states: FrictionStates) -> str:
+def _lags(graph: _Graph, signals: Any, features: FeatureSet, states: FrictionStates) -> Any:
     """Return the friction states as features (rows, C n), and carry them on: `rub`, operation by operation."""
-    known, add = states.constants, graph.add
+    known = states.constants
     (n, m), systems = known.lever.shape, len(known.thresholds)
-    number = graph.constant
     text = f"positions before, then forces, of {', '.join(states.positions)}; NaN before the first step"
-    graph.input("friction", states.size, text=text)
-    x = graph.take("signals", [features.signals.index(name) for name in states.positions])
-    finite = graph.all(graph.finite(x))
-    fresh = add("IsNaN", graph.take("friction", [0]))
-    zero, one = number(np.array(0.0)), number(np.array(1.0))
-    moved = add("Sub", x, add("Where", fresh, x, graph.take("friction", np.arange(n))))
-    moved = add("Where", finite, moved, zero)
-    share = add("ReduceMax", add("Div", add("Abs", moved), number(known.longest)), axes=[1], keepdims=1)
-    whole = add("Min", add("Max", share, one), number(np.array(1e6)))
-    whole = add("Floor", add("Add", whole, number(np.array(0.999999))))
-    parts = add("Where", add("Greater", share, zero), whole, zero)
-    steps = add("Reshape", add("ReduceMax", parts, keepdims=0), number(np.zeros(0, dtype=np.int64)))
+    friction = graph.input("friction", states.size, text=text)
+    x = signals.take([features.signals.index(name) for name in states.positions])
+    finite = graph.all(_finite(x))
+    fresh = np.isnan(friction.take([0]))
+    moved = graph.where(finite, x - graph.where(fresh, x, friction.take(np.arange(n))), 0.0)
+    share = graph.add("ReduceMax", abs(moved) / known.longest, axes=[1], keepdims=1)
+    whole = np.floor(np.minimum(np.maximum(share, 1.0), 1e6) + 0.999999)
+    parts = graph.where(share > 0.0, whole, 0.0)
+    steps = graph.add("Reshape", graph.add("ReduceMax", parts, keepdims=0), np.zeros(0, dtype=np.int64))
 
-    def along(matrix: Floats) -> list[list[str]]:
-        own = [graph.take(moved, [j]) for j in range(n)]
-        return [[add("Div", add("Mul", own[j], number(row[j])), parts) for j in range(n)] for row in matrix]
-
-    def in_turn(operator: str, first: str, others: Sequence[str]) -> str:
-        return reduce(lambda left, right: add(operator, left, right), others, first)
+    def along(matrix: Floats) -> list[list[Any]]:
+        own = [moved.take([j]) for j in range(n)]
+        return [[own[j] * row[j] / parts for j in range(n)] for row in matrix]
 
     drive, hold = along(known.directions), along(known.hold)
-    mutual = [[number(each) for each in row] for row in known.mutual]
-    most = [number(known.thresholds[:, k]) for k in range(m)]
-    least = [number(-known.thresholds[:, k]) for k in range(m)]
+    mutual, most = known.mutual, known.thresholds.T
 
-    def bounded(k: int, force: str) -> str:
-        return add("Min", add("Max", force, least[k]), most[k])
-
-    def part(step: str, forces: list[str]) -> tuple[None, list[str]]:
-        slip = [
-            in_turn("Add", drive[k][0], [*drive[k][1:], *(add("Mul", mutual[k][i], forces[i]) for i in range(m))])
-            for k in range(m)
-        ]
-        s = [bounded(k, in_turn("Add", forces[k], hold[k])) for k in range(m)]
+    def part(step: Any, forces: list[Any]) -> tuple[None, list[Any]]:
+        slip = [sum((mutual[k, i] * forces[i] for i in range(m)), sum(drive[k][1:], drive[k][0])) for k in range(m)]
+        s = [np.minimum(np.maximum(sum(hold[k], forces[k]), -most[k]), most[k]) for k in range(m)]
         for k in range(m):
-            slip = [add("Sub", slip[i], add("Mul", mutual[i][k], s[k])) for i in range(m)]
-        settled = graph.loop(number(np.array(SWEEPS)), [*s, *slip], sweep)
-        unfinished = add("Less", add("Cast", step, to=graph.onnx.TensorProto.DOUBLE), parts)
-        return None, [add("Where", unfinished, settled[k], forces[k]) for k in range(m)]
+            slip = [slip[i] - mutual[i, k] * s[k] for i in range(m)]
+        settled = graph.loop(SWEEPS, [*s, *slip], sweep)
+        unfinished = graph.add("Cast", step, to=graph.kinds.DOUBLE) < parts
+        return None, [graph.where(unfinished, settled[k], forces[k]) for k in range(m)]
 
-    def sweep(_: str, state: list[str]) -> tuple[str, list[str]]:
+    def sweep(_: Any, state: list[Any]) -> tuple[Any, list[Any]]:
         s, slip, moving = state[:m], state[m:], []
         for k in range(m):
-            allowed = bounded(k, add("Add", s[k], add("Div", slip[k], mutual[k][k])))
-            change = add("Sub", allowed, s[k])
-            moving.append(add("ReduceMax", add("Abs", change), keepdims=0))
+            allowed = np.minimum(np.maximum(s[k] + slip[k] / mutual[k, k], -most[k]), most[k])
+            change = allowed - s[k]
+            moving.append(graph.add("ReduceMax", abs(change), keepdims=0))
             s = [*s[:k], allowed, *s[k + 1 :]]
-            slip = [add("Sub", slip[i], add("Mul", mutual[i][k], change)) for i in range(m)]
-        return add("Greater", in_turn("Max", moving[0], moving[1:]), zero), [*s, *slip]
+            slip = [slip[i] - mutual[i, k] * change for i in range(m)]
+        return reduce(np.maximum, moving) > 0.0, [*s, *slip]
 
-    begun = add("Where", fresh, zero, graph.take("friction", np.arange(n, states.size)))
-    by_element = [graph.take(begun, np.arange(systems) * m + k) for k in range(m)]
-    forces = graph.loop(add("Cast", steps, to=graph.onnx.TensorProto.INT64), by_element, part)
-    axis = number(np.array([2]))
-    flat = number(np.array([-1, systems * m]))
-    together = add("Reshape", add("Concat", *(add("Unsqueeze", each, axis) for each in forces), axis=2), flat)
-    add("Where", finite, add("Concat", x, together, axis=1), "friction", name="friction_next")
-    graph.output("friction_next", states.size, text="to be given as `friction` at the next step")
-    lags = [
-        in_turn("Sub", zero, [add("Mul", number(known.lever[j, k]), forces[k]) for k in range(m)]) for j in range(n)
-    ]
-    flat = number(np.array([-1, systems * n]))
-    together = add("Reshape", add("Concat", *(add("Unsqueeze", each, axis) for each in lags), axis=2), flat)
-    return add("Where", finite, together, number(np.array(np.nan)))
+    begun = graph.where(fresh, 0.0, friction.take(np.arange(n, states.size)))
+    by_element = [begun.take(np.arange(systems) * m + k) for k in range(m)]
+    forces: list[Any] = graph.loop(graph.add("Cast", steps, to=graph.kinds.INT64), by_element, part)
+    together = graph.add("Reshape", graph.stacked(forces), np.array([-1, systems * m]))
+    friction = graph.where(finite, graph.joined([x, together]), friction, name="friction_next")
+    graph.output(friction, states.size, text="to be given as `friction` at the next step")
+    lags = [reduce(np.subtract, [known.lever[j, k] * forces[k] for k in range(m)], 0.0) for j in range(n)]
+    return graph.where(finite, graph.add("Reshape", graph.stacked(lags), np.array([-1, systems * n])), np.nan)
 
 
-def _written(graph: _Graph, step: Step) -> str:
-    """Write a step of arithmetic.py for any number of rows; return the tensor that its output then is."""
-    given, add = [graph.tensor(array) for array in step.inputs], graph.add
-    before = graph.names.get(id(step.outputs[0]), "")  # what a step in place goes on from
-    match step.function.__name__:
-        case "take":
-            return add("Gather", *given, axis=1)
-        case "standardise":
-            return add("Div", add("Sub", *given[:2]), given[2])
-        case "rescale":
-            return add("Add", add("Mul", *given[:2]), given[2])
-        case "dense":
-            return add("Gemm", *given)
-        case "monomials":
-            i, j = np.triu_indices(step.inputs[0].shape[1])
-            products = add("Mul", graph.take(given[0], i), graph.take(given[0], j))
-            return add("Concat", given[0], products, axis=1)
-        case "tanh":
-            return add("Tanh", before)
-        case "logistic":
-            return add("Sigmoid", before)
-        case "repeat":
-            return given[0]  # the same numbers for all rows
-        case "total":
-            return add("Add", *given)
-        case "finite":
-            return graph.all(graph.finite(given[0]))
-        case "between":
-            above, below = add("GreaterOrEqual", *given[:2]), add("LessOrEqual", given[0], given[2])
-            return add("And", before, graph.all(add("And", above, below)))
-        case "distance":
-            return _distance(graph, step, before)
-        case "errors_of_positions":
-            return add("Sub", before, add("Gather", *given, axis=1))
-        case name:
-            raise InputError(f"model: its step {name} has no ONNX graph")
+def _monomials(graph: _Graph, _: Any, z: Any, width: int) -> Any:
+    i, j = np.triu_indices(width)
+    return graph.joined([z, z.take(i) * z.take(j)])
 
 
-def _choice(graph: _Graph, step: Step, model: CalibrationModel) -> tuple[str, str]:
-    """Write the last step of a group; return corrections and flags of its joints, (rows, m) each."""
-    prediction, known, q, joints, offset, reach, lower, upper = step.inputs
-    add, error = graph.add, graph.tensor(prediction)
-    believed = add("LessOrEqual", add("Abs", error), graph.constant(reach[None, joints]))
-    inside = add("And", graph.tensor(known), believed)
-    if model.target == "position" or model.limits is not None:
-        reported = graph.take(graph.tensor(q), joints)
-        position = add("Add", reported, error)
-        for operator, limit in (("GreaterOrEqual", lower), ("LessOrEqual", upper)):
-            inside = add("And", inside, add(operator, position, graph.constant(limit[None, joints])))
-        inside = add("And", inside, graph.finite(reported))
-    return add("Where", inside, error, graph.constant(offset[joints])), inside
-
-
-def _distance(graph: _Graph, step: Step, before: str) -> str:
-    """Write how far from the middle of a box each row is, (rows, 1), or of the boxes before; see intervals.py."""
-    X, lower, upper, farthest = step.inputs
+def _distance(graph: _Graph, before: Any, x: Any, lower: Floats, upper: Floats, farthest: Floats) -> Any:
+    """Return how far from the middle of a box each row is, (rows, 1), or of the boxes before; see intervals.py."""
     if not len(lower):
         return before
-    reach, add = 0.5 * (upper - lower), graph.add
-    away = add("Abs", add("Sub", graph.tensor(X), graph.constant(lower + reach)))
-    times = add("Div", away, graph.constant(reach))
-    known = add("Where", add("IsNaN", times), graph.constant(np.zeros(1)), times)
-    largest = add("ReduceMax", add("Min", known, graph.constant(farthest)), axes=[1], keepdims=1)
-    return add("Max", before, largest)
+    reach = 0.5 * (upper - lower)
+    times = abs(x - (lower + reach)) / reach
+    known = graph.where(np.isnan(times), np.zeros(1), times)
+    return np.maximum(before, graph.add("ReduceMax", np.minimum(known, farthest), axes=[1], keepdims=1))
 
 
-def _half_widths(graph: _Graph, step: Step, inside: str) -> str:
-    """Write the half-widths of a group's joints, (rows, m), from its flags."""
-    far, _, _, _, joints, near, edge, reach = step.inputs
-    add, at, at_edge = graph.add, graph.tensor(far), graph.constant(edge[None, joints])
-    seen, full = (graph.constant(np.array([[each]])) for each in reach.tolist())
-    share = add("Div", add("Sub", at, seen), graph.constant(np.array([[max(reach[1] - reach[0], 1e-300)]])))
-    grown = add("Mul", graph.constant((edge - near)[None, joints]), share)
-    margin = add(
-        "Where", add("GreaterOrEqual", at, full), at_edge, add("Add", graph.constant(near[None, joints]), grown)
-    )
-    within = add("Where", add("LessOrEqual", at, seen), graph.constant(near[None, joints]), margin)
-    beyond = add("Mul", at_edge, add("Max", at, graph.constant(np.ones((1, 1)))))
-    return add("Where", inside, within, beyond)
+# what the steps of a model write, for any number of rows, from what stood there before and their inputs
+STEPS: dict[str, Callable[..., Any]] = {
+    "take": lambda graph, _, x, columns: x.take(columns),
+    "standardise": lambda graph, _, x, mean, scale: (x - mean) / scale,
+    "rescale": lambda graph, _, z, scale, mean: z * scale + mean,
+    "dense": lambda graph, _, x, weights, bias: graph.add("Gemm", x, weights, bias),
+    "monomials": _monomials,
+    "tanh": lambda graph, before: np.tanh(before),
+    "logistic": lambda graph, before: graph.add("Sigmoid", before),
+    "repeat": lambda graph, _, value: value,  # the same numbers for all rows
+    "total": lambda graph, _, a, b: a + b,
+    "finite": lambda graph, _, x: graph.all(_finite(x)),
+    "between": lambda graph, before, x, low, high: before & graph.all((x >= low) & (x <= high)),
+    "distance": _distance,
+    "errors_of_positions": lambda graph, before, q, joints: before - q.take(joints),
+}
+
+
+def _choice(graph: _Graph, given: Sequence[Any], *, takes_q: bool) -> tuple[Any, Any]:
+    """Return corrections and flags of a group's joints, (rows, m) each."""
+    error, known, q, joints, offset, reach, lower, upper = given
+    inside = known & (abs(error) <= reach[None, joints])
+    if takes_q:
+        reported = q.take(joints)
+        position = reported + error
+        inside = inside & (position >= lower[None, joints]) & (position <= upper[None, joints]) & _finite(reported)
+    return graph.where(inside, error, offset[joints]), inside
+
+
+def _half_widths(graph: _Graph, given: Sequence[Any], inside: Any) -> Any:
+    """Return the half-widths of a group's joints, (rows, m), from its flags."""
+    far, _, _, _, joints, near, edge, (seen, full) = given
+    near, edge = near[None, joints], edge[None, joints]
+    grown = near + (edge - near) * ((far - seen) / max(full - seen, 1e-300))
+    within = graph.where(far <= seen, near, graph.where(far >= full, edge, grown))
+    return graph.where(inside, within, edge * np.maximum(far, 1.0))

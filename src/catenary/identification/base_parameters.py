@@ -72,12 +72,12 @@ class BaseParameters:
         """Return the matrix (N, n, b) of tau = Y_b beta at motions (N, n); arguments as `Parameters.regressor`."""
         return self.parameters.regressor(*motion, base=base, loads=loads)[:, :, self.columns]
 
-    def chunks(self, samples: Samples, gravity: Floats) -> Iterator[tuple[slice, Floats]]:
-        """Yield parts of a recording's rows, and their matrix (N, n, b); gravity (3,) [m/s2] where it holds none."""
+    def chunks(self, samples: Samples) -> Iterator[tuple[slice, Floats]]:
+        """Yield parts of a recording's rows, and their matrix (N, n, b)."""
         loads = self.parameters.loads(samples)
         for first in range(0, max(len(samples), 1), CHUNK):
             part = slice(first, first + CHUNK)
-            *motion, base = samples.motion(gravity, part)
+            *motion, base = samples.motion(part)
             yield part, self.regressor(*motion, base=base, loads=loads[part])
 
     def describe(self, index: int, names: Sequence[str] | None = None, digits: int = 5) -> str:

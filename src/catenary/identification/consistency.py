@@ -37,11 +37,10 @@ REACH = 0.5  # [m] from a link's frame to its centre of mass, at most, where no 
 
 def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = LEAST_PRIOR) -> Floats:
     """Return all parameters phi (k,) that minimise ||Y phi - tau||, of R of [Y_b | tau], among the consistent ones.
-    Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken. With
-    a prior J0 of the links (k,), weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared
-    torque: the distance that does not depend on the choice of units and frames (Lee, Wensing, Park, "Geometric robot
-    dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020). Of links with no mass in
-    it nothing is expected.
+
+    Where torques leave a choice, the smallest sum of pseudo-inertia traces is taken. With a prior J0 of the links (k,),
+    weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared torque, which depends on no units
+    and frames (Lee, Wensing, Park, IEEE Trans. Robotics 36(2), 2020); of links without mass in it nothing is expected.
     """
     b, k = base.combination.shape
     scale = parameter_scale(base)
@@ -179,13 +178,11 @@ def prior_of(parameters: Parameters) -> Floats | None:
     return prior if prior.any() else None
 
 
-def weight_of_prior(
-    base: BaseParameters, gravity: Floats, samples: Sequence[Samples], weights: Floats, prior: Floats
-) -> float:
+def weight_of_prior(base: BaseParameters, samples: Sequence[Samples], weights: Floats, prior: Floats) -> float:
     """Return the weight of a prior with which blocks that were not fitted are predicted best."""
     folds = [[part.rows(fold_of_rows(part) == f, part.name) for part in samples] for f in range(FOLDS)]
     used = [[part for part in fold if len(part)] for fold in folds]  # one may lack a recording that is too short
-    reduced = [triangles(base, gravity, fold) for fold in used if fold]
+    reduced = [triangles(base, fold) for fold in used if fold]
     if len(reduced) < 2:
         return LEAST_PRIOR
     best, least = LEAST_PRIOR, np.inf

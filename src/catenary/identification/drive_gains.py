@@ -50,12 +50,10 @@ class DriveGains:
         ]
 
 
-def drive_gains(
-    base: BaseParameters, gravity: Floats, free: Sequence[Samples], loaded: Sequence[Samples], load: float
-) -> DriveGains:
+def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[Samples], load: float) -> DriveGains:
     """Find the gains of all drives from torques that are currents [A], of the arm alone and with a load [kg] on it.
 
-    `base` is of the robot with its rotors, gravity (3,) [m/s2] where recordings hold none.
+    `base` is of the robot with its rotors.
     """
     model = base.parameters.model
     if not free or not loaded:
@@ -64,7 +62,7 @@ def drive_gains(
         raise InputError(f"load: expected a mass above 0 kg, got {load:g}")
     link, pose = model.frame()
     parts = [(part, with_load) for with_load, group in ((False, free), (True, loaded)) for part in group]
-    folds = [_triangles(base, gravity, parts, link, fold) for fold in range(FOLDS)]
+    folds = [_triangles(base, parts, link, fold) for fold in range(FOLDS)]
     mass = base.count + sum(name.split()[0] in OWN for name in base.names)  # its column, behind those of friction
     gains, unknown = _solved(folds, mass, load)
     left_out = np.log([_solved([*folds[:f], *folds[f + 1 :]], mass, load, gains)[0] for f in range(FOLDS)])
@@ -82,17 +80,15 @@ def drive_gains(
     return DriveGains(gains, errors, load, centre)
 
 
-def _triangles(
-    base: BaseParameters, gravity: Floats, parts: Sequence[tuple[Samples, bool]], link: int, fold: int
-) -> list[Floats]:
+def _triangles(base: BaseParameters, parts: Sequence[tuple[Samples, bool]], link: int, fold: int) -> list[Floats]:
     """Return R of [parameters | friction with load | load | current] of each axis, on one fold's rows."""
     model = base.parameters.model
     own = [k for k, name in enumerate(base.names) if name.split()[0] in OWN]
     stacks: list[list[Floats]] = [[] for _ in range(model.n)]
     for whole, with_load in parts:
         part = whole.rows(fold_of_rows(whole) == fold, whole.name)
-        for rows, Y in base.chunks(part, gravity):
-            load = part.body_torques(model, gravity, link, rows) * with_load
+        for rows, Y in base.chunks(part):
+            load = part.body_torques(model, link, rows) * with_load
             A = np.concatenate([Y, Y[:, :, own] * with_load, load, part.tau[rows, :, None]], axis=2)
             for i in range(model.n):
                 stacks[i].append(A[:, i])

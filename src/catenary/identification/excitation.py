@@ -61,8 +61,7 @@ class FourierSeries:
     def extremes(self) -> tuple[Floats, Floats, Floats]:
         """Return what positions and speeds do not exceed at any instant: lowest, highest, fastest, (n,) each.
 
-        Between two instants h apart an extreme exceeds the nearer one's by at most h^2 / 8 of the bound of the second
-        derivative.
+        Between instants h apart an extreme exceeds the nearer one by at most h^2 / 8 of the second derivative's bound.
         """
         times = self.grid()
         h = times[1]
@@ -247,25 +246,20 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     least = -(-base.count // model.n)
     if count < least:
         raise InputError(f"{count} poses cannot show {base.count} base parameters: expected {least} or more")
-    scale, poses = None, []
-    information = np.zeros((base.count, base.count))
+    scale, poses, information = None, [], 1e-6 * np.eye(base.count)
     for _ in range(count):
         q = free_poses(limits, rng, CANDIDATES)
         Y = base.regressor(q, np.zeros_like(q), np.zeros_like(q), g)
         if scale is None:
             scale = np.sqrt(np.mean(Y**2, axis=(0, 1)))
             scale[scale == 0.0] = 1.0
-            information = 1e-6 * np.eye(base.count)
         Y = Y / scale
         gains = np.linalg.slogdet(information + np.einsum("cab,cad->cbd", Y, Y))[1]
         best = int(np.argmax(gains))
         poses.append(q[best])
         information = information + Y[best].T @ Y[best]
-    q = np.array(poses)
-    zero = np.zeros_like(q)
-    return Excitation(
-        np.arange(count, dtype=float), q, zero, zero, condition_of(base, q, zero, zero, g), base, "static"
-    )
+    motion = np.array(poses), np.zeros((count, model.n)), np.zeros((count, model.n))
+    return Excitation(np.arange(count, dtype=float), *motion, condition_of(base, *motion, g), base, "static")
 
 
 def shown_parameters(parameters: Parameters, room: Room, gravity: Floats, rng: np.random.Generator) -> BaseParameters:
@@ -299,6 +293,20 @@ class _Draw:
     coefficients: Floats
     share: Floats
     place: Floats  # 0 to 1 of the room that the amplitude leaves, from its lower end
+
+    @staticmethod
+    def anywhere(n: int, harmonics: int, rng: np.random.Generator) -> "_Draw":
+        """Return a draw that has nothing to do with those before it."""
+        return _Draw(rng.normal(size=(2, harmonics, n)), rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
+
+    def moved(self, step: float, rng: np.random.Generator) -> "_Draw":
+        """Return a draw near this one."""
+        n = len(self.share)
+        # of one joint, or several, or all: where something is near, few can move at a time
+        moved = step * (rng.permutation(n) < rng.integers(1, n + 1))
+        coefficients = self.coefficients + moved * rng.normal(size=self.coefficients.shape)
+        share = np.clip(self.share + 0.3 * moved * rng.normal(size=n), 0.1, 1.0)
+        return _Draw(coefficients, share, np.clip(self.place + 0.3 * moved * rng.normal(size=n), 0.0, 1.0))
 
     def motion(self, period: float, room: Room) -> FourierSeries:
         """Return the motion whose joints go over their share of what room and velocity allow."""
@@ -345,11 +353,10 @@ def fourier_motion(
 ) -> Excitation:
     """Design one period [s] of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
 
-    Coefficients by random search from the best of `trials`, a third of them anywhere, the others around the best so
-    far. Each joint is scaled to the larger part of its range that its velocity limit allows; the share of it, and the
-    place of its centre, are part of the search. Motions drawn anywhere are shrunk until they keep torques,
-    accelerations and distances; around the best, what shows more is taken if it keeps them. At last the best is checked
-    at every instant; where it fails, the best before it is. `rate` is rows per second.
+    The best of `trials` at random: coefficients, the share of each joint's range that its velocity limit allows, the
+    place of its centre; a third of them anywhere, shrunk until they keep torques, accelerations and distances, the
+    others around the best so far. The best is checked at every instant; where it fails, the one before it is. `rate` is
+    rows per second.
     """
     if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * ROWS):
         raise InputError(
@@ -357,72 +364,42 @@ def fourier_motion(
             f"or more trials; got {period:g} s, {rate:g} Hz, {harmonics} harmonics, {trials} trials"
         )
     base = shown_parameters(Parameters(limits.model, "full"), limits.room, limits.gravity, rng)
-    search = _MotionSearch(limits, base, period, rng)
+    centres = free_poses(limits, rng, POSES) if limits.is_narrow else None
+    times = np.arange(ROWS) * period / ROWS
+    best: list[tuple[float, _Draw]] = []  # that seemed to keep all limits, each better than the one before it
+
+    def condition(draw: _Draw) -> float:
+        return condition_of(base, *draw.motion(period, limits.room).sample(times), limits.gravity)
+
     for trial in range(trials):
-        if not search.best or trial < trials // 3:
-            search.anywhere(harmonics)
+        draw: _Draw | None
+        if best and trial >= trials // 3:
+            draw = best[-1][1].moved(0.5 * (1.0 - trial / trials) + 0.05, rng)
         else:
-            search.around(0.5 * (1.0 - trial / trials) + 0.05)
-    series, checked = search.proven()
+            draw = _Draw.anywhere(limits.model.n, harmonics, rng)
+            if centres is not None:  # what shows less at its full size is not worth shrinking
+                worth = not best or condition(draw) <= best[-1][0]
+                draw = draw.shrunk(centres[rng.integers(len(centres))], period, limits) if worth else None
+        shows = np.inf if draw is None else condition(draw)
+        if draw is None or (best and shows >= best[-1][0]):
+            continue
+        if limits.seem_kept(draw.motion(period, limits.room)):
+            best.append((shows, draw))
+    fault: str | None = "no motion that was tried keeps all limits"
+    for _, draw in reversed(best):
+        series = draw.motion(period, limits.room)
+        checked = limits.check(series)
+        if (fault := checked.fault) is None:
+            break
+    else:
+        raise LimitError(
+            f'robot "{limits.model.name}": no motion found that keeps all limits: {fault}; more trials, a longer '
+            "period or a smaller margin may find one"
+        )
     time = np.arange(round(period * rate) + 1) / rate
     q, qd, qdd = series.sample(time)
-    condition = condition_of(base, q, qd, qdd, limits.gravity)
-    return Excitation(time, q, qd, qdd, condition, base, "full", series, checked)
-
-
-class _MotionSearch:
-    """Motions that seemed to keep all limits, each better than the one before it."""
-
-    def __init__(self, limits: MotionLimits, base: BaseParameters, period: float, rng: np.random.Generator) -> None:
-        self.limits, self.base, self.period, self.rng = limits, base, period, rng
-        self.best: list[tuple[float, _Draw]] = []
-        self.times = np.arange(ROWS) * period / ROWS
-        self.centres = free_poses(limits, rng, POSES) if limits.is_narrow else None
-
-    def anywhere(self, harmonics: int) -> None:
-        """Try a motion that has nothing to do with those before it."""
-        n = self.limits.model.n
-        draw = _Draw(self.rng.normal(size=(2, harmonics, n)), self.rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
-        if self.centres is None:
-            self._take(draw)
-        # what shows less at its full size is not worth shrinking
-        elif not self.best or self._condition(draw.motion(self.period, self.limits.room)) <= self.best[-1][0]:
-            centre = self.centres[self.rng.integers(len(self.centres))]
-            if (found := draw.shrunk(centre, self.period, self.limits)) is not None:
-                self._take(found)
-
-    def around(self, step: float) -> None:
-        """Try a motion near the best so far."""
-        _, last = self.best[-1]
-        n = self.limits.model.n
-        # of one joint, or several, or all: where something is near, few can move at a time
-        moved = step * (self.rng.permutation(n) < self.rng.integers(1, n + 1))
-        coefficients = last.coefficients + moved * self.rng.normal(size=last.coefficients.shape)
-        share = np.clip(last.share + 0.3 * moved * self.rng.normal(size=n), 0.1, 1.0)
-        self._take(_Draw(coefficients, share, np.clip(last.place + 0.3 * moved * self.rng.normal(size=n), 0.0, 1.0)))
-
-    def proven(self) -> tuple[FourierSeries, CheckedMotion]:
-        """Return the best motion that keeps all limits at every instant."""
-        fault = "no motion that was tried keeps all limits"
-        for _, draw in reversed(self.best):
-            series = draw.motion(self.period, self.limits.room)
-            checked = self.limits.check(series)
-            if checked.fault is None:
-                return series, checked
-            fault = checked.fault
-        raise LimitError(
-            f'robot "{self.limits.model.name}": no motion found that keeps all limits: {fault}; more trials, a '
-            "longer period or a smaller margin may find one"
-        )
-
-    def _condition(self, series: FourierSeries) -> float:
-        return condition_of(self.base, *series.sample(self.times), self.limits.gravity)
-
-    def _take(self, draw: _Draw) -> None:
-        series = draw.motion(self.period, self.limits.room)
-        condition = self._condition(series)
-        if (not self.best or condition < self.best[-1][0]) and self.limits.seem_kept(series):
-            self.best.append((condition, draw))
+    shown = condition_of(base, q, qd, qdd, limits.gravity)
+    return Excitation(time, q, qd, qdd, shown, base, "full", series, checked)
 
 
 def free_poses(limits: MotionLimits, rng: np.random.Generator, count: int) -> Floats:

@@ -18,7 +18,7 @@ from catenary.config import IN_FILES
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.parameters import recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
-from catenary.robots.actuation import Actuation, ActuationTerm, Friction
+from catenary.robots.actuation import Actuation, ActuationTerm
 
 Extra = tuple[str, int]  # kind, and which friction
 SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of Stribeck friction, over the rate's RMS
@@ -51,6 +51,7 @@ class _Candidate(NamedTuple):
     scale: float | None
     rung: int  # of the grid of scales
     column: int
+    term: ActuationTerm
 
 
 class _Products(NamedTuple):
@@ -61,23 +62,18 @@ class _Products(NamedTuple):
 
 
 def choose_friction(
-    base: BaseParameters,
-    gravity: Floats,
-    samples: Sequence[Samples],
-    weights: Floats,
-    actuation: Actuation,
-    kinds: Sequence[str],
+    base: BaseParameters, samples: Sequence[Samples], weights: Floats, actuation: Actuation, kinds: Sequence[str]
 ) -> tuple[Actuation, tuple[FrictionPart, ...]]:
     """Return the actuation with the parts of friction that held-out blocks show, and what each of them gained.
-    Recordings to fit tell in `carried` what the links ask of the actuators; gravity (3,) [m/s2] is where they hold
-    none.
+
+    Recordings to fit tell in `carried` what the links ask of the actuators.
     """
-    candidates, terms = _candidates(actuation, samples, kinds, base.count)
+    candidates = _candidates(actuation, samples, kinds, base.count)
     if not candidates:
         return actuation, ()
-    products = _products(base, gravity, samples, terms, weights, actuation.coulomb_velocity)
+    products = _products(base, samples, [each.term for each in candidates], weights, actuation.coulomb_velocity)
     fixed = list(range(base.count))
-    moves = [*_together(candidates, terms), *((candidate,) for candidate in candidates)]
+    moves = [*_together(candidates), *((candidate,) for candidate in candidates)]
     chosen: dict[Extra, _Candidate] = {}
 
     def with_parts(parts: Collection[_Candidate], added: int) -> Floats | None:
@@ -120,7 +116,6 @@ def choose_friction(
 
 def terms_show(
     base: BaseParameters,
-    gravity: Floats,
     samples: Sequence[Samples],
     weights: Floats,
     terms: Sequence[ActuationTerm],
@@ -130,7 +125,7 @@ def terms_show(
 
     Those that the base parameters give, as a rotor that moves like an upright first link, do not count.
     """
-    products = _products(base, gravity, samples, terms, weights, coulomb_velocity)
+    products = _products(base, samples, terms, weights, coulomb_velocity)
     columns = list(range(base.count))
     before = _held_out(products, columns, added=1)
     for k in range(len(terms)):
@@ -159,25 +154,19 @@ def _gain(before: Floats, after: Floats, *, least: float) -> float:
     return 0.5 * whole - least
 
 
-def _together(candidates: list[_Candidate], terms: Sequence[ActuationTerm]) -> list[tuple[_Candidate, ...]]:
+def _together(candidates: list[_Candidate]) -> list[tuple[_Candidate, ...]]:
     """Return moves that give all frictions a part at once: one alone may not show beside others that lack it."""
     groups: dict[tuple[str, int], dict[bytes, _Candidate]] = {}
-    for candidate, term in zip(candidates, terms, strict=True):
+    for candidate in candidates:
         group = groups.setdefault((candidate.kind, candidate.rung), {})
-        group.setdefault(np.ascontiguousarray(term.combination).tobytes(), candidate)  # two links on a drive rub as one
+        along = np.ascontiguousarray(candidate.term.combination)
+        group.setdefault(along.tobytes(), candidate)  # two links on a drive rub as one
     return [tuple(group.values()) for group in groups.values() if len(group) > 1]
 
 
-def _candidates(
-    actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str], first: int
-) -> tuple[list[_Candidate], list[ActuationTerm]]:
-    candidates: list[_Candidate] = []
-    terms: list[ActuationTerm] = []
-
-    def add(kind: str, place: int, friction: Friction, scale: float | None, rung: int = 0) -> None:
-        candidates.append(_Candidate(kind, place, scale, rung, first + len(terms)))
-        terms.append(ActuationTerm(kind, friction.name, friction.combination, None, scale or 0.0))  # type: ignore[arg-type]
-
+def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str], first: int) -> list[_Candidate]:
+    """Return the parts that frictions lack and could have, their columns behind the first ones."""
+    found: list[_Candidate] = []
     for place, friction in enumerate(actuation.friction):
         c = friction.combination
         s = np.concatenate([part.q @ c for part in samples])
@@ -185,24 +174,19 @@ def _candidates(
         speed = float(np.sqrt(np.mean(np.concatenate([part.qd @ c for part in samples]) ** 2)))
         if friction.recording or not (travel > 0.0 and speed > 0.0):
             continue
-        if friction.viscous and not friction.asymmetric and "asymmetric" in kinds:
-            add("asymmetric", place, friction, None)
-        if not friction.coulomb:
-            continue
-        if not friction.load and "load" in kinds:
-            add("load", place, friction, None)
-        if friction.stribeck is None and "stribeck" in kinds:
-            for rung, share in enumerate(SPEEDS):
-                add("stribeck", place, friction, share * speed, rung)
-        if friction.presliding is None and "presliding" in kinds and samples[0].history is not None:
-            for rung, share in enumerate(DISTANCES):
-                add("presliding", place, friction, share * travel, rung)
-    return candidates, terms
+        beside = {"asymmetric": friction.viscous, **dict.fromkeys(("load", "stribeck", "presliding"), friction.coulomb)}
+        tried: dict[str, Sequence[float | None]] = {"asymmetric": [None], "load": [None]}
+        tried["stribeck"] = [share * speed for share in SPEEDS]
+        tried["presliding"] = [share * travel for share in DISTANCES if samples[0].history is not None]
+        for kind in (each for each in tried if each in kinds and beside[each] and not getattr(friction, each)):
+            for rung, scale in enumerate(tried[kind]):
+                term = ActuationTerm(kind, friction.name, c, None, scale or 0.0)  # type: ignore[arg-type]  # by its name
+                found.append(_Candidate(kind, place, scale, rung, first + len(found), term))
+    return found
 
 
 def _products(
     base: BaseParameters,
-    gravity: Floats,
     samples: Sequence[Samples],
     terms: Sequence[ActuationTerm],
     weights: Floats,
@@ -216,7 +200,7 @@ def _products(
     for part in samples:
         fold = fold_of_rows(part)
         loads = np.column_stack([recorded_load(term, part, coulomb_velocity) for term in terms])
-        for rows, Y in base.chunks(part, gravity):
+        for rows, Y in base.chunks(part):
             for f in range(FOLDS):
                 here: NDArray[np.int64] = np.flatnonzero(fold[rows] == f)[::every]
                 for i in range(n):

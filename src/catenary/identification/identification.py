@@ -135,8 +135,8 @@ class Identification:
 
     def predict_samples(self, samples: Samples) -> Floats:
         """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its history."""
-        heard = carrying(self.base, self.beta, [samples], self.gravity)[0]
-        return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard, self.gravity)])
+        heard = carrying(self.base, self.beta, [samples])[0]
+        return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard)])
 
     def robot(self) -> RobotModel:
         """Return the robot with the identified inertia, friction, rotors and springs.
@@ -235,14 +235,11 @@ def gains_of(
         raise InputError("currents: torques of known rotors, cables or springs are in Nm: leave them out")
     beside = rotors_beside(model) if options.find_rotors and options.terms == "full" else ()
     geared = replace(model, actuation=replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside)))
-    gravity = as_array("gravity", options.gravity, (3,))
     with threadpool_limits(limits=1):
-        base = _fit([*free, *loaded], geared, replace(options, consistent=False), gravity).base
-        return drive_gains(base, gravity, free, loaded, load)
+        return drive_gains(_fit([*free, *loaded], geared, replace(options, consistent=False)).base, free, loaded, load)
 
 
 def _identified(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
-    gravity = as_array("gravity", options.gravity, (3,))
     known_rotors(model, options)  # refuses another number than there are joints
     actuation, parts = replace(actuation_of(model), values=None), tuple[FrictionPart, ...]()
     if options.rotors is not None:
@@ -250,7 +247,7 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
     beside = rotors_beside(model) if options.find_rotors and options.rotors is None else ()
     model = model if model.actuation is None and not beside else replace(model, actuation=actuation)
     free = replace(options, consistent=False)
-    plain = _fit(samples, model, free, gravity)
+    plain = _fit(samples, model, free)
     changes: list[dict[str, Any]] = [{"motor_inertia": (*actuation.motor_inertia, *beside)}] if beside else []
     names = [part.name for part in samples]
     if "recording" in options.friction and len(set(names)) == len(names) > 1:
@@ -263,40 +260,36 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
     for change in changes if options.terms == "full" else ():
         more, own_terms = replace(actuation, **change), {(t.kind, t.name) for t in actuation_terms(actuation)}
         terms = [t for t in actuation_terms(more) if (t.kind, t.name) not in own_terms]
-        if terms_show(plain.base, gravity, samples, plain.weights, terms, actuation.coulomb_velocity):
+        if terms_show(plain.base, samples, plain.weights, terms, actuation.coulomb_velocity):
             try:
-                plain = _fit(samples, replace(model, actuation=more), free, gravity)
+                plain = _fit(samples, replace(model, actuation=more), free)
             except ExcitationError:  # friction of each recording, of joints that move as one, is not told apart
                 continue
             actuation, model = more, replace(model, actuation=more)
     if options.terms == "full" and options.friction:
-        heard = carrying(plain.base, plain.beta, samples, gravity)
-        actuation, parts = choose_friction(plain.base, gravity, heard, plain.weights, actuation, options.friction)
+        heard = carrying(plain.base, plain.beta, samples)
+        actuation, parts = choose_friction(plain.base, heard, plain.weights, actuation, options.friction)
     if not parts and not options.consistent:
         return plain
     chosen = replace(model, actuation=actuation) if parts else model
-    return replace(_fit(samples, chosen, options, gravity, like=plain), friction=parts)
+    return replace(_fit(samples, chosen, options, like=plain), friction=parts)
 
 
 def _fit(
-    samples: Sequence[Samples],
-    model: RobotModel,
-    options: IdentifyOptions,
-    gravity: Floats,
-    like: Identification | None = None,
+    samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions, like: Identification | None = None
 ) -> Identification:
     """Fit with friction as the model has it, and axes weighted as in another fit, if there is one."""
     q, qd, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd"))
     rng, parameters = np.random.default_rng(options.seed), Parameters(model, options.terms)
-    base = base_parameters(parameters, gravity, (q, qd, qdd), rng, base=_base_in(samples))
+    base = base_parameters(parameters, np.array(options.gravity), (q, qd, qdd), rng, base=_base_in(samples))
     weights = None if like is None else like.weights
     known = {} if like is None else dict(zip(like.base.names, like.beta, strict=True))
     beta = None if like is None else np.array([known.get(name, 0.0) for name in base.names])  # of other friction: 0
     loaded = any(term.kind == "load" for term in base.parameters.actuation)
     for _ in range(ROUNDS if loaded else 1):
         if loaded and beta is not None:
-            samples = carrying(base, beta, samples, gravity)
-        reduced = triangles(base, gravity, samples)
+            samples = carrying(base, beta, samples)
+        reduced = triangles(base, samples)
         if weights is None:
             weights = weigh(options.weighting or actuation_of(model).weighting, samples, reduced)
         R = reduced.stacked(weights)
@@ -310,7 +303,7 @@ def _fit(
     if options.consistent:
         prior = prior_of(base.parameters) if options.prior else None
         if prior is not None:
-            prior_weight = weight_of_prior(base, gravity, samples, weights, prior)
+            prior_weight = weight_of_prior(base, samples, weights, prior)
         phi = consistent_fit(base, R, prior, prior_weight or LEAST_PRIOR)
         beta = base.combination @ phi
     result = Identification(
@@ -321,23 +314,18 @@ def _fit(
     return replace(result, training=tuple(result.compare(part) for part in samples))
 
 
-def carrying(base: BaseParameters, beta: Floats, samples: Sequence[Samples], gravity: Floats) -> list[Samples]:
+def carrying(base: BaseParameters, beta: Floats, samples: Sequence[Samples]) -> list[Samples]:
     """Return recordings with what the links, rotors and springs ask in them, which friction may grow with."""
     kept = np.isin(base.columns, base.parameters.carrying)
-    return [
-        replace(
-            part,
-            carried=part.known + np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part, gravity)]),
-        )
-        for part in samples
-    ]
+    asked = (np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part)]) for part in samples)
+    return [replace(part, carried=part.known + each) for part, each in zip(samples, asked, strict=True)]
 
 
 def _base_in(samples: Sequence[Samples]) -> Base:
     """Return what recordings show of the base: whether gravity turns in them, and the base with it."""
     if any(part.base is not None for part in samples):
         return "turning"
-    rows = [part.gravity for part in samples if part.gravity is not None]
+    rows = [part.gravity for part in samples if part.holds_gravity]
     if not rows:
         return "still"
     directions = np.concatenate(rows)

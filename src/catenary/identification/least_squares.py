@@ -32,12 +32,12 @@ class Triangles:
         return np.linalg.norm(self.R @ np.append(-beta, 1.0), axis=1) / np.sqrt(self.rows)
 
 
-def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples]) -> Triangles:
+def triangles(base: BaseParameters, samples: Sequence[Samples]) -> Triangles:
     """Reduce recordings to their triangles, a chunk at a time."""
     n, b = samples[0].q.shape[1], base.count
     R = np.zeros((n, 0, b + 1))
     for part in samples:
-        for chunk, Y in base.chunks(part, gravity):
+        for chunk, Y in base.chunks(part):
             rows = np.concatenate([Y, part.tau[chunk, :, None]], axis=2).transpose(1, 0, 2)
             stacked = np.concatenate([R, rows], axis=1)
             if stacked.shape[1] < b + 1:  # fewer rows than columns: QR would give a trapezium
@@ -55,10 +55,9 @@ def joined(parts: Sequence[Triangles]) -> Triangles:
 
 
 def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:
-    """Return the weight of each axis (n,) [1/Nm or 1/N]; an axis without any torque weighs as the weakest other.
+    """Return the weight of each axis (n,) [1/Nm or 1/N]: one over the range of its torque, its spread, or its residual.
 
-    range: one over the range of its torque; spread: over its standard deviation; residual: over the RMS of its
-    residual, found by fitting twice more.
+    The residual's RMS is found by fitting twice more. An axis without any torque weighs as the weakest other.
     """
     tau = np.concatenate([part.tau for part in samples])
     n = tau.shape[1]

@@ -43,21 +43,21 @@ def cause_findings(
 def _cause(
     result: Identification, part: Samples, payload: PayloadEstimate | None, place: Floats | None
 ) -> Finding | None:
-    model, stated, weights = result.model, result.gravity, one_over(result.usual)
+    model, weights = result.model, one_over(result.usual)
     part = _some(part, MOST_ROWS)
     link = 0 if payload is None else model.link_names.index(payload.link)
     mass, moment = (None, None) if payload is None else (payload.mass, payload.moment)
     body = np.zeros(PER_LINK) if mass is None or moment is None else mass * point_mass(np.nan_to_num(moment) / mass)
 
-    def torques(gravity: Floats) -> tuple[Floats, Floats]:
-        """Return those of the arm (N, n), and of a body on the link by its parameters (N, n, 10), under a gravity."""
-        return _under(result, part, gravity), part.body_torques(model, gravity, link)
+    def torques(part: Samples) -> tuple[Floats, Floats]:
+        """Return those of the arm (N, n), and of a body on the link by its parameters (N, n, 10)."""
+        return result.predict_samples(part), part.body_torques(model, link)
 
     def rest(columns: Floats) -> Floats:
         """Return columns (N, n, k) weighted, less their means: every joint's torque has a zero of its own."""
         return flattened(columns - columns.mean(axis=0), weights)
 
-    arm, load = torques(stated)
+    arm, load = torques(part)
     expected = arm + load @ body
     y = rest((part.tau - expected)[:, :, None])[:, 0]
     tangent = np.eye(PER_LINK)[:, :4] if place is None else point_mass(place)[:, None]
@@ -67,12 +67,9 @@ def _cause(
     if size <= WORSE**2 * len(y):
         return None
     causes = {name: rest(columns) for name, columns in zip(model.joint_names, _gains(part), strict=True)}
-    if part.gravity is None:
-        tilted = []
-        for way in _across(stated):  # torques are linear in gravity
-            more, more_load = torques(stated + way)
-            tilted.append(more + more_load @ body - expected)
-        causes[""] = rest(np.stack(tilted, axis=2))
+    if turned := _tilted(part):  # torques are linear in gravity
+        under = (torques(each) for each in turned)
+        causes[""] = rest(np.stack([more + more_load @ body - expected for more, more_load in under], axis=2))
     found = {}
     for name, columns in causes.items():
         X = np.hstack([of_load, columns])
@@ -102,10 +99,10 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
     """Find one of several fitted recordings with a zero, a gain or a tilt of its own, which spoils all masses."""
     if len(days) < 2:
         return []
-    n, stated = result.model.n, result.gravity
+    n = result.model.n
     few = [_some(day, ROWS) for day in days]
-    heard = carrying(result.base, result.beta, few, stated)
-    X = [np.concatenate([Y for _, Y in result.base.chunks(day, stated)]) for day in heard]
+    heard = carrying(result.base, result.beta, few)
+    X = [np.concatenate([Y for _, Y in result.base.chunks(day)]) for day in heard]
     ends = np.cumsum([0, *map(len, few)])
     weights = one_over(np.min([r.rms for r in result.training], axis=0))  # of the day that fits best
     of_others = left_beside(flattened(np.concatenate(X), weights))
@@ -119,9 +116,9 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
     for day, part, first, last in zip(few, heard, ends, ends[1:], strict=False):
         causes = {("offset", i): np.ones((len(day), n, 1)) * np.eye(n)[i][:, None] for i in range(n)}
         causes |= {("torques", i): columns for i, columns in enumerate(_gains(day))}
-        if day.gravity is None:
-            ways = [_under(result, part, stated + way) - _under(result, part, stated) for way in _across(stated)]
-            causes["gravity", -1] = np.stack(ways, axis=2)
+        if turned := _tilted(part):
+            own = result.predict_samples(part)
+            causes["gravity", -1] = np.stack([result.predict_samples(each) - own for each in turned], axis=2)
         for (name, axis), columns in causes.items():
             whole = np.zeros((ends[-1], n, columns.shape[2]))
             whole[first:last] = columns
@@ -160,15 +157,12 @@ def _gains(part: Samples) -> Floats:
     return -np.eye(part.tau.shape[1])[:, None, :, None] * (part.tau + part.known)[:, :, None]
 
 
-def _across(gravity: Floats) -> Floats:
-    """Return two directions (2, 3) across gravity, of its size."""
-    return np.linalg.svd(gravity[None])[2][1:] * np.linalg.norm(gravity)
-
-
-def _under(result: Identification, part: Samples, gravity: Floats) -> Floats:
-    """Return the torques (N, n) that are predicted under another gravity."""
-    turned = replace(result, options=replace(result.options, gravity=tuple(gravity)))
-    return turned.predict_samples(part)
+def _tilted(part: Samples) -> list[Samples]:
+    """Return a recording under gravity that is turned by 45 degrees, about either axis across; none that holds it."""
+    if part.holds_gravity:
+        return []
+    across = np.linalg.svd(part.gravity[None])[2][1:] * np.linalg.norm(part.gravity)
+    return [replace(part, gravity=part.gravity + way) for way in across]
 
 
 def _some(samples: Samples, most: int) -> Samples:

@@ -247,7 +247,7 @@ def _fit(
         moment = mass * place
     else:
         mass, moment = _mass_and_moment(Y, y, _reach(result.model))
-        phi, tangent = _body(mass, moment), _tangent(mass, moment)
+        phi, tangent = (of(np.array([mass, *moment])) for of in (_body, _tangent))
     left = y - Y @ phi
     rate = _rate(result, loaded)
     torque = Y @ phi
@@ -298,10 +298,9 @@ def _fit(
 
 
 def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]:
-    """Point mass [kg] and mass times place (3,) [kg m] whose torques Y phi are nearest to y, within reach.
+    """Return point mass [kg] and mass times place (3,) [kg m] whose torques Y phi are nearest to y, within reach.
 
-    A place shows by first moments, a mass far from every axis by its inertia too; so the equation is quadratic, and
-    is solved from several masses.
+    A mass far from every axis shows by its inertia too: the equation is quadratic, and solved from several masses.
     """
     R = np.asarray(np.linalg.qr(np.hstack([_flat(Y), y.reshape(-1, 1)]), mode="r"))
     small = PREFER_SMALL * float(np.linalg.norm(R[:, PER_LINK]))
@@ -323,16 +322,16 @@ def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]
     return float(best.x[0]), float(best.x[0]) * np.asarray(best.x[1:])
 
 
-def _body(mass: float, moment: Floats) -> Floats:
-    """Return the ten parameters of a point mass by its mass and its moment."""
-    return mass * point_mass(moment / mass)
+def _body(body: Floats) -> Floats:
+    """Return the ten parameters of a point mass by its mass and its moment (4,)."""
+    return body[0] * point_mass(body[1:] / body[0])
 
 
-def _tangent(mass: float, moment: Floats) -> Floats:
-    """Return the derivative (10, 4) of a point mass's parameters by mass and moment, by central differences."""
-    sizes = 1e-6 * np.array([mass, *[max(float(np.abs(moment).max()), 1e-3 * mass)] * 3])
-    ways = [[_body(mass + s * step[0], moment + s * step[1:]) for s in (1.0, -1.0)] for step in np.diag(sizes)]
-    return np.column_stack([(a - b) / (2.0 * size) for (a, b), size in zip(ways, sizes, strict=True)])
+def _tangent(body: Floats) -> Floats:
+    """Return the derivative (10, 4) of a point mass's parameters by mass and moment (4,), by central differences."""
+    sizes = 1e-6 * np.array([body[0], *[max(float(np.abs(body[1:]).max()), 1e-3 * body[0])] * 3])
+    ways = [(_body(body + step) - _body(body - step)) / (2.0 * step.sum()) for step in np.diag(sizes)]
+    return np.column_stack(ways)
 
 
 def _flat(X: Floats) -> Floats:
@@ -342,20 +341,19 @@ def _flat(X: Floats) -> Floats:
 def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Equations:
     """Return weighted torques of a body on a link, and weighted residuals, zeros integrated out."""
     weights, rate = one_over(result.usual), _rate(result, samples)
-    X, y, means, places, zeros, counts = [], [], [], [], [], []
+    parts, rows = [], 0
     for part in samples:
-        whole = part.body_torques(result.model, result.gravity, link) * weights[:, None]
+        whole = part.body_torques(result.model, link) * weights[:, None]
         left = (part.tau - result.predict_samples(part)) * weights
         count = len(part) / _lags(result, len(part), rate) / _repeats(result, len(part))
         size = rms(part.tau + part.known) * weights
         taken = 1.0 - 1.0 / np.sqrt(1.0 + count * size**2)
-        means.append((whole.mean(axis=0), left.mean(axis=0)))
-        X.append(whole - taken[:, None] * means[-1][0])
-        y.append(left - taken * means[-1][1])
-        places.append(slice(sum(map(len, y[:-1])), sum(map(len, y))))
-        zeros.append(size)
-        counts.append(count)
-    return _Equations(np.concatenate(X), np.concatenate(y), means, places, np.array(zeros), np.array(counts), weights)
+        means = whole.mean(axis=0), left.mean(axis=0)
+        place = slice(rows, rows := rows + len(left))
+        parts.append((whole - taken[:, None] * means[0], left - taken * means[1], means, place, size, count))
+    X, y, of_parts, places, zeros, counts = map(list, zip(*parts, strict=True))
+    stacked = np.concatenate(X), np.concatenate(y)
+    return _Equations(*stacked, of_parts, places, np.array(zeros), np.array(counts), weights)
 
 
 def _spread(result: Identification, rows: _Equations, inverse: Floats, left: Floats, rate: float) -> Floats:

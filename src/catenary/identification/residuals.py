@@ -50,9 +50,8 @@ def judged(
     """Return the residual of a recording that was not fitted, with the verdict on the model and the reasons.
 
     An axis is not predicted that has more than twice the largest relative RMS of the training (n,), and more than a
-    tenth of its torque. holds: every axis is predicted. unclear: the axes that are not were moved too little, or where
-    nothing was fitted. fails: one is hardly better than predicting no torque. drifted: otherwise, as when the arm or
-    its load changed.
+    tenth of its torque. holds: all are predicted. unclear: those that are not moved too little, or where nothing was
+    fitted. fails: one is hardly better than predicting no torque. drifted: otherwise.
     """
     found = residual(samples, predicted)
     with np.errstate(invalid="ignore"):

@@ -10,14 +10,14 @@ they hold is rounded: the column it is fitted with passes the same filter. Presl
 the last reversals. Both are computed over the whole recording before rows are left out.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.dynamics.actuation_loads import known_torque, term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
@@ -27,6 +27,7 @@ from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 from catenary.robots.actuation import ActuationTerm, SignalFilter
 from catenary.robots.model import RobotModel
+from catenary.spatial import LEVEL
 from catenary.verdict.units_and_scale import LARGEST, limits_of
 
 STEPS = ("coulomb", "stribeck", "load")  # kinds that leap where the rate changes sign
@@ -57,9 +58,8 @@ class FrictionHistory:
 
 
 def presliding(s: Floats, distance: float) -> Floats:
-    """Return Dahl's friction z (N,) along a path s, between -1 and 1: dz = ds - |ds| z / distance, in its units.
-
-    It depends on the path alone, not on time. It begins at zero, as after a rest.
+    """Return Dahl's friction z (N,) along a path s, from rest, between -1 and 1: dz = ds - |ds| z / distance, in its
+    units.
     """
     out = np.empty(len(s))
     _presliding_rows(np.ascontiguousarray(s), distance, out)
@@ -189,7 +189,7 @@ class Samples:
     known: Floats  # (N, n) what was subtracted from the measured torque
     time: Floats  # (N,) [s]; row numbers of a recording at rest
     independent: float  # share of the rows that count as independent: a filter ties neighbours together
-    gravity: Floats | None = None  # (N, 3) [m/s2] in base axes, where the recording holds it
+    gravity: Floats = field(default_factory=LEVEL.copy)  # [m/s2] in base axes: (N, 3) as recorded, or (3,) as stated
     base: Floats | None = None  # (N, 2, 3) angular velocity and acceleration of the base [rad/s, rad/s2], likewise
     history: FrictionHistory | None = None  # of the motion that friction remembers; none at rest
     carried: Floats | None = None  # (N, n) what the links ask, that load-dependent friction grows with
@@ -200,42 +200,43 @@ class Samples:
 
     def rows(self, which: NDArray[np.bool_], name: str) -> "Samples":
         """Return some of the rows under another name."""
-        keys = ("q", "qd", "qdd", "tau", "known", "time", "gravity", "base", "carried")
+        keys = ("q", "qd", "qdd", "tau", "known", "time", *["gravity"] * self.holds_gravity, "base", "carried")
         chosen: dict[str, Any] = {key: values[which] for key in keys if (values := getattr(self, key)) is not None}
         if self.history is not None:
             chosen["history"] = replace(self.history, kept=self.history.kept[which])
         return replace(self, name=name, **chosen)
 
-    def motion(self, gravity: Floats, part: slice = EVERY) -> tuple[Floats, Floats, Floats, Floats, BaseMotion | None]:
-        """Return q, qd, qdd of some rows, gravity on them, which is (3,) for all where the recording holds none.
+    @property
+    def holds_gravity(self) -> bool:
+        """Whether gravity was recorded, row by row."""
+        return self.gravity.ndim == 2
 
-        Last how the base turned; None where it did not, or the recording does not say.
-        """
-        down = gravity if self.gravity is None else self.gravity[part]
+    def motion(self, part: slice = EVERY) -> tuple[Floats, Floats, Floats, Floats, BaseMotion | None]:
+        """Return q, qd, qdd and gravity of some rows, and how the base turned; None where that is not known."""
+        down = self.gravity[part] if self.holds_gravity else self.gravity
         base = None if self.base is None else BaseMotion(self.base[part, 0], self.base[part, 1])
         return self.q[part], self.qd[part], self.qdd[part], down, base
 
-    def body_torques(self, model: RobotModel, gravity: Floats, link: int, part: slice = EVERY) -> Floats:
+    def body_torques(self, model: RobotModel, link: int, part: slice = EVERY) -> Floats:
         """Return what a body on a link asks of the joints, (N, n, 10) per parameter of it."""
-        whole = torque_regressor(model, *self.motion(gravity, part))
+        whole = torque_regressor(model, *self.motion(part))
         return whole[:, :, PER_LINK * link : PER_LINK * (link + 1)]
 
 
 def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samples:
     """Filter a recording, derive accelerations, cut both ends, and subtract known torques.
 
-    Zero-phase Butterworth on positions, velocities and torques; accelerations are central differences of the
-    filtered velocity, and so are velocities of the position where none were recorded. A recording in which time goes
-    back, or that has gaps, is several, each filtered and cut by itself; those shorter than the filter
-    needs are left out. At rest nothing is filtered.
+    Zero-phase Butterworth; accelerations are central differences of the filtered velocity, and so are velocities that
+    were not recorded. Where time goes back, or has gaps, each part is filtered and cut by itself; those shorter than
+    the filter needs are left out. At rest nothing is filtered.
     """
     log = checked_log(log, model)
     assert log.tau is not None  # for the type checker; checked_log refused
-    actuation = actuation_of(model)
+    actuation, stated = actuation_of(model), as_array("gravity", options.gravity, (3,))
     if options.terms == "static":
         zero = np.zeros(log.q_nominal.shape)
         known = known_torque(actuation, log.q_nominal)
-        places, gravity = np.arange(len(log), dtype=float), base_of(log).get("gravity")
+        places, gravity = np.arange(len(log), dtype=float), base_of(log).get("gravity", stated)
         return Samples(log.name, log.q_nominal, zero, zero, log.tau - known, known, places, 1.0, gravity=gravity)
     if log.time is None:
         raise InputError(
@@ -267,10 +268,9 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     sections = _filter(settings, 2.0 * used[0][2] * settings.cutoff_hz)
     history = FrictionHistory(tuple((part["q"], part["qd"]) for part in parts), cut, sections, np.arange(len(q)))
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
-    return Samples(
-        log.name, q, rows["qd"], qdd, rows["tau"] - known, known, time, independent, gravity=rows.get("gravity"),
-        base=rows.get("base"), history=history, notes=told,
-    )  # fmt: skip
+    gravity, base = rows.get("gravity", stated), rows.get("base")
+    tau = rows["tau"] - known
+    return Samples(log.name, q, rows["qd"], qdd, tau, known, time, independent, gravity, base, history, notes=told)
 
 
 def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:

@@ -54,7 +54,7 @@ def torque_findings(
     count = len(samples)
     some = np.isin(np.arange(count), np.linspace(0, count - 1, min(count, ROWS)).astype(np.int64))
     rows = samples.rows(some, samples.name)
-    if fitted and (mounting := mounting_finding(result.model, rows, result.gravity)) is not None:
+    if fitted and (mounting := mounting_finding(result.model, rows)) is not None:
         return [mounting]
     own = result.training if fitted else result.tests
     residual = next(r for r in own if r.log == samples.name)
@@ -152,7 +152,7 @@ def _known_torques(
     elif model.missing_inertia:
         return [], set(), np.ones(model.n)
     else:
-        own = torque_regressor(model, *rows.motion(result.gravity)) @ link_parameters(model.tree)
+        own = torque_regressor(model, *rows.motion()) @ link_parameters(model.tree)
     found, against, as_expected, untold = dict[int, float](), set[int](), 0, list[str]()
     for i, name in enumerate(model.joint_names):
         # friction, a constant and, of a file that has none, a rotor are beside the model's own torque, of any size
@@ -212,7 +212,7 @@ def _swapped(rows: Samples) -> Iterator[tuple[tuple[int, int], Samples]]:
 
 def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
     """Return each axis's mean square residual (n,) over that of its torque, four at most: more is no worse."""
-    reduced = triangles(result.base, result.gravity, [rows])
+    reduced = triangles(result.base, [rows])
     beta = solve(reduced.stacked(result.weights)) if refit else result.beta
     relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-9)
     return np.clip(relative, LEAST, 2.0) ** 2
@@ -230,13 +230,13 @@ NAMES = {
 }  # fmt: skip
 
 
-def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> tuple[Floats, float, bool] | None:
+def fitted_gravity(model: RobotModel, samples: Samples) -> tuple[Floats, float, bool] | None:
     """Fit gravity to a recording by the masses of the robot's file; None where these are unknown, or gravity recorded.
     Axes weigh as the spread of their torque. Return gravity (3,) [m/s2] in base axes; what it leaves of the squared
     residual with the stated direction, of whatever size; whether friction takes power, as where torques have their
     sign.
     """
-    if model.missing_inertia or samples.gravity is not None or not model.tree.mass.any():
+    if model.missing_inertia or samples.holds_gravity or not model.tree.mass.any():
         return None
     phi = link_parameters(model.tree)
 
@@ -265,16 +265,16 @@ def fitted_gravity(model: RobotModel, samples: Samples, stated: Floats) -> tuple
         return None
     vector = np.linalg.lstsq(A, b)[0]
     left = float(np.sum((b - A @ vector) ** 2))
-    along = A @ stated
+    along = A @ samples.gravity
     upon = max(float(along @ b), 0.0)  # of whatever size, but not of the other sign
     before = float(b @ b) - upon**2 / max(float(along @ along), 1e-300)
     taken = [float(np.mean((c[:, :2] @ (f[:2, 0] - f[:2, 1:] @ vector)) * c[:, 1])) for c, f in beside]
     return vector, left / max(before, 1e-300), sum(taken) >= 0.0
 
 
-def mounting_finding(model: RobotModel, samples: Samples, stated: Floats) -> Finding | None:
+def mounting_finding(model: RobotModel, samples: Samples) -> Finding | None:
     """Find a recording in which gravity pulled along another direction than was stated; None where it did not."""
-    found = fitted_gravity(model, samples, stated)
+    found, stated = fitted_gravity(model, samples), samples.gravity
     if found is None or not stated.any():
         return None
     vector, left, braked = found
@@ -314,11 +314,11 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
     inside = np.abs(time - span / 2.0) <= span / 2.0 - min(REACH, span / 10.0)
     places = np.flatnonzero(inside)[:: int(inside.sum()) // ROWS + 1]
     few = samples.rows(np.isin(np.arange(len(samples)), places), samples.name)
-    n, b, gravity = few.q.shape[1], result.base.count, result.gravity
+    n, b = few.q.shape[1], result.base.count
     if result.options.terms == "static" or len(few) < 2 * (b + n):
         return []
-    heard = carrying(result.base, result.beta, [few], gravity)[0]
-    explained = np.concatenate([Y for _, Y in result.base.chunks(heard, gravity)])
+    heard = carrying(result.base, result.beta, [few])[0]
+    explained = np.concatenate([Y for _, Y in result.base.chunks(heard)])
     rotors = few.qdd[:, :, None] * np.eye(n)
     beside = left_beside(flattened(np.concatenate([explained, rotors], axis=2), result.weights))
     least = np.maximum((LEAST * result.weights) ** 2 * np.sum(few.tau**2, axis=0), 1e-300)
@@ -345,7 +345,7 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
     left = rest(zeros.reshape(len(few), n, -1))
     sizes = (left.T @ y)[:, 0] / np.maximum(np.square(left).sum(axis=0), 1e-300)
     turned = few.tau[:, :, None, None] * (1.0 - 2.0 * after[:, None, :, None] * np.eye(n)[None, :, None, :])
-    load = few.body_torques(result.model, gravity, result.model.frame().link)[:, :, :LOAD]
+    load = few.body_torques(result.model, result.model.frame().link)[:, :, :LOAD]
     loads = [rest(load * step[:, None, None]) for step in after.T]
     ways = {
         "zero": misfit(y - left * sizes),

@@ -44,12 +44,11 @@ def dragged(force: float, moved: float, stiffness: float, most: float) -> float:
 
 @inlined
 def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Numbers, given: Numbers, sweeps: int) -> None:
-    """Let friction act on coupled joints, by projected Gauss-Seidel on the inverse inertia.
+    """Let friction act on coupled joints, by projected Gauss-Seidel on the inverse inertia A (n, n).
 
-    Finds impulses p_j, |p_j| <= impulse_j, so that velocity - A p is zero where |p_j| is below its bound and opposed to
-    p_j where it is at it. [the maximum dissipation principle; Moreau 1988] inverse_inertia is A (n, n), impulse (n,)
-    the largest impulses, friction times the step; velocity (n,) is overwritten with that after, given (n,) with p: what
-    stands there is where the search starts.
+    Finds impulses p, |p_j| <= impulse_j (friction times the step), so that velocity - A p, which overwrites it, is zero
+    or opposed to p_j at its bound [the maximum dissipation principle; Moreau 1988]. The search starts at `given` (n,),
+    overwritten with p.
     """
     n = len(velocity)
     for j in range(n):

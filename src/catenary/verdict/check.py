@@ -1,6 +1,6 @@
 """The verdict on recordings of which a calibration model is to be made: every check, in order."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -60,7 +60,7 @@ def _alone(
     if pairs is not None:
         findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
         delay = next((each.delay for each in findings if each.delay is not None), None)
-        findings += arrival_findings(log, delay) + zero_findings(log)
+        findings += [*arrival_findings(log, delay), *zero_findings(log)]
         if not any(each.refuses for each in findings):  # what is wrong everywhere is far from the rest somewhere
             findings += [*outlier_findings(log), *coarse_findings(pairs), *filled_findings(log), *missing_findings(log)]
     return sorted(findings, key=lambda each: not each.refuses)
@@ -68,7 +68,7 @@ def _alone(
 
 def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
     """Find what is wrong between measurements and commands, each under its first cause, but of joints known `wrong`."""
-    turns = turn_findings(pairs)
+    turns = [*turn_findings(pairs)]
     turned = {joint for each in turns for joint in each.joints}
     place = joints_in_place(pairs)
     still = sensor_findings(pairs, place)
@@ -114,7 +114,6 @@ def verdict(
 ) -> Passed:
     """Refuse recordings that no model is to be made from, or tested on; return what is worth knowing of others."""
     require_names(accept)
-
     own = of_each(lambda log, _: _alone(log, robot, max_error, trained), logs)
     found = [(log.name, each) for log, findings in zip(logs, own, strict=True) for each in findings]
     if testing:
@@ -183,28 +182,27 @@ SHORTEST = 5.0  # [s] in which no arm visits a workspace
 MOVED_BY_OTHERS = {"rad": 20.0, "m": 10.0}  # [deg, mm] beyond which a measurement has a command of its own
 
 
-def extent_findings(log: MotionLog) -> list[Finding]:
+def extent_findings(log: MotionLog) -> Iterator[Finding]:
     """Find recordings with too little in them, and columns that never change."""
-    findings = []
     measured = int(log.ok.sum()) if log.q_encoder is not None else len(log)
     if log.q_encoder is not None and not measured:
-        return [Finding("short", (), "ok is set on no row: nothing was measured")]
+        yield Finding("short", (), "ok is set on no row: nothing was measured")
+        return
     if measured < FEWEST_ROWS:
         says = f"{measured} measured rows, expected at least {FEWEST_ROWS}"
-        findings.append(Finding("short", (), says, "a recording that was cut off"))
+        yield Finding("short", (), says, "a recording that was cut off")
     steps = np.diff([] if log.time is None else log.time)
     if 0.0 < (seconds := float(steps[steps > 0.0].sum())) < SHORTEST:
         says = f"{seconds:.3g} s, expected at least {SHORTEST:g}"
-        findings.append(Finding("short", (), says, "a recording that was cut off, or stamps in another unit"))
+        yield Finding("short", (), says, "a recording that was cut off, or stamps in another unit")
     scale = scales(log)
     moved = np.ptp(scale * log.q_nominal, axis=0)
     still = [name for name, x in zip(log.joint_names, moved, strict=True) if x == 0.0]
     if (moved < MOVED).all():
         says = f"no joint was moved by more than {moved.max():.3g} deg or mm; expected {MOVED:g} or more"
-        findings.append(Finding("constant", (), says, "a recording of an arm at rest"))
+        yield Finding("constant", (), says, "a recording of an arm at rest")
     elif still:
-        says = "never moved; a model holds only where it stood"
-        findings.append(Finding("constant", tuple(still), says, refuses=False))
+        yield Finding("constant", tuple(still), "never moved; a model holds only where it stood", refuses=False)
     if log.q_encoder is not None and log.ok.any():
         seen = scale * log.q_encoder[log.ok]
         spans = np.ptp(np.percentile(seen, [1.0, 99.0], axis=0), axis=0)
@@ -213,16 +211,12 @@ def extent_findings(log: MotionLog) -> list[Finding]:
             shown = DISPLAY[unit][0]
             if np.ptp(column) == 0.0 and command > MOVED:
                 says = f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
-                findings.append(Finding("constant", (name,), says, "a channel without a sensor"))
+                yield Finding("constant", (name,), says, "a channel without a sensor")
             elif command == 0.0 and span > MOVED_BY_OTHERS[unit]:
                 says = f"every command is the same, while the measurement moves by {span:.3g} {shown}"
-                findings.append(Finding("constant", (name,), says, "a channel that was not recorded"))
+                yield Finding("constant", (name,), says, "a channel that was not recorded")
     for what, values in (("torque", log.tau), ("velocity", log.qd)):
-        if values is None:
-            continue
-        flat = (np.ptp(values, axis=0) == 0.0) & (moved > MOVED)
-        names = tuple(name for name, same in zip(log.joint_names, flat, strict=True) if same)
-        if names:
+        flat = np.zeros(len(moved), bool) if values is None else (np.ptp(values, axis=0) == 0.0) & (moved > MOVED)
+        if names := tuple(name for name, same in zip(log.joint_names, flat, strict=True) if same):
             says = f"the recorded {what} never changes, while the joint moves"
-            findings.append(Finding("constant", names, says, "a channel that was not recorded", refuses=False))
-    return findings
+            yield Finding("constant", names, says, "a channel that was not recorded", refuses=False)

@@ -1,5 +1,7 @@
 """Does each measured joint follow its own command? Every measurement is correlated with every command."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from catenary.arrays import Floats, Integers
@@ -86,23 +88,22 @@ def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding
             )
             culprit = "another joint's or another recording's column, shuffled rows, or rows far out of step"
             findings.append(Finding("unrelated", (name,), says, culprit))
-    return _swaps(pairs, place), findings
+    return [*_swaps(pairs, place)], findings
 
 
-def _copied(pairs: Pairs) -> list[Finding]:
+def _copied(pairs: Pairs) -> Iterator[Finding]:
     """Find measurements that are their own commands."""
     same = np.abs(pairs.m - pairs.q) <= SINGLE * np.abs(pairs.q)
     joints = np.flatnonzero(pairs.moved & (same.mean(axis=0) > COPIED))
-    if not len(joints):
-        return []
-    says = f"on {same[:, joints].all(axis=1).sum()} of {len(same)} measured rows the measurement is the command itself"
-    culprit = "one column taken for both, or commands filled in where nothing was measured"
-    return [Finding("copied", tuple(pairs.names[i] for i in joints), says, culprit)]
+    if len(joints):
+        rows = f"{same[:, joints].all(axis=1).sum()} of {len(same)} measured rows"
+        culprit = "one column taken for both, or commands filled in where nothing was measured"
+        names = tuple(pairs.names[i] for i in joints)
+        yield Finding("copied", names, f"on {rows} the measurement is the command itself", culprit)
 
 
-def _mixed(pairs: Pairs, place: Integers) -> list[Finding]:
+def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     """Find measurements that are sums of several joints' commands."""
-    findings = []
     moving = np.flatnonzero(pairs.moved)
     for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving):
         alone = 1.0 - float(pairs.correlation[i, place[i]]) ** 2
@@ -125,12 +126,11 @@ def _mixed(pairs: Pairs, place: Integers) -> list[Finding]:
             f"{alone:.0%} of its variance, all together {together:.1%}"
         )
         culprit = "motor positions in place of joint positions, or another frame"
-        findings.append(Finding("mixed", (pairs.names[i],), says, culprit))
-    return findings
+        yield Finding("mixed", (pairs.names[i],), says, culprit)
 
 
-def _swaps(pairs: Pairs, place: Integers) -> list[Finding]:
-    names, r, findings = pairs.names, pairs.correlation, []
+def _swaps(pairs: Pairs, place: Integers) -> Iterator[Finding]:
+    names, r = pairs.names, pairs.correlation
     for cycle in (each for each in _cycles_of(place) if len(each) > 1):
         says = ", ".join(
             f"measured {names[i]} follows the command of {names[place[i]]} (correlation {r[i, place[i]]:.2f}, "
@@ -140,5 +140,4 @@ def _swaps(pairs: Pairs, place: Integers) -> list[Finding]:
         # the column at cycle[k] belongs to cycle[k + 1]: each exchange with the first puts one in place
         remedy = " ".join(f"--swap {names[cycle[0]]},{names[other]}" for other in cycle[1:])
         joints = tuple(names[i] for i in sorted(cycle))
-        findings.append(Finding("swapped", joints, says, "columns in another order", remedy))
-    return findings
+        yield Finding("swapped", joints, says, "columns in another order", remedy)

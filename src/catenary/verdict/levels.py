@@ -1,10 +1,12 @@
 """Does the zero of a measurement stay where it is? Errors that leap and stay, that drift, or are of whole turns."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from catenary.arrays import Floats, Integers
-from catenary.verdict.delay import RADII, TRIM, Explanation
 from catenary.verdict.finding import Finding
+from catenary.verdict.hysteresis import RADII, TRIM, Explanation
 from catenary.verdict.pairs import Pairs, reversals_of, scales
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
@@ -31,9 +33,8 @@ EDGES = np.linspace(0.15, 0.85, 15)  # of the rows that count, at which a leap i
 ZEROED = "an encoder, camera or robot that was zeroed anew half-way, or a slipped cable"
 
 
-def turn_findings(pairs: Pairs) -> list[Finding]:
+def turn_findings(pairs: Pairs) -> Iterator[Finding]:
     """Find measurements of angles that stand whole or half turns from the others of their joint."""
-    findings = []
     for j in [j for j, unit in enumerate(pairs.log.joint_units) if unit == "rad"]:
         error = pairs.m[:, j] - pairs.q[:, j]
         away = error - np.median(error)
@@ -47,8 +48,7 @@ def turn_findings(pairs: Pairs) -> list[Finding]:
         says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
         culprit = "an angle recorded within one turn, or a counter that lost a turn"
         remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
-        findings.append(Finding("turns", (pairs.names[j],), f"{says} ({most:+.0f} deg most often)", culprit, remedy))
-    return findings
+        yield Finding("turns", (pairs.names[j],), f"{says} ({most:+.0f} deg most often)", culprit, remedy)
 
 
 def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:

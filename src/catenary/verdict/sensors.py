@@ -1,6 +1,7 @@
 """Did the sensors measure? Stuck encoders, rows of zeros, single wild measurements."""
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -178,9 +179,8 @@ def _step_of(x: Floats) -> float | None:
     return step if step and (np.abs(steps / step - np.round(steps / step)) < 0.01).mean() > 0.99 else None
 
 
-def coarse_findings(pairs: Pairs) -> list[Finding]:
+def coarse_findings(pairs: Pairs) -> Iterator[Finding]:
     """Note measurements in steps so coarse that errors are those of rounding."""
-    findings = []
     for i, name in enumerate(pairs.names):
         step = _step_of(pairs.m[:, i])
         if step is not None and step / np.sqrt(12.0) > COARSE:
@@ -188,8 +188,7 @@ def coarse_findings(pairs: Pairs) -> list[Finding]:
                 f"measurements come in steps of {step:.3g} {pairs.unit(i)}: rounding alone makes errors of "
                 f"{step / np.sqrt(12.0):.2g} {pairs.unit(i)} RMS, which every error printed here holds"
             )
-            findings.append(Finding("coarse", (name,), says, "a coarse encoder, or few digits", refuses=False))
-    return findings
+            yield Finding("coarse", (name,), says, "a coarse encoder, or few digits", refuses=False)
 
 
 def missing_findings(log: MotionLog) -> list[Finding]:
@@ -271,25 +270,17 @@ def zero_findings(log: MotionLog) -> list[Finding]:
     return [Finding("zeros", (), says, "a sensor that saw nothing", _max_error(log, ~zero & log.ok))]
 
 
-def outlier_findings(log: MotionLog) -> list[Finding]:
+def outlier_findings(log: MotionLog) -> Iterator[Finding]:
     """Note measurements far from all others, with limits that would leave them out."""
     if log.q_encoder is None or log.ok.sum() < 3:
-        return []
+        return
     errors = scales(log) * (log.q_encoder - log.q_nominal)[log.ok]
-    counts, spreads = outliers(errors)
-    return [
-        Finding(
-            "outliers",
-            (name,),
-            f"{count} of {len(errors)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations "
-            f"({_plain(OUTLIER_SPREADS * spread)} {DISPLAY[unit][0]})",
-            "measurement failures" if count < SINGLE * len(errors) else "the other side of slack",
-            _max_error(log, log.ok) if count < SINGLE * len(errors) else "",
-            refuses=False,
-        )
-        for name, unit, count, spread in zip(log.joint_names, log.joint_units, counts, spreads, strict=True)
-        if count
-    ]
+    for name, unit, count, spread in zip(log.joint_names, log.joint_units, *outliers(errors), strict=True):
+        far = f"{OUTLIER_SPREADS:g} robust standard deviations ({_plain(OUTLIER_SPREADS * spread)} {DISPLAY[unit][0]})"
+        says, few = f"{count} of {len(errors)} errors lie beyond {far}", count < SINGLE * len(errors)
+        culprit = "measurement failures" if few else "the other side of slack"
+        if count:
+            yield Finding("outliers", (name,), says, culprit, _max_error(log, log.ok) if few else "", refuses=False)
 
 
 def _max_error(log: MotionLog, rows: Flags) -> str:

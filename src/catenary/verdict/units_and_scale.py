@@ -1,5 +1,7 @@
 """Are the numbers in rad and m? By slopes, by what a robot can reach, by what a model was trained on."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from catenary.arrays import Floats, Integers
@@ -33,10 +35,9 @@ BEYOND = 5.0  # times half the trained range about its middle: a test rarely goe
 WITHIN = 2.0  # the same of what it becomes in the other unit
 
 
-def slope_findings(pairs: Pairs, place: Integers) -> list[Finding]:
+def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     """Find measurements, or commands, in another unit or of another scale."""
     wrong: dict[tuple[str, str], list[int]] = {}
-    findings = []
     for i in np.flatnonzero(pairs.moved[place]):
         r, slope, name = float(pairs.correlation[i, place[i]]), abs(float(pairs.slope[i, place[i]])), pairs.names[i]
         if abs(r) < FOLLOWS:
@@ -55,20 +56,17 @@ def slope_findings(pairs: Pairs, place: Integers) -> list[Finding]:
                 continue
             if explained <= FOLLOWS_CLOSELY:
                 says = f"{moves}; slack and other joints leave too little motion to tell its scale"
-                findings.append(Finding("scale", (name,), says, "minutes of local motion", refuses=False))
+                yield Finding("scale", (name,), says, "minutes of local motion", refuses=False)
                 continue
         if not least < si < MOST:
             says, remedy = f"{moves} (expected {least:g} to {MOST:g})", f"--scale {name}={1.0 / si:.4g}"
-            findings.append(
-                Finding("scale", (name,), says, "a transmission ratio or an encoder's counts per turn", remedy)
-            )
+            yield Finding("scale", (name,), says, "a transmission ratio or an encoder's counts per turn", remedy)
     for (array, unit), joints in wrong.items():
         slopes = ", ".join(f"{abs(float(pairs.slope[i, place[i]])):.3g}" for i in joints)
         says = f"the measurement moves {slopes} times as far as the command (expected {LEAST:g} to {MOST:g})"
         culprit = f"the {'measurement' if array == 'q_encoder' else 'command'} in {SPOKEN[unit]}"
         remedy = _units_option(pairs.log, dict.fromkeys(joints, unit), array)
-        findings.append(Finding("units", tuple(pairs.names[i] for i in joints), says, culprit, remedy))
-    return findings
+        yield Finding("units", tuple(pairs.names[i] for i in joints), says, culprit, remedy)
 
 
 def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
@@ -120,17 +118,15 @@ def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Find
     return _beyond(log, beyond, units, (low, high), "expected")
 
 
-def tiny_findings(log: MotionLog) -> list[Finding]:
+def tiny_findings(log: MotionLog) -> Iterator[Finding]:
     """Note positions that hardly leave zero: angles in rad that somebody took for degrees, metres for millimetres."""
     reach, moved = np.abs(_reached(log)).max(axis=0), np.ptp(log.q_nominal, axis=0) > 0.0
-    found = []
     for kind, most in TINY.items():
         joints = np.flatnonzero(moved & (np.array(log.joint_units) == kind))
         if len(joints) and (reach[joints] < most).all():
             says = f"all that moves stays within {reach[joints].max():.2g} {kind} of zero; expected more of an arm"
             culprit = "numbers converted twice: errors printed here are then as many times too small"
-            found.append(Finding("units", tuple(log.joint_names[j] for j in joints), says, culprit, refuses=False))
-    return found
+            yield Finding("units", tuple(log.joint_names[j] for j in joints), says, culprit, refuses=False)
 
 
 def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Finding]:
@@ -138,13 +134,11 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
     low, high = trained
     least, most = _reached(log)
     known = np.isfinite(high - low) & (high > low)
-    with np.errstate(invalid="ignore"):
-        middle, half = (low + high) / 2.0, (high - low) / 2.0
 
+    @np.errstate(invalid="ignore")
     def farthest(factor: float) -> Floats:
-        with np.errstate(invalid="ignore"):
-            away: Floats = np.maximum(abs(least / factor - middle), abs(most / factor - middle)) / half
-        return away
+        middle, half = (low + high) / 2.0, (high - low) / 2.0
+        return np.asarray(np.maximum(abs(least / factor - middle), abs(most / factor - middle)) / half)
 
     units, beyond = dict[int, str](), []
     for kind in ("rad", "m"):
@@ -158,10 +152,9 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
     return _beyond(log, beyond, units, trained, "the model was trained")
 
 
-def _reached(log: MotionLog) -> tuple[Floats, Floats]:
-    """Return least and largest commands; single rows may be transmission errors of the robot's own messages."""
-    least, most = np.percentile(log.q_nominal, [0.5, 99.5], axis=0)
-    return least, most
+def _reached(log: MotionLog) -> Floats:
+    """Return least and largest commands (2, n); single rows may be errors of the robot's own messages."""
+    return np.asarray(np.percentile(log.q_nominal, [0.5, 99.5], axis=0))
 
 
 def _beyond(

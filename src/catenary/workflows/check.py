@@ -42,8 +42,8 @@ from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
 from catenary.verdict.check import findings_of, repeated_findings, robot_of
-from catenary.verdict.delay import hysteresis_of
 from catenary.verdict.finding import Finding
+from catenary.verdict.hysteresis import hysteresis_of
 from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping

@@ -4,7 +4,7 @@ Also the tool behind a wrist's force/torque sensor, and the sensor's biases, fro
 Of a longer arm some joints may be identified alone: the others are held where recordings hold them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -219,7 +219,7 @@ def _observed(result: Identification, pushed: Samples) -> tuple[Floats | None, s
     observer = MomentumObserver(robot, cutoff_hz=filter_of(robot, result.options).cutoff_hz, loads=loads)
     steps = np.diff(pushed.time, prepend=pushed.time[0])
     usual = float(np.median(steps[1:]))
-    down = np.broadcast_to(pushed.motion(result.gravity)[3], (len(pushed), 3))
+    down = np.broadcast_to(pushed.motion()[3], (len(pushed), 3))
     measured, shown = pushed.tau + pushed.known, np.empty_like(pushed.q)
     for k, step in enumerate(steps):
         if not 0.0 < step <= PAUSE * usual:
@@ -319,12 +319,7 @@ def identify_files(
     known = [log.identity for log in read]
     again = [log.name for log in read_tests if log.is_among(known)]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
-    notes += filter_notes(model, options)
-    notes += [f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons]
-    notes += _doubts(result)
-    notes += mass_doubts(result.robot(), described=model) if result.phi is not None else ()
-    notes += choice_notes(result)
-    notes += rotor_notes(model, result)
+    notes += _notes(model, result)
     if gains is not None:
         payload = estimate_payload(result, weighed, at=(model.tip, gains.centre))
         notes += [
@@ -352,61 +347,42 @@ def _times(log: MotionLog, gains: Floats) -> MotionLog:
     return log if log.tau is None else replace(log, tau=log.tau * gains)
 
 
-def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
-    """Return a note on the filter that was assumed where neither the robot's file nor the options choose one."""
-    if options.terms == "static" or (model.actuation is not None and model.actuation.values is None):
-        return []
-    used = filter_of(model, options)
-    return [
-        f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "
-        f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
-    ]
-
-
-def choice_notes(result: Identification) -> list[str]:
-    """Return notes on what held-out blocks chose: parts of friction, and how much the file's masses count."""
+def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
+    """Say what was assumed, what is doubtful, and what held-out blocks chose."""
+    options = result.options
+    static, tabled = options.terms == "static", model.actuation is not None and model.actuation.values is None
+    if not static and not tabled:
+        used = filter_of(model, options)
+        yield (
+            f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "
+            f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
+        )
+    yield from (f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons)
+    for residual in (*result.training, *result.tests):
+        left = zip(result.model.joint_names, residual.relative_rms, strict=True)
+        if poor := {name: f"{share:.2f}" for name, share in left if share > POOR}:
+            told = f"little of the torque of {', '.join(poor)} is explained ({', '.join(poor.values())} of it is left)"
+            yield f"{residual.log}: {told}"
+    yield from mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     by_kind: dict[str, list[str]] = {}
     for part in result.friction:
         scale = "" if part.scale is None else f" ({part.scale:.2g})"
         by_kind.setdefault(part.kind, []).append(f"{part.friction}{scale}")
-    notes = [
-        f"friction: {kind} part added to {', '.join(names)}: held-out blocks are predicted better"
-        for kind, names in by_kind.items()
-    ]
+    for kind, names in by_kind.items():
+        yield f"friction: {kind} part added to {', '.join(names)}: held-out blocks are predicted better"
     actuation, last = result.model.actuation, result.training[-1].log
     if actuation is not None and any(friction.recording for friction in actuation.friction):
-        notes.append(
+        yield (
             "friction: each recording has its own, masses are those of all: held-out blocks are predicted better; the "
             f"robot, and what was not fitted, has that of {last}"
         )
-    if result.prior_weight is not None:
-        notes.append(
-            f"masses are drawn to those of the robot's file with weight {result.prior_weight:g}, chosen on held-out "
-            "blocks"
-        )
-    return notes
-
-
-def rotor_notes(model: RobotModel, result: Identification) -> list[str]:
-    """Return what became of the rotors that the robot's file does not have."""
-    tried = rotors_beside(model) if result.options.find_rotors and result.options.terms == "full" else ()
-    if not tried or result.options.rotors is not None:
-        return []
-    names = ", ".join(rotor.name for rotor in tried)
-    if result.rotors:
-        return [f"rotors: a reflected inertia of {names}: held-out blocks are predicted better"]
-    return [f"rotors: none of {names}: held-out blocks are predicted no better with a reflected inertia"]
-
-
-def _doubts(result: Identification) -> list[str]:
-    notes = []
-    for residual in (*result.training, *result.tests):
-        left = zip(result.model.joint_names, residual.relative_rms, strict=True)
-        poor = {name: f"{share:.2f}" for name, share in left if share > POOR}
-        if poor:
-            told = f"little of the torque of {', '.join(poor)} is explained ({', '.join(poor.values())} of it is left)"
-            notes.append(f"{residual.log}: {told}")
-    return notes
+    if (weight := result.prior_weight) is not None:
+        yield f"masses are drawn to those of the robot's file with weight {weight:g}, chosen on held-out blocks"
+    tried = ", ".join(rotor.name for rotor in rotors_beside(model)) if options.find_rotors and not static else ""
+    if tried and options.rotors is None and result.rotors:
+        yield f"rotors: a reflected inertia of {tried}: held-out blocks are predicted better"
+    elif tried and options.rotors is None:
+        yield f"rotors: none of {tried}: held-out blocks are predicted no better with a reflected inertia"
 
 
 @dataclass(frozen=True)

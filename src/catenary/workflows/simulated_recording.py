@@ -32,23 +32,15 @@ def record_simulated(
     columns: Sequence[str] = (),
     beside: CablePlant | None = None,
 ) -> MotionLog:
-    """Drive a homed arm along a trajectory of its positioning joints and record what a lab would.
+    """Drive a homed arm along a trajectory of its positioning joints [rad, rad, m] and record what a lab would.
 
-    The robot's state is sampled at `state_rate` with jittered stamps, the external encoders at 100 Hz; their
-    positions are interpolated to the state's stamps.
+    The robot's state is sampled at `state_rate` [Hz], its stamps jittered by `rng`; the external encoders at 100 Hz,
+    their positions interpolated to these stamps. The log has shoulder, elbow, insertion with q_nominal, q_encoder,
+    tau [Nm, Nm, N]; the tool, which stands still, and the unused channel are signals q:<joint> and tau:<joint>.
 
     Args:
-        plant: Homed and enabled; its tool joints stay where they are.
-        trajectory: Of the three positioning joints [rad, rad, m].
-        name: Of the recording.
-        rng: Draws the jitter.
-        state_rate: [Hz].
-        columns: Further columns of raven_state that the log carries, ("all",) for every one; as `synchronise` does.
+        columns: Further columns of raven_state that the log carries, ("all",) for every one.
         beside: The robot's other arm, homed, which holds its setpoint meanwhile; parked when None.
-
-    Returns:
-        Joints shoulder, elbow, insertion with q_nominal, q_encoder, tau [Nm, Nm, N]; the tool's
-        positions and torques, and the unused channel's zeros, as signals q:<joint> and tau:<joint>.
 
     Raises:
         NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
