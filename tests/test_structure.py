@@ -59,6 +59,7 @@ def test_what_a_page_names_exists(page: Path) -> None:
         assert anchor in ["", *(re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings)]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_files_and_names_of_the_package_that_a_page_names_exist(page: Path) -> None:
     text = page.read_text()

@@ -62,6 +62,7 @@ def named_options(text: str) -> set[str]:
     return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", re.sub(r"catenary [a-z-]+ [^`;,.]*", "", text)))
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_has_every_option_that_its_help_and_its_own_messages_name(command: str) -> None:
     asked = Commands()[command]

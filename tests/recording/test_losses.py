@@ -33,6 +33,7 @@ def bag(request: pytest.FixtureRequest, journal: Path, tmp_path_factory) -> Path
     return write_bag(journal, *((folder / "a.bag",) if request.param == "ros1" else (folder / "packed.bag", "BZ2")))
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("seed", range(4))
 def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(bag: Path, sent, tmp_path, seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -359,6 +359,7 @@ def turned(angle, rate, ramp, t):
 MOUNTS = [("table", True), ("table", False), ("vehicle", True), ("ship", True)]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("mounted_on", "angular"), MOUNTS)
 @pytest.mark.parametrize(
     ("angle", "rate", "axis", "ramp"),
@@ -413,6 +414,7 @@ def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_expla
     assert float(base.source.remedy.split()[2]) == pytest.approx(1.0 / scale, rel=0.1)  # "gravity turns 1.98 times ..."
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("mounted_on", "angular"), MOUNTS)
 @pytest.mark.parametrize(("rate", "ramp"), [(60, 0.3), (200, 0.2)])
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.5), (0.0, 0.0, 1.0)])
@@ -515,6 +517,7 @@ ON_AXIS, OFF_AXIS = ((1.0, 0.4, 0.0), (0.0, 0.0, 0.0)), ((1.0, 0.4, 0.8), (0.1, 
 TURNED = [(name, *how) for how in ((ON_AXIS, 0.0), (OFF_AXIS, 0.0), (OFF_AXIS, 1.5)) for name in GYROSCOPES]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("name", "mounted", "rest"), TURNED)
 def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, mounted, rest, rng):
     axis, place = mounted

@@ -53,6 +53,7 @@ def named(log: MotionLog, name: str = "clock") -> list[Finding]:
     return [each for each in findings_of(log) if each.name == name and not each.refuses]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("write", [*map(of_kind, KINDS), of_journal], ids=[*KINDS, "journal"])
 def test_a_longer_way_is_named_over_every_container(tmp_path: Path, write: Write) -> None:
     path = write(tmp_path, messages(), WAY | {CAMERA: 72_000_000})

@@ -75,6 +75,7 @@ SPOILT: dict[str, Callable[[MotionLog], MotionLog]] = {
 }
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("name", SPOILT)
 def test_the_next_command_runs_with_the_mends_that_it_names(tmp_path: Path, name: str) -> None:
     path = tmp_path / "my run.parquet"

@@ -162,6 +162,7 @@ def test_without_noise_and_offsets_it_is_the_closed_form_of_hand_eye_calibration
         assert_allclose(mine.rotation, its.rotation, atol=1e-6)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize("robot", list(ARMS))
 def test_a_tracker_of_a_fifth_of_a_millimetre_registers_within_a_tenth_and_a_twentieth_of_a_degree(
@@ -260,6 +261,7 @@ def test_outliers_and_poses_that_are_missing_move_nothing() -> None:
 QUICK = {"rows": 2000, "single": True, "speed": 4.0}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("robot", "late", "how"), [("raven2", 0.1, {}), ("dvrk_psm", -0.05, {}), ("raven2", 0.1, QUICK)]
 )
@@ -279,6 +281,7 @@ def test_a_delay_between_the_clocks_is_found_and_costs_nothing_where_ignoring_it
     assert ignored[0] > 3.0 * off[0]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("written", "read", "unit"),
     [("vector", "xyz", "rad"), ("ZYX", "xyz", "deg"), ("xyz", "vector", "rad"), ("wxyz", "xyzw", "rad")],
