@@ -110,6 +110,7 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(50_000, 20)  # seldom, and the processor works for the tests
         gc.enable()
 
 

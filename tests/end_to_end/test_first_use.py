@@ -39,6 +39,7 @@ def test_the_model_takes_most_of_the_error_away_on_another_day(folder: Path) -> 
     assert "Joint J3" in (folder / "tuesday.html").read_text()
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("name", "kind"), [("monday.npz", "recording"), ("arm.npz", "calibration model")])
 def test_check_in_a_shell_finds_nothing_wrong_with_any_of_the_files(folder, name, kind) -> None:
     with contextlib.chdir(folder):

@@ -34,6 +34,7 @@ def numbers(folder: Path) -> tuple[list[int], JournalReader]:
     return [int(np.frombuffer(data)[0]) for name, _, data in reader.messages() if name == "/b"], reader
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("end", ["closed", "torn", "empty file", "killed at once"])
 @pytest.mark.parametrize("max_bytes", [2**26, 2**14])
 def test_it_goes_on_from_the_last_whole_pass(tmp_path: Path, end: str, max_bytes: int) -> None:

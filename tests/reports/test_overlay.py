@@ -38,6 +38,7 @@ def test_a_log_that_was_re_timed_is_drawn_as_it_was_recorded_too() -> None:
         assert_allclose(np.interp(y[inside, 0], *x.T), y[inside, 1], atol=0.8)  # each less its own median
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("name", ["late.png", "late.svg"])
 def test_check_draws_it(tmp_path: Path, name: str) -> None:
     write_parquet(late(cable_arm(), LATE), tmp_path / "late.parquet")

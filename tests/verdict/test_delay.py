@@ -60,6 +60,7 @@ def test_hysteresis_is_no_delay(slack, sines):
     assert delay_of(cable_arm(slack=slack, sines=sines)).sure != "certain"
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("seconds", [-0.2, 0.3])
 @pytest.mark.parametrize("joints", [slice(1, 2), slice(0, 2)])
 def test_joints_that_lie_unlike_times_behind_are_named_and_refused(seconds, joints):

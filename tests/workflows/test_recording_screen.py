@@ -40,6 +40,7 @@ def lines_of(text: str) -> int:
     return sum(max(1, ceil((len(line) - 13) / (COLUMNS - 13))) for line in text.splitlines())
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("seconds", "away"), [(0.0, 0.0), (0.6, 0.0), (0.0, 2.0)])
 def test_six_joints_fit_on_a_screen(tmp_path: Path, seconds: float, away: float) -> None:
     log = late(six_joints(), seconds)

@@ -197,6 +197,7 @@ def test_the_stated_error_holds_the_true_one_in_nineteen_of_twenty_recordings(ro
     assert np.mean(share) >= 0.93
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("robot", "given", "open_joints"),
     [("raven2", {}, [0, 2]), ("raven2", {"base": X}, [2]), ("raven2", {"marker": Z}, [0]), ("ur5e", {}, [0, 5])],
