@@ -30,6 +30,7 @@ def test_the_fit_leaves_model_card_and_page(folder: Path) -> None:
     assert {"arm.npz", "arm.card.json", "arm.html"} <= {path.name for path in folder.iterdir()}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_model_takes_most_of_the_error_away_on_another_day(folder: Path) -> None:
     outcome = catenary(folder, "evaluate", "arm.npz", "tuesday.npz", "--report", "tuesday.html", "--json")
     assert outcome.code == 0, outcome
