@@ -30,7 +30,6 @@ def fitted(model: CalibrationModel, signals: Floats) -> tuple[Floats, NDArray[np
     return model.calibrate(log), model.inside(model.features.matrix(log))
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize("kind", [*PREDICTORS, MIXED])
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(

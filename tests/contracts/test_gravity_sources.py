@@ -61,7 +61,6 @@ def test_nominal_gravity_has_no_age_and_measured_gravity_has_one(source):
         assert (reading.status is ReadingStatus.NOMINAL) == (reading.age == math.inf)
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize("times", [[1.0, 1.0], [1.0, 0.5], [0.0, 1.5], [math.nan, 0.0], [-1.0, 0.0]])
 def test_no_time_makes_it_raise(source, times):
     for time in times:

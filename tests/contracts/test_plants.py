@@ -166,7 +166,6 @@ def test_supported_verbs_are_obeyed_and_others_refused(ready, verb):
             getattr(ready, verb)(command)
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize("verb", SERVO)
 def test_plant_that_is_not_homed_is_not_moved(fresh, verb):
     with pytest.raises((NotReadyError, UnsupportedCommandError)):
@@ -181,7 +180,6 @@ def test_disabled_plant_is_not_moved(ready, verb):
         getattr(ready, verb)(command)
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize("verb", SERVO)
 @pytest.mark.parametrize("fault", ["short", "long", "nan", "text"])
 def test_bad_commands_are_refused(ready, verb, fault):
@@ -207,7 +205,6 @@ def test_setpoint_follows_a_command(ready, verb):
     assert_allclose(ready.setpoint_js().q, wanted, atol=1e-12)
 
 
-@pytest.mark.alike
 def test_setpoint_stays_within_the_limits(ready):
     for _ in range(400):
         ready.servo_jr(np.full(len(ready.joint_names), 1e-4))

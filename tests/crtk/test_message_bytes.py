@@ -62,7 +62,6 @@ def test_a_joint_state_is_the_bytes_that_ros_describes() -> None:
     assert codec(JOINTS).encode(message, 7) == expected
 
 
-@pytest.mark.alike
 @both
 @pytest.mark.parametrize("name", [*MESSAGES, *HALVES])
 def test_bytes_of_every_type_are_rosbags_and_read_back(encoding: Encoding, name: str) -> None:

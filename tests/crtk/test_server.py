@@ -34,7 +34,6 @@ def living_client(state: str, command: str, *, dialect: DialectName = "raven", s
     return robot
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize(
     ("state", "latched", "stamp", "dialect"),
     [

@@ -195,7 +195,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, MotionLog]:
     return found
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_every_container_gives_the_log_of_the_rule_and_equal_verdicts(
     logs: dict[str, MotionLog], container: str
