@@ -200,9 +200,7 @@ class _JointLook:
         k = np.clip(np.searchsorted(self.t, s, side="right") - 1, 0, len(self.t) - 2)
         share = ((s - self.t[k]) / np.maximum(self.t[k + 1] - self.t[k], 1e-12))[:, None]
         before, after = self.columns_at(k), self.columns_at(k + 1)
-        columns = np.empty((len(rows), before.shape[1] + 1))
-        np.add(before * (1.0 - share), after * share, out=columns[:, :-1])
-        columns[:, -1] = self.y[rows]
+        columns = np.column_stack([before * (1.0 - share) + after * share, self.y[rows]])
         cuts = np.searchsorted(self.block[rows], np.arange(BLOCKS + 1))  # blocks follow each other
         for part in (columns[first:last] for first, last in pairwise(cuts) if first < last):
             part -= part.sum(axis=0) / len(part)
