@@ -315,8 +315,8 @@ def holds_the_motion_once(folder: Path, motion: Trajectory, gaps: int) -> None:
 
 def test_each_stretch_of_the_motion_is_recorded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(topic_recorder, "PASS", 1.0)
-    motion = Waves(4.0, START[:3])
-    folder = interrupted(tmp_path, motion, {0.3: interrupt, 0.6: pedal, 0.85: interrupt}, delays=(0, 150, 100))
+    motion = Waves(6.0, START[:3])
+    folder = interrupted(tmp_path, motion, {0.3: interrupt, 0.5: pedal, 0.8: interrupt}, delays=(0, 150, 100))
     holds_the_motion_once(folder, motion, 3)
     assert len(list((tmp_path / "project" / "replaced").iterdir())) == 3  # the passes that were cut off
 
