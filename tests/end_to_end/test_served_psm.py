@@ -123,7 +123,6 @@ def test_a_psm_is_deployed_on_in_its_own_dialect_only(robot):
         reader_of(("shoulder",), robot.client, "gold", namespace="/PSM1")
 
 
-@pytest.mark.usefixtures("hurried")
 def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
     robot = ServedPsm(PsmPlant(seed=3))
     settings = ProjectSettings(robot="dvrk_psm", train_minutes=0.1, test_minutes=0.1, connection="ros1")
