@@ -68,16 +68,15 @@ def pytest_configure() -> None:
 
 
 def _of_compiled_code() -> list[Path]:
-    """Return the files of what numba compiles, and all that they import."""
+    """Return the files of what numba compiles, and those whose constants it writes into the code."""
     texts = {path: path.read_text() for path in (ROOT / "src").rglob("*.py")}
-    found, waiting = set(), {path for path, text in texts.items() if "kernels.compiled import" in text}
+    makes = re.compile(r"kernels\.compiled import|^def compiled\(", re.MULTILINE)
+    found, waiting = set(), {path for path, text in texts.items() if makes.search(text)}
     while waiting:
         found.add(path := waiting.pop())
-        for module, names in re.findall(
-            r"(?:from|import) (catenary[\w.]*)(?: import ([^(\n]+|\([^)]*\)))?", texts[path]
-        ):
-            for name in (module, *(f"{module}.{one}" for one in re.findall(r"\w+", names))):
-                place = ROOT / "src" / name.replace(".", "/")
+        for module, names in re.findall(r"from (catenary[\w.]*) import ([^(\n]+|\([^)]*\))", texts[path]):
+            if any(name.isupper() for name in re.findall(r"\w+", names)):
+                place = ROOT / "src" / module.replace(".", "/")
                 waiting |= {place.with_suffix(".py"), place / "__init__.py"} & texts.keys() - found
     return sorted(found)
 
