@@ -124,11 +124,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _tried(items: list[pytest.Item]) -> Iterator[pytest.Item]:
-    """Yield what is tried of tests marked as alike, the first case and EXAMPLES of a hundred, and all others."""
+    """Yield what is tried of tests marked as alike, the first case and EXAMPLES of a hundred, and all others.
+
+    Slow cases are all tried: who asks for them has the time.
+    """
     begun = set()
     for item in items:
-        test = item.nodeid.partition("[")[0]
-        if test not in begun or crc32(item.nodeid.encode()) % 100 < EXAMPLES or not item.get_closest_marker("alike"):
+        test, marks = item.nodeid.partition("[")[0], {mark.name for mark in item.iter_markers()}
+        is_one_of_many = "alike" in marks and "slow" not in marks and test in begun
+        if not is_one_of_many or crc32(item.nodeid.encode()) % 100 < EXAMPLES:
             yield item
         begun.add(test)
 
