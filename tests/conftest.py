@@ -11,6 +11,7 @@ from pathlib import Path
 from shutil import copytree
 from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
+from zlib import crc32
 
 import hypothesis
 import numba
@@ -37,6 +38,7 @@ FIRST = (
     "tests/cli/test_calibrate.py", "tests/real_data/test_identification.py", "tests/website/test_site.py",
     "tests/cli/test_gravity.py",
 )  # fmt: skip
+EXAMPLES = int(os.environ.get("EXAMPLES", "25"))  # of each law, and of a hundred cases alike; CI tries 100
 LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream
 
 
@@ -55,7 +57,7 @@ def pytest_configure() -> None:
         hypothesis.settings(),
         deadline=None,
         suppress_health_check=[hypothesis.HealthCheck.too_slow],
-        max_examples=int(os.environ.get("EXAMPLES", "25")),  # of each law; CI tries 100
+        max_examples=EXAMPLES,
     )
     hypothesis.settings.load_profile("patient")
     # robots' own kernels: none of the user's are read or left behind
@@ -66,16 +68,15 @@ def pytest_configure() -> None:
 
 
 def _of_compiled_code() -> list[Path]:
-    """Return the files of what numba compiles, and all that they import."""
+    """Return the files of what numba compiles, and those whose constants it writes into the code."""
     texts = {path: path.read_text() for path in (ROOT / "src").rglob("*.py")}
-    found, waiting = set(), {path for path, text in texts.items() if "kernels.compiled import" in text}
+    makes = re.compile(r"kernels\.compiled import|^def compiled\(", re.MULTILINE)
+    found, waiting = set(), {path for path, text in texts.items() if makes.search(text)}
     while waiting:
         found.add(path := waiting.pop())
-        for module, names in re.findall(
-            r"(?:from|import) (catenary[\w.]*)(?: import ([^(\n]+|\([^)]*\)))?", texts[path]
-        ):
-            for name in (module, *(f"{module}.{one}" for one in re.findall(r"\w+", names))):
-                place = ROOT / "src" / name.replace(".", "/")
+        for module, names in re.findall(r"from (catenary[\w.]*) import ([^(\n]+|\([^)]*\))", texts[path]):
+            if any(name.isupper() for name in re.findall(r"\w+", names)):
+                place = ROOT / "src" / module.replace(".", "/")
                 waiting |= {place.with_suffix(".py"), place / "__init__.py"} & texts.keys() - found
     return sorted(found)
 
@@ -108,15 +109,32 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(50_000, 20)  # seldom, and the processor works for the tests
         gc.enable()
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put what takes long first, then files of many tests."""
+    """Put what takes long first, then files of many tests; on workers, leave out most of cases alike."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        items[:] = list(_tried(items))
     of = {item: _of_one_worker(item.nodeid) for item in items}
     counts = Counter(of.values())
     items.sort(key=lambda item: (FIRST.index(of[item]) if of[item] in FIRST else len(FIRST), -counts[of[item]]))
+
+
+def _tried(items: list[pytest.Item]) -> Iterator[pytest.Item]:
+    """Yield what is tried of tests marked as alike, the first case and EXAMPLES of a hundred, and all others.
+
+    Slow cases are all tried: who asks for them has the time.
+    """
+    begun = set()
+    for item in items:
+        test, marks = item.nodeid.partition("[")[0], {mark.name for mark in item.iter_markers()}
+        is_one_of_many = "alike" in marks and "slow" not in marks and test in begun
+        if not is_one_of_many or crc32(item.nodeid.encode()) % 100 < EXAMPLES:
+            yield item
+        begun.add(test)
 
 
 def _compile_one_at_a_time(folder: Path) -> None:

@@ -36,7 +36,9 @@ def alone() -> FitResult:
 def cluster() -> Iterator[Any]:
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0) as local:
+    # its workers are threads of this process, met over TCP as others are: to start processes takes seconds
+    options = {"processes": False, "protocol": "tcp://", "dashboard_address": "127.0.0.1:0", "memory_limit": 0}
+    with LocalCluster(n_workers=2, threads_per_worker=1, **options) as local:
         yield local
 
 

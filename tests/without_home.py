@@ -22,7 +22,7 @@ def installed(folder: Path) -> Path:
     if os.geteuid() == 0 and shutil.which("setpriv") is None:
         pytest.skip("setpriv is not here, and root may write everywhere")
     package = folder / "site" / "catenary"
-    shutil.copytree(Path(catenary.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(Path(catenary.__file__).parent, package, ignore=shutil.ignore_patterns("*.nbi", "*.nbc"))
     for path in [package, *package.rglob("*")]:
         path.chmod(0o555 if path.is_dir() else 0o444)
     return package.parent

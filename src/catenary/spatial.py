@@ -19,7 +19,7 @@ LEVEL = frozen(np.array([0.0, 0.0, -STANDARD_GRAVITY]))  # gravity (3,) in the a
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Return a x b of two vectors (3,), in a tenth of np.cross's time."""
+    """Return a x b of vectors (3,), or of columns (3, N), in a tenth of np.cross's time."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 

@@ -28,6 +28,7 @@ def findings(result: FitResult) -> list[str]:
     return [note for note in result.notes if note.startswith("dropped: ")]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("joint", range(3))
 def test_failures_of_one_joint_are_counted_there_and_found(joint: int) -> None:
     log = wild(joint)

@@ -3,7 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -121,6 +121,7 @@ def test_a_joint_on_one_side_of_its_slack_hardly_moves_the_zero() -> None:
 
 
 @given(seed=st.integers(0, 10_000))
+@settings(max_examples=6)
 def test_a_day_without_drift_costs_no_accuracy(models: dict[str, CalibrationModel], seed: int) -> None:
     old = models["linear"]
     refreshed = refresh_model(old, rows_of(old, a_day(seed, 900))).model

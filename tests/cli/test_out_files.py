@@ -111,6 +111,7 @@ def test_a_name_is_taken_as_typed_and_replaced_by_its_own_kind_only(
             written.unlink()
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("case", WRITING)
 def test_a_name_that_cannot_be_meant_is_refused_before_any_work(
     case: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

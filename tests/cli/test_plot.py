@@ -10,6 +10,7 @@ from catenary.recording.logs import read_log
 from command_line import catenary, refusal
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("ending", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF"), ("", b"\x89PNG")]
 )

@@ -190,6 +190,7 @@ class Fixtures(dict[str, Path]):
         return path
 
 
+@pytest.mark.alike
 @pytest.mark.usefixtures("no_page")
 @pytest.mark.parametrize(("line", "words"), REFUSALS.items(), ids=lambda text: text[:60])
 def test_what_cannot_be_done_is_refused_and_leaves_nothing(

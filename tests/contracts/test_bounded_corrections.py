@@ -89,6 +89,7 @@ def assert_bounded(model: CalibrationModel, given: Given) -> None:
     assert_allclose(correction[~inside], offset[~inside], atol=1e-12)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("kind", "target", "value"), [(*case, value) for case, value in zip(KINDS, cycle([1e3, -1e308]), strict=False)]
 )
@@ -106,6 +107,7 @@ def test_no_number_of_a_model_makes_a_correction_beyond_what_training_showed(kin
     assert caught > 0
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("kind", "target"), KINDS[::3])
 def test_exported_c_bounds_corrections_likewise(kind, target, tmp_path: Path) -> None:
     model, signals = drawn(kind, target)

@@ -177,6 +177,7 @@ def test_poses_and_velocities_are_in_the_frame_that_was_set(psm):
     assert_allclose(velocity, difference, atol=0.1 * np.linalg.norm(difference))  # encoders' steps, over 10 ms
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("verb", ["servo_cp", "move_cp", "servo_cr", "move_cr", "servo_cv"])
 def test_a_cartesian_command_is_in_the_frame_that_was_set(psm, verb):
     psm.joints("move_jp", DEEP)

@@ -49,6 +49,7 @@ def test_days_of_the_same_friction_share_it(arm):
     assert not any(friction.recording for friction in found.model.actuation.friction)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("spoilt", "friction", "name"),
     [

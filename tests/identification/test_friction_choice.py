@@ -43,6 +43,7 @@ def identified(kind):
     return identify([run(TRUTHS[kind], 0)], ARM, tests=[run(TRUTHS[kind], 1)])
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_part_that_is_there_is_found_and_predicts_better(kind):
     logs, test = [run(TRUTHS[kind], 0)], run(TRUTHS[kind], 1)

@@ -90,6 +90,7 @@ def test_poses_at_rest_show_the_gravity_torque(rng):
         result.predict(other, other)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("weighting", ["none", "range", "spread", "residual"])
 def test_every_weighting_finds_the_dynamics(weighting):
     log = recorded(ARM, 0)

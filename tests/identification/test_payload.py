@@ -148,6 +148,7 @@ def arm():
     return identify([slow(UR10E, 0)], UR10E, replace(PLAIN, prior=False))
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("shift", [(1, -20.0), (2, 8.0), (4, 3.0)])
 def test_a_zero_that_shifted_since_is_no_load_and_is_named(arm, shift):
     for mass, at in ((LOAD, AT), (0.0, AT), (LOAD, None)):
@@ -199,6 +200,7 @@ def test_one_pose_at_rest_tells_no_load_from_zeros_and_many_do(rng):
         assert (payload.mass_std < 0.05) is apart
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("spoilt", "name", "joints"),
     [

@@ -50,6 +50,7 @@ def test_untouched_torques_are_not_doubted(run: MotionLog) -> None:
     assert said(recorded(ARM, 1)) == []  # to the last digit
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("rows", [-8, 4, 10, 20])
 def test_late_and_early_torques_are_named_with_their_time(run: MotionLog, rows: int) -> None:
     (says,) = said(replace(run, tau=np.roll(np.array(run.tau), rows, axis=0)))  # at 200 Hz; filters cut the ends
@@ -93,6 +94,7 @@ def arm(tmp_path_factory):
     return load_urdf(write_ur10(tmp_path_factory.mktemp("ur10")))
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("gravity", "said", "option"),
     [

@@ -148,6 +148,7 @@ def test_committed_claims_are_those_that_the_experiment_makes_and_an_older_crite
     assert not raw or (not marked and len(judged) == len(made)), f"judge {name} again, then publish"
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("name", sorted(path.name.removesuffix(RAW) for path in pages.COMMITTED.glob(f"*{RAW}")))
 def test_committed_tables_and_verdicts_follow_from_committed_raw_results(name: str) -> None:
     told = json.loads((pages.COMMITTED / f"{name}.json").read_text())

@@ -100,6 +100,7 @@ METADATA_TROUBLES: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("trouble", METADATA_TROUBLES)
 def test_metadata_that_cannot_be_used_cost_no_message(bag: Path, trouble: str) -> None:
     whole = imported(bag)
@@ -122,6 +123,7 @@ def test_a_file_that_is_missing_leaves_a_gap_that_is_told(bag: Path) -> None:
     assert open_recording(bag).counts == {TOPIC: 2000}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("place", [0, 1, 2])
 @pytest.mark.parametrize("share", [0.6, 0.0])
 def test_of_a_file_that_was_cut_off_its_beginning_is_read_and_all_of_the_others(

@@ -24,14 +24,6 @@ NAME = "<b>J1</b> & co"
 Result = tuple[FitResult, Evaluation]
 
 
-def fitted(path: Path, **changes: object) -> Result:
-    """A model fitted to half of a recording, and its errors on the other half."""
-    path = simulated_arm.write(path, **{"joint_names": [NAME, "J2", "J3"], **changes})
-    result = fit_calibration([path], FitOptions(kind="linear"), FitRun(held_out=0.5))
-    assert result.held_out is not None
-    return result, result.held_out
-
-
 def page_of(result: FitResult, evaluation: Evaluation, path: Path, **changes: object) -> str:
     options = {"tested_on": "the rest", "spread": result.spread, "notes": ["one note"]}
     write_calibration_report(path, result.model, {**result.card, **changes}, evaluation, **options)
@@ -40,7 +32,11 @@ def page_of(result: FitResult, evaluation: Evaluation, path: Path, **changes: ob
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    return fitted(tmp_path_factory.mktemp("report") / "run.npz")
+    """A model fitted to half of a recording, and its errors on the other half."""
+    path = simulated_arm.write(tmp_path_factory.mktemp("report") / "run.npz", joint_names=[NAME, "J2", "J3"])
+    result = fit_calibration([path], FitOptions(kind="linear"), FitRun(held_out=0.5))
+    assert result.held_out is not None
+    return result, result.held_out
 
 
 @pytest.fixture(scope="module")
@@ -139,11 +135,8 @@ def test_tables_over_time_are_bounded(result: Result) -> None:
 
 
 @pytest.fixture(scope="module")
-def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
-    path = simulated_arm.write(tmp_path_factory.mktemp("headline") / "run.npz")
-    found = fit_calibration([path], FitOptions(kind="linear"), FitRun(held_out=0.5)).held_out
-    assert found is not None
-    return found
+def evaluation(result: Result) -> Evaluation:
+    return with_joint(result[1], 0, name="J1")
 
 
 def with_joint(evaluation: Evaluation, number: int, **changes: object) -> Evaluation:

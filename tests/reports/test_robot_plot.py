@@ -19,6 +19,7 @@ def told(figure: Figure) -> list[str]:
     return [text.get_text() for legend in legends if legend is not None for text in legend.get_texts()]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("name", robot_names())
 def test_every_robot_of_the_catalogue_is_drawn_with_bars_where_it_has_masses(name: str) -> None:
     robot = load_robot(name)

@@ -135,6 +135,7 @@ def test_a_sensor_away_from_the_origin_feels_the_turning_and_the_origin_does_not
     assert_allclose(base.run(2.0, step=5)[-1].gravity, LEVEL, atol=1e-6)  # and it is what is held without the sensor
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("fallback", "expected"), [("hold", TILTED), ("fade", TILTED), ("static", LEVEL), ("stop", TILTED)]
 )
@@ -178,6 +179,7 @@ def test_a_gyroscope_that_agrees_with_small_quick_rocking_is_believed(amplitude,
 SLIGHTLY, RATE = rocking(0.003, 2.0)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("gravity", "rate"),
     [
@@ -223,6 +225,7 @@ def noisy(base, rng, seconds, roll, rate=(0.0, 0.0, 0.0), push=lambda t: 0.0):
     return readings
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("bias", [0.0, -0.05])  # 3 deg/s
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_a_base_that_tips_while_its_gyroscope_says_still_is_found_and_trusted_when_both_agree(tip, bias, rng):
@@ -276,12 +279,14 @@ GOOD = {
 }
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("motion", GOOD.values(), ids=GOOD)
 def test_pushes_and_biases_of_a_table_or_a_cart_are_no_disagreement(motion, rng):
     readings = noisy(Base(angular=True), rng, 5.5, **motion)
     assert {r.faults for r in readings[10:]} == {Fault.NONE}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("lever", [0.0, 0.3])
 @pytest.mark.parametrize(("amplitude", "frequency"), [(0.09, 1.0), (0.02, 2.0)])
 def test_a_base_that_rocks_about_an_axis_far_from_its_sensor_is_no_disagreement(amplitude, frequency, lever, rng):
@@ -380,6 +385,7 @@ def turned(angle, rate, ramp, t):
 MOUNTS = [("table", True), ("table", False), ("vehicle", True), ("ship", True)]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("mounted_on", "angular"), MOUNTS)
 @pytest.mark.parametrize(
     ("angle", "rate", "axis", "ramp"),
@@ -412,6 +418,7 @@ def test_a_base_that_turns_is_live_where_gravity_is_known_and_nowhere_else(
         assert not slow or {r.faults for r, at in zip(readings, t, strict=True) if at > 0.5} == {Fault.NONE}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("scale", "angle", "rate"), [(0.5, 60, 5), (0.5, 90, 200), (1.25, 90, 60), (2.0, 45, 5)])
 def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_explains_it(scale, angle, rate, rng):
     # after rest for three seconds more, which tell the bias; gravity foretold is then off by (1 - scale) of the turn
@@ -425,6 +432,7 @@ def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_expla
     assert float(base.source.remedy.split()[2]) == pytest.approx(1.0 / scale, rel=0.1)  # "gravity turns 1.98 times ..."
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("mounted_on", "angular"), MOUNTS)
 @pytest.mark.parametrize(("rate", "ramp"), [(60, 0.3), (200, 0.2)])
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.5), (0.0, 0.0, 1.0)])
@@ -449,6 +457,7 @@ def test_a_sensor_away_from_the_origin_is_live_where_its_lever_is_known(axis, ra
         assert {f for r in readings[50:] for f in r.faults.names} <= {"not_followed", "rates_interrupted"}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("rate", "late"), [(60, 0.1), (120, 0.2), (200, 0.1), (60, -0.1)])
 def test_a_delay_is_named_in_a_turn_and_stays_so_and_is_never_live_and_wrong(rate, late, rng):
     t = np.arange(-200, 500) / 100.0  # at rest for three seconds, which tell the bias
@@ -535,6 +544,7 @@ def swung(axis, place, rest):
     return t, level, omega, alpha, sensed, [r.gravity for r in alone]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("name", "mounted", "rest"), TURNED)
 def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, mounted, rest, rng):
     wrong, arm = GYROSCOPES[name], load_robot("ur10e")

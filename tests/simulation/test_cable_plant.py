@@ -33,6 +33,7 @@ def settle(plant, seconds=0.5, torque=None):
     return plant
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("base", [None, ROCKING], ids=["still", "rocking"])
 def test_ticking_equals_running_bit_for_bit(robot, base):

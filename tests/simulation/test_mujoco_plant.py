@@ -59,6 +59,7 @@ def hardware_for(name):
 # exactness
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("name", robots_with_inertia())
 def test_gravity_torque_holds_a_catalogue_robot_still_on_a_tilted_base(name):
     model = load_robot(name)

@@ -108,10 +108,11 @@ def test_the_estimator_undoes_what_a_mounting_does():
         assert_allclose(readings[k].base_rates[1], base.motion[k, 1], atol=0.2)  # 3 % of 3.4, and counts
 
 
-TICK = 0.002  # [s]
+TICK = 0.005  # [s]
 LIMIT = (FOLLOW[0] + RECOVER[0]) * TICK + 1e-9  # [m/s2] in a tick
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("base", "kind"),
     [
@@ -131,15 +132,15 @@ def test_a_fault_is_named_and_bounded_and_passes(base, kind):
     truth = base.sample(times)
     gravity = np.array([r.gravity for r in readings])
     off = np.linalg.norm(gravity - (truth.gravity - truth.motion[:, 2]), axis=1)
-    assert not any(r.faults for r in readings[50:250])
-    assert any({*r.faults.names} & NAMED[kind][1] for r in readings[250:450])
+    assert not any(r.faults for r in readings[20:100])
+    assert any({*r.faults.names} & NAMED[kind][1] for r in readings[100:180])
     assert np.linalg.norm(np.diff(gravity, axis=0), axis=1).max() <= LIMIT
     # rocking swings gravity by 0.85 m/s2 to either side, and its accelerations by 1.1; a parabola
     # through a sensor that got stuck overshoots
-    assert off[250:].max() < (2.7 if base is ROCKING else 0.5)
+    assert off[100:].max() < (2.7 if base is ROCKING else 0.5)
     assert readings[-1].status is ReadingStatus.LIVE
     assert not readings[-1].faults
-    assert off[-100:].max() < 0.2  # noise of 0.04 m/s2
+    assert off[-40:].max() < 0.2  # noise of 0.04 m/s2
 
 
 def test_an_accelerometer_alone_sends_no_rates_and_begins_when_it_is_switched_on():

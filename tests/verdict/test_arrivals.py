@@ -53,6 +53,7 @@ def named(log: MotionLog, name: str = "clock") -> list[Finding]:
     return [each for each in findings_of(log) if each.name == name and not each.refuses]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("write", [*map(of_kind, KINDS), of_journal], ids=[*KINDS, "journal"])
 def test_a_longer_way_is_named_over_every_container(tmp_path: Path, write: Write) -> None:
     path = write(tmp_path, messages(), WAY | {CAMERA: 72_000_000})
@@ -76,6 +77,7 @@ def test_what_says_nothing_is_not_named(tmp_path: Path, way: int) -> None:
     assert named(import_recording(path, MAP, units="rad,rad,m")) == []
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("lag", "delay"), [(0.06, 0.0), (0.06, 0.1), (0.0, 0.1)])
 def test_a_controllers_lag_is_told_apart_where_the_report_was_recorded_too(lag: float, delay: float) -> None:
     log = cable_arm()

@@ -14,11 +14,13 @@ from hysteretic_arm import recording
 from spoilt import BOTH, MEASURED, SPOILS, Spoil, in_deg_and_mm, scaled, shifted
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("seed", range(4))
 def test_a_sound_recording_passes(seed: int) -> None:
     assert [f for f in findings_of(recording(seed)) if f.refuses or f.name not in ("outliers", "delay")] == []
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("spoil", SPOILS, ids=lambda s: f"{s.kind}: {s.says}")
 def test_a_spoilt_recording_is_refused_or_named_and_goes_on_when_it_is_accepted(spoil: Spoil) -> None:
     found = [("run", each) for each in findings_of(spoil.spoil(recording()))]

@@ -38,6 +38,7 @@ def cable_arm(seed=0, seconds=120.0, slack=(1.5, 0.8, 2.0), *, sines=False):
     return MotionLog("arm", ("J1", "J2", "J3"), ("rad", "rad", "m"), q, ok, q_encoder=seen, time=t)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("seconds", [-0.5, -0.02, 0.017, 0.15, 0.9])
 def test_a_delay_is_found_within_its_interval_and_mended(seconds):
     log = cable_arm()
@@ -52,12 +53,14 @@ def test_a_delay_is_found_within_its_interval_and_mended(seconds):
     assert mended.settled == {"delay": (f"{found.seconds:g}",)}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("slack", [(0.0, 0.0, 0.0), (1.5, 0.8, 2.0), (8.0, 8.0, 8.0)])
 @pytest.mark.parametrize("sines", [False, True])
 def test_hysteresis_is_no_delay(slack, sines):
     assert delay_of(cable_arm(slack=slack, sines=sines)).sure != "certain"
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("seconds", [-0.2, 0.3])
 @pytest.mark.parametrize("joints", [slice(1, 2), slice(0, 2)])
 def test_joints_that_lie_unlike_times_behind_are_named_and_refused(seconds, joints):
@@ -119,6 +122,7 @@ def test_a_model_keeps_the_delays_of_its_recordings_and_how_they_were_mended():
     assert any("would hide in hysteresis" in note for note in card["notes"])
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("change", ["shuffled", "swapped", "copied"])
 @pytest.mark.parametrize("seed", range(2))
 def test_columns_that_are_not_the_joints_have_no_certain_delay(seed, change):

@@ -77,6 +77,7 @@ def recorded(folder: Path, container: str, q: Floats, measured: Floats) -> Motio
     return read_recording(path, Reading(mapping=mapping))
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_slack_is_no_stuck_encoder_in_any_container(tmp_path: Path, container: str) -> None:
     q = motor(3000)

@@ -22,6 +22,7 @@ ARM = """<robot name="arm">
 </robot>"""
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("name", robot_names())
 def test_drawn_arm_hangs_together_from_base_to_tip(name: str) -> None:
     model = load_robot(name)

@@ -122,6 +122,7 @@ def assert_is_pythons(model: RobotModel, folder: Path, language: str, seed: int 
     assert_allclose((law.motion - law.without_acceleration - added) / scale, 0.0, atol=1e-11)  # a difference
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("arm", "language"), ARMS)
 def test_the_law_of_a_catalogue_arm_is_pythons(arm: str, language: str, tmp_path: Path) -> None:
     assert_is_pythons(load_robot(arm), tmp_path, language)
@@ -302,6 +303,7 @@ GRAVITY = ("gravity", "gravity_regressor", "compact_regressor")
 MOTION = ("mass_matrix", "holding", "inverse_dynamics", "feedforward")
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("model", "language"),
     list(zip(GRAVITY_OF, cycle(COMPILERS), strict=False)),
@@ -382,6 +384,7 @@ def corrected(header: str, rows: np.ndarray, n: int, folder: Path, language: str
     return output_of(header, body, rows, folder, language)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(("kind", "language"), list(zip(CASES, cycle(COMPILERS), strict=False)))
 def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)

@@ -94,6 +94,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("written", [as_parquet, as_npz])
 @pytest.mark.parametrize("command", ["evaluate", "drift", "refresh"])
 def test_a_recording_in_any_order_of_joints_gives_a_model_the_same_numbers(

@@ -39,6 +39,7 @@ def changed(values: np.ndarray, rows: Any, value: float) -> np.ndarray:
     return values
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("changes", "faults", "remarks"),
     [

@@ -53,6 +53,7 @@ def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: 
 EVERY = load_robot("raven2").joint_names
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("spoil", "said", "mend"),
     [

@@ -51,6 +51,7 @@ def bytes_below(path: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in files if file.is_file()}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("kind", ["journal", "bag", "mcap"])
 @pytest.mark.parametrize("damage", ["cut", "no index", "hit"])
 def test_what_is_whole_becomes_a_whole_recording_of_the_same_kind(journal, tmp_path, kind: str, damage: str) -> None:

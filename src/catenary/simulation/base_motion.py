@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array, as_not_negative
-from catenary.spatial import LEVEL, STANDARD_GRAVITY, rotation_about_x, rotation_about_y
+from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross, rotation_about_x, rotation_about_y
 
 
 class BaseSamples(NamedTuple):
@@ -67,7 +67,7 @@ class RockingBase:
         gravity = Rotation.from_rotvec(-angle[:, None] * axis).apply(level)
         omega, alpha = rate[:, None] * axis, change[:, None] * axis
         r = np.asarray(self.lever)
-        linear = np.cross(alpha, r) + np.cross(omega, np.cross(omega, r))
+        linear = (cross(alpha.T, r) + cross(omega.T, cross(omega.T, r))).T
         return BaseSamples(gravity, np.stack([omega, alpha, linear], axis=1))
 
 
@@ -118,7 +118,7 @@ class SwayingBase:
             rate = w * np.cos(wave.angle(t)) * along
             gravity, linear, omega, alpha = (turn.apply(v) for v in (gravity, linear, omega, alpha))
             # of outer rotations seen from axes that turn
-            alpha = alpha + np.cross(omega, rate) - w * w * np.sin(wave.angle(t)) * along
+            alpha = alpha + cross(omega.T, rate.T).T - w * w * np.sin(wave.angle(t)) * along
             omega = omega + rate
         return BaseSamples(gravity, np.stack([omega, alpha, linear], axis=1))
 

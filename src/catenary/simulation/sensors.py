@@ -12,7 +12,7 @@ from catenary.errors import InputError
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
 from catenary.simulation.base_motion import MovingBase
-from catenary.spatial import STANDARD_GRAVITY, rotation_about_x, rotation_about_z
+from catenary.spatial import STANDARD_GRAVITY, cross, rotation_about_x, rotation_about_z
 
 _G = 9.80665  # [m/s2] of a datasheet
 # of a sensor that came loose: no order of axes explains it
@@ -131,7 +131,7 @@ class SimulatedSensor:
         base = self._base.sample(np.array([stamp]))
         gravity, (omega, alpha, linear) = base.gravity[0], base.motion[0]
         p = mounting.position
-        force = linear + np.cross(alpha, p) + np.cross(omega, np.cross(omega, p)) - gravity
+        force = linear + cross(alpha, p) + cross(omega, cross(omega, p)) - gravity
         read = mounting.scale * (mounting.rotation.T @ force) + mounting.bias
         readings = [(Kind.SPECIFIC_FORCE, read, model.noise, model.resolution, mounting.acceleration_range)]
         if model.has_gyroscope:

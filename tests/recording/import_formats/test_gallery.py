@@ -20,6 +20,7 @@ from gallery import trackers
 SAMPLES = gallery.samples()
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("sample", SAMPLES, ids=[sample.file for sample in SAMPLES])
 def test_a_file_of_the_field_is_read_at_the_first_try(sample: gallery.Sample, tmp_path: Path) -> None:
     path = tmp_path / sample.file

@@ -79,6 +79,7 @@ def imported(path: Path, out: Path, **how: object) -> tuple[MotionLog, ImportedL
     return read_log(out), done
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     "make", [plain, within_a_turn, at_another_rate, with_holes, over_midnight, two_recordings], ids=lambda f: f.__name__
 )
@@ -143,6 +144,7 @@ def a_bag_a_topic(folder: Path) -> list[Path]:
 BAGS = {name: write for name, (write, _) in list(CONTAINERS.items())[:5]} | {"a bag a topic": a_bag_a_topic}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("container", BAGS)
 def test_a_bags_log_does_not_depend_on_the_pieces(
     container: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

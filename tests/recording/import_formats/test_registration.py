@@ -161,6 +161,7 @@ def test_without_noise_and_offsets_it_is_the_closed_form_of_hand_eye_calibration
         assert_allclose(mine.rotation, its.rotation, atol=1e-6)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize("robot", list(ARMS))
 def test_a_tracker_of_a_fifth_of_a_millimetre_registers_within_a_tenth_and_a_twentieth_of_a_degree(
@@ -195,6 +196,7 @@ def test_the_stated_error_holds_the_true_one_in_nineteen_of_twenty_recordings(ro
     assert np.mean(share) >= 0.93
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("robot", "given", "open_joints"),
     [("raven2", {}, [0, 2]), ("raven2", {"base": X}, [2]), ("raven2", {"marker": Z}, [0]), ("ur5e", {}, [0, 5])],
@@ -247,6 +249,7 @@ def test_outliers_and_poses_that_are_missing_move_nothing() -> None:
 QUICK = {"rows": 2000, "single": True, "speed": 4.0}
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("robot", "late", "how"), [("raven2", 0.1, {}), ("dvrk_psm", -0.05, {}), ("raven2", 0.1, QUICK)]
 )
@@ -266,6 +269,7 @@ def test_a_delay_between_the_clocks_is_found_and_costs_nothing_where_ignoring_it
     assert ignored[0] > 3.0 * off[0]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("written", "read", "unit"),
     [("vector", "xyz", "rad"), ("ZYX", "xyz", "deg"), ("xyz", "vector", "rad"), ("wxyz", "xyzw", "rad")],

@@ -30,7 +30,7 @@ SWING = np.array([0.1, 0.15, 0.01])
 def short_motion(seed: int = 0) -> Trajectory:
     """Some seconds around START."""
     rng = np.random.default_rng(seed)
-    points = np.array(START[:3]) + SWING * rng.uniform(-1.0, 1.0, (9, 3))
+    points = np.array(START[:3]) + SWING * rng.uniform(-1.0, 1.0, (6, 3))
     return follow_waypoints(points, speed=[0.3, 0.3, 0.02])
 
 

@@ -39,6 +39,7 @@ def test_what_was_done_is_not_done_again(project: Project) -> None:
 OTHERS = [{"seed": 2}, {"side": "right"}, {"payload_kg": 0.2}, {"base_tilt_deg": (3.0, 0.0)}]
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("change", OTHERS, ids=str)
 def test_another_robot_is_homed_again(project: Project, change: dict[str, Any]) -> None:
     assert ROBOT.home(Project(project.folder, replace(SHORT, **change)))

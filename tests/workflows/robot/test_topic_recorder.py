@@ -107,6 +107,7 @@ class Box:
         self.publisher.publish(message)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("rate", "jitter", "burst", "kept"),
     [
