@@ -124,7 +124,7 @@ def test_calibrated_joints_are_those_of_their_names(order: list[int]) -> None:
 def test_a_recording_is_shown_by_the_names_of_its_joints(tmp_path: Path) -> None:
     log = recorded(ARM, 0, seconds=1.0)
     right, turned = (recorded_arm(each, ARM) for each in (log, reordered(log, TURNED)))
-    assert_array_equal(turned.q, right.q)
+    assert_array_equal(turned.rows["q"], right.rows["q"])
 
 
 def test_other_joints_are_refused_with_both_sides(model: Path, tmp_path: Path) -> None:

@@ -130,8 +130,8 @@ class CablePlant(FirmwarePlant[TickLog]):
 
         As if its program had been made so: it outlasts `disable` and homing. No topic of the robot's software does it.
         """
-        self._compensates = grav_dir is not None
         self._written_gravity = np.zeros(3) if grav_dir is None else gravity_of(grav_dir)
+        self._compensates = grav_dir is not None
         self._own_gravity.gravity = self._written_gravity
         self._state_or_homing_changed()
 

@@ -228,7 +228,6 @@ class MujocoPlant(SimulatedPlant):
         super().__init__(timeline, is_homed=True)
         n = model.n
         self.joint_names, self.joint_units = model.joint_names, model.joint_units
-        self.lower, self.upper = model.lower, model.upper
         self.columns = (
             Column("jpos", "rad|m", n),
             Column("jvel", "rad/s|m/s", n),
@@ -252,6 +251,16 @@ class MujocoPlant(SimulatedPlant):
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
 
     # what a Plant says about itself
+
+    @property
+    def lower(self) -> Floats:
+        """Joint limits below, (n,)."""
+        return np.array(self.model.lower)
+
+    @property
+    def upper(self) -> Floats:
+        """Joint limits above, (n,)."""
+        return np.array(self.model.upper)
 
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
