@@ -339,6 +339,10 @@ class Latest:
             self._message, self.arrived = received
         return self._message
 
+    def fresh(self, patience: float) -> Message:
+        """Return the newest message, or None where none has come for `patience` [s]."""
+        return self._message if self.age() <= patience else None
+
     def age(self) -> float:
         """Return seconds since the newest message came in, by our clock, not the robot's; infinite before the first."""
         self.message()

@@ -142,8 +142,8 @@ class GravityNode:
 
     def _tell_left_over(self, arm: LevelBaseArm, reading: GravityReading, stamp: int) -> None:
         """Publish the torques to add to those of a level base; say why where there are none."""
-        names, message = arm.model.joint_names, self._joints.message()
-        if self._joints.age() >= JOINTS_HELD:
+        names, message = arm.model.joint_names, self._joints.fresh(JOINTS_HELD)
+        if message is None:
             self.complaint = f"no delta: no joints on {arm.joints}"
             return
         told = dict(zip(message.name, message.position, strict=False))

@@ -184,7 +184,7 @@ class TeleopDriver:
         self._asked_home = -TWICE
         state = plant.operating_state()
         self._last_told = self.in_words(state)
-        if not may_move(state):
+        if not state.is_ready:
             self.message = self._last_told
 
     def press(self, key: str, now: float) -> bool:
@@ -197,7 +197,7 @@ class TeleopDriver:
         elif self.motion.press(key, now):
             if key in FASTER + SLOWER:
                 self.message = f"speed x{self.motion.speed:g}"
-            elif not may_move(self.plant.operating_state()):
+            elif not self.plant.operating_state().is_ready:
                 self.message = f"does not move: {self.in_words(self.plant.operating_state())}"
         else:
             return False
@@ -209,7 +209,7 @@ class TeleopDriver:
         told = self.in_words(state)  # why a robot is in FAULT may come after its state
         if told != self._last_told:
             self.message = self._last_told = told
-        if not may_move(state):
+        if not state.is_ready:
             self.motion.stop()
             return ()
         goal, blocked = self.motion.step(self.plant.setpoint_js().q, now, self.plant.period)
@@ -227,7 +227,7 @@ class TeleopDriver:
     def hold(self) -> None:
         """Stop at the setpoint."""
         self.motion.stop()
-        if may_move(self.plant.operating_state()):
+        if self.plant.operating_state().is_ready:
             self.plant.servo_jp(self.plant.setpoint_js().q)
             self.plant.wait()
 
@@ -263,8 +263,3 @@ class TeleopDriver:
         homed = "homed" if state.is_homed else "homing" if state.is_busy else f"not homed: {home}"
         key = "" if state.is_busy else self._keys.get(state.state, "")
         return f"the robot is {state_in_words(self.plant, state)}, {homed}{key and f'; {key}'}"
-
-
-def may_move(state: OperatingState) -> bool:
-    """Return whether a robot obeys motion."""
-    return state.state == "ENABLED" and state.is_homed and not state.is_busy

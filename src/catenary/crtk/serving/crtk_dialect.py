@@ -23,7 +23,6 @@ from catenary.crtk.serving.served_arm import BASE, ServedArm
 from catenary.crtk.serving.tool_pose import FrameOfForces, torques_for
 from catenary.crtk.topic_names import CrtkTopic, topics
 from catenary.errors import InputError
-from catenary.plant import OperatingState
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 
 TOOL_TYPE = "LARGE_NEEDLE_DRIVER:400006[..]"  # name:model[versions]; the tool of the catalogue's PSM
@@ -36,7 +35,7 @@ class Event(NamedTuple):
     """What is published when it changes."""
 
     value: Callable[[ServedArm], Any]  # None as long as there is nothing to say
-    message: Callable[[Any], Message]
+    message: Callable[[Any, int], Message]  # of it, and of a stamp [ns]
 
 
 def _desired_state(arm: ServedArm) -> str:
@@ -50,13 +49,20 @@ def _ratio(arm: ServedArm) -> float:
     return arm.speed_ratio if arm.speed_ratio == arm.acceleration_ratio else 0.0
 
 
-EVENTS = {
-    "desired_state": Event(_desired_state, _Text),
-    "goal_reached": Event(lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended: _Switch(ended[1])),
-    "tool_type": Event(lambda _: TOOL_TYPE, _Text),
-    "trajectory_j/ratio": Event(_ratio, _Number),
-    "trajectory_j/ratio_v": Event(lambda arm: arm.speed_ratio, _Number),
-    "trajectory_j/ratio_a": Event(lambda arm: arm.acceleration_ratio, _Number),
+BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
+STATE = Event(
+    lambda arm: (arm.state, arm.tick // BUSY_EVERY if arm.state.is_busy else 0),
+    lambda told, stamp: operating_state_message(told[0], stamp),
+)
+EVENTS = {  # a dVRK's
+    "desired_state": Event(_desired_state, lambda state, _: _Text(state)),
+    "goal_reached": Event(
+        lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended, _: _Switch(ended[1])
+    ),
+    "tool_type": Event(lambda _: TOOL_TYPE, lambda tool, _: _Text(tool)),
+    "trajectory_j/ratio": Event(_ratio, lambda ratio, _: _Number(ratio)),
+    "trajectory_j/ratio_v": Event(lambda arm: arm.speed_ratio, lambda ratio, _: _Number(ratio)),
+    "trajectory_j/ratio_a": Event(lambda arm: arm.acceleration_ratio, lambda ratio, _: _Number(ratio)),
 }
 
 
@@ -104,7 +110,6 @@ def actuator_service(place: str, joints: Floats) -> Service:
     return Service(f"{place}/actuator_to_joint_position", CONVERT, answer)
 
 
-BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
 # from the setpoint: a RAVEN-II's shoulder that covers 0.25 rad as fast as it may comes to a stop in FAULT
 SERVO_REACH = {"rad": 0.2, "m": 0.02}
 _JOINTS_AND_TOOL = arm_messages.joints_and_tool()
@@ -138,32 +143,25 @@ class CrtkDialect(Dialect):
                 self.services += tuple(kinematics_services(place, arm))
                 if arm.joints_per_actuator is not None:
                     self.services += (actuator_service(place, arm.joints_per_actuator),)
-        self._told: dict[str, tuple[OperatingState, int]] = {}
 
     def begin(self, publishers: Publishers) -> None:
         """Prepare to publish by publishers; called once, before `publish`."""
         super().begin(publishers)
-        self._states = [(name, arm, publishers["operating_state", name]) for name, arm in self.arms.items()]
         self._events = [
             (arm, event, publishers[verb, name])
             for name, arm in self.arms.items()
-            for verb, event in EVENTS.items()
+            for verb, event in {"operating_state": STATE, **EVENTS}.items()
             if (verb, name) in publishers
         ]
         self._happened: list[Any] = [None] * len(self._events)
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        for name, arm, lazy in self._states:
-            told, tick = self._told.get(name, (None, 0))
-            if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
-                self._told[name] = arm.state, arm.tick
-                lazy.publish(operating_state_message(arm.state, now))
         for k, (arm, event, lazy) in enumerate(self._events):
             value = event.value(arm)
             if value != self._happened[k]:
                 self._happened[k] = value
-                lazy.publish(event.message(value))
+                lazy.publish(event.message(value, now))
         super().publish(now)
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:

@@ -35,7 +35,6 @@ from catenary.crtk.topic_names import (
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.plant import OperatingState, Plant, fault_of
-from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 from catenary.topics import Topic
 
 _Array, _Status, _KeyValue = (
@@ -79,18 +78,10 @@ class Diagnostics:
         return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
 
 
-OF_RAVEN = (JOINT_ENC, EXT_JPOS)
-
-
-def has_encoders(plant: Plant) -> bool:
-    """Return whether a plant's telemetry holds what a RAVEN-II's external encoders read."""
-    return {topic.columns[0].name for topic in OF_RAVEN} <= {c.name for c in plant.columns}
-
-
 class ServedEncoders:
     """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known; or what a tracker sees of joints."""
 
-    def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> None:
+    def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic]) -> None:
         """Begin to publish what a plant's telemetry holds, over topics."""
         self._plant = plant
         self.publishers = tuple(

@@ -67,24 +67,19 @@ class _Deployed:
 
     def latest(self) -> Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
-        message = self._positions.message()
-        if message is None:
+        if self._positions.message() is None:
             return Corrected()
         inside: Flags = np.ones(len(self._names), dtype=bool)
-        if self._positions.age() > self._patience:
+        if (message := self._positions.fresh(self._patience)) is None:
             return Corrected(np.full(len(self._names), np.nan), inside)
-        valid = self._valid.message()
+        valid, intervals = self._valid.message(), self._intervals.fresh(self._patience)
         # the topic tells of the model's joints together
         inside[: self._judged] = valid is None or bool(valid.data)
-        return Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
-
-    def _half_widths(self) -> Floats | None:
-        """Return half-widths (n,) [rad|m], NaN for joints without; None where the model publishes none."""
-        message = self._intervals.message()
-        if message is None or self._intervals.age() > self._patience:
-            return None
-        widths = dict(zip(message.name, message.position, strict=False))
-        return np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
+        q, interval = np.array(joint_values(message, self._names)), None
+        if intervals is not None:
+            widths = dict(zip(intervals.name, intervals.position, strict=False))
+            interval = np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
+        return Corrected(q, inside, interval)
 
 
 def watch_robot(
