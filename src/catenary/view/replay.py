@@ -117,7 +117,7 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
 
     q = of(log.q_nominal, 0.0)
     true = None if log.q_encoder is None else np.where(log.ok[:, None], log.q_encoder, np.nan)
-    calibrated, inside, interval = Corrected() if model is None else Corrected(*corrected_rows(log, model))
+    calibrated, inside, interval = Corrected() if model is None else corrected_rows(log, model)
     absent = [j for j in range(robot.n) if j not in named]
     seen, said = of(true), of(calibrated)
     for values, known in ((seen, true), (said, calibrated)):

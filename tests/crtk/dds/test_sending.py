@@ -1,6 +1,6 @@
 """Depth and quality of what a program publishes: best effort reaches who asks for it, and who asks for more is told."""
 
-from catenary.crtk.dds.directory import Quality
+from catenary.crtk.dds.program import Quality
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.transport import Sending

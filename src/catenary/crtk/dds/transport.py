@@ -16,8 +16,7 @@ from cyclonedds.sub import DataReader
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
-from catenary.crtk.dds.directory import Endpoint, Quality, taken
-from catenary.crtk.dds.program import Program
+from catenary.crtk.dds.program import Endpoint, Program, Quality, taken
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
 from catenary.crtk.inbox import UNTAKEN, Origin
 from catenary.crtk.message import Message

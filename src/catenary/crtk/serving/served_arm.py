@@ -257,11 +257,9 @@ class ServedArm:
 
     def _step_velocity(self) -> Floats:
         """Return how fast the setpoint goes (n,); where control has just begun, it has not gone anywhere."""
-        q, ready = self.setpoint.q, self.is_ready
-        moved = self._before is not None and self._before[1] and ready
-        velocity = (q - self._before[0]) / self.plant.period if moved and self._before else np.zeros(len(q))
-        self._before = q, ready
-        return velocity
+        before, self._before = self._before, (self.setpoint.q, self.is_ready)
+        q, ready = self._before
+        return (q - before[0]) / self.plant.period if before and before[1] and ready else np.zeros(len(q))
 
     def _act(self) -> None:
         if self._jaw_wanted is not None:

@@ -169,14 +169,14 @@ class FrameOfForces(Enum):
     SPATIAL = "spatial/"
 
 
-def jacobian(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+def jacobian(tool: ToolState, frame: FrameOfForces) -> Floats:
     """Return the Jacobian (6, n) at the measured joints: velocity over angular velocity, per joint speed."""
     if frame is FrameOfForces.TOOL_IN_BASE_AXES:
         return tool.jacobian
     return _twist_map(tool.pose, frame) @ tool.jacobian
 
 
-def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+def exerted(tool: ToolState, frame: FrameOfForces) -> Floats:
     """Return force [N] over moment [Nm] (6,) that the tool exerts beyond the arm's weight; zero where not felt."""
     if frame is FrameOfForces.TOOL_IN_BASE_AXES:
         return tool.wrench

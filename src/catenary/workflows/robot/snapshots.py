@@ -176,7 +176,7 @@ def watch_log(
         raise InputError(f"--speed: expected more than 0, got {speed}")
     steps = np.diff(log.time)
     spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    corrected = None if model is None else corrected_rows(log, model)
+    corrected = Corrected() if model is None else corrected_rows(log, model)
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
@@ -189,7 +189,7 @@ def watch_log(
         if ahead > 0.0:
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
-        latest = Corrected() if corrected is None else Corrected(*(values[row] for values in corrected))
+        latest = Corrected(*(None if values is None else values[row] for values in corrected))
         yield Snapshot(
             float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
             latest.q, latest.inside, latest.interval, encoder=encoder,
@@ -197,12 +197,12 @@ def watch_log(
         )  # fmt: skip
 
 
-def corrected_rows(log: MotionLog, model: CalibrationModel) -> tuple[Floats, Flags, Floats]:
-    """Return what a model makes of a recording, as `Corrected`, (N, n); other joints are as they were reported."""
+def corrected_rows(log: MotionLog, model: CalibrationModel) -> Corrected:
+    """Return what a model makes of a recording, (N, n); other joints are as they were reported."""
     places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
     q, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
     inside = np.ones(q.shape, dtype=bool)
     features, leaping, _ = model.features.rows(log)
     correction, inside[:, places], interval[:, places] = model.correct(features, q[:, places], leaping)
     q[:, places] += correction
-    return q, inside, interval
+    return Corrected(q, inside, interval)
