@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.control.loop_report import GravityTally
-from catenary.crtk.gravity_topic import now_of
+from catenary.crtk.clock import SECOND
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
 from catenary.crtk.transport import Latest, Publisher, Transport
@@ -120,7 +120,7 @@ class GravityNode:
 
     def step(self) -> GravityReading:
         """Read the source now, and publish."""
-        time = now_of(self.transport)
+        time = self.transport.steady() / SECOND
         stamp = self._stamps.next(self.transport.steady())
         reading = self._reading = self.source.read(time)
         self.tally.add(reading)
@@ -168,6 +168,6 @@ class GravityNode:
     def status(self, seconds: float) -> GravityStatus:
         """Return the status, `seconds` after the begin."""
         listeners = len(self.transport.connections(self._vector.topic).subscribers)
-        reading = self._reading or self.source.read(now_of(self.transport))
+        reading = self._reading or self.source.read(self.transport.steady() / SECOND)
         counts = self.published, listeners, self.transport.is_up(), self._link()
         return GravityStatus(seconds, reading, *counts, self.frame_id, self.source.remedy, self.complaint)

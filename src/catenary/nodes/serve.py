@@ -32,7 +32,6 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.psm_parameters import joints_per_actuator, load_psm
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import LEVEL
-from catenary.topics import Topic
 
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
 SERVED = ("raven2", "dvrk_psm")
@@ -45,6 +44,8 @@ class Serving:
     robot: str = "raven2"  # or dvrk_psm, which speaks crtk
     dialect: DialectName = "raven"
     simulated: Simulated = field(default_factory=lambda: Simulated(homed=False))  # the robot that is served
+    with_green: bool = False  # a green arm that moves, in place of a parked one
+    with_encoders: bool = True  # publish a RAVEN-II's external encoders, in its dialect, or a PSM's tracker
     namespace: str = "/PSM1"  # of a PSM
 
     def __post_init__(self) -> None:
@@ -53,6 +54,8 @@ class Serving:
         spoken_dialect(self.robot, self.dialect)
         refuse_unsupported(self.robot, self.simulated)
         if self.is_psm:
+            if self.with_green:
+                raise InputError(f"robot {self.robot}: has no green arm, which is a RAVEN-II's")
             psm_topics(self.namespace)  # refuses a namespace that no PSM has
 
     @property
@@ -95,12 +98,11 @@ def make_server(
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
         raise InputError(f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}")
-    measured: tuple[Topic, ...] = (JOINT_ENC, EXT_JPOS) if is_raven else ()
-    if serving.is_psm:
-        measured = (psm_topic(place, "tracker/measured_js"),)
-    plant, encoders = next(iter(plants.values())), None  # the gold arm, or the PSM
-    if measured and {topic.columns[0].name for topic in measured} <= {column.name for column in plant.columns}:
-        encoders = ServedEncoders(transport, plant, measured)
+    measured = (psm_topic(place, "tracker/measured_js"),) if serving.is_psm else (JOINT_ENC, EXT_JPOS)
+    plant = next(iter(plants.values()))  # the gold arm, or the PSM
+    told = {column.name for column in plant.columns if serving.with_encoders and (is_raven or serving.is_psm)}
+    has_all = told >= {topic.columns[0].name for topic in measured}
+    encoders = ServedEncoders(transport, plant, measured) if has_all else None
     return Server(transport, arms, speaker, reports, button=is_raven, publish_every=every, encoders=encoders)
 
 
@@ -116,6 +118,8 @@ def _plants(serving: Serving) -> dict[str, Plant]:
     if serving.is_psm:
         return {serving.namespace.strip("/"): opened(serving.robot)}
     gold = opened("raven2")
+    if serving.with_green:
+        return {"gold": gold, "green": opened("raven2_right")}
     home = cast(CablePlant, gold).firmware.home_value
     return {"gold": gold, "green": ParkedArm(gold.joint_names, gold.joint_units, home, period=gold.period)}
 
