@@ -65,7 +65,7 @@ class LoopbackTopic(HeardTopic):
     """What a transport receives of one topic."""
 
     def __init__(self, network: LoopbackNetwork, topic: str, type_name: str) -> None:
-        super().__init__(type_name, lambda: None)
+        super().__init__(type_name)
         self._network, self._topic = network, topic
         for publisher in self._connected().values():
             if publisher.latched is not None:

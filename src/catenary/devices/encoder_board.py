@@ -259,15 +259,14 @@ class EncoderBoard(SerialBoard):
                 tally=asdict(self.tally),
             )
 
-    def _on_gone(self) -> None:
+    def _on_plug(self, *, is_there: bool) -> None:
         with self._lock:
+            if is_there:
+                self._fresh, self._period = True, math.nan
+                return
             self.tally.unplugged += 1
             self._lose("the board was unplugged")
             self._tracker.restart()
-
-    def _on_back(self) -> None:
-        with self._lock:
-            self._fresh, self._period = True, math.nan
 
     def _lose(self, reason: str) -> None:
         self.tally.losses += 1

@@ -144,7 +144,7 @@ def test_a_far_start_is_gone_to_when_asked() -> None:
 
 
 def test_units_that_contradict_the_robot_are_refused() -> None:
-    with pytest.raises(InputError, match="is in m"):
+    with pytest.raises(InputError, match="in rad, not m"):
         follow(ideal_robot(START), file_of([[0.4], [0.41]], [0.0, 2.0], units=("m",)))
 
 

@@ -34,7 +34,16 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from catenary.crtk.dds.types import DISCOVERY, Distribution, array, ros_topic, ros_type, sequence
+from catenary.crtk.dds.types import (
+    DISCOVERY,
+    Distribution,
+    array,
+    message_hash,
+    message_type,
+    ros_topic,
+    ros_type,
+    sequence,
+)
 from catenary.crtk.transport import UNNAMED
 from catenary.errors import InputError, TransportError
 
@@ -158,19 +167,6 @@ def discovery_types(gid_bytes: int) -> tuple[Any, Any, Any]:
 
 def _struct(name: str, **members: Any) -> Any:
     return make_idl_struct(f"{name}_", f"rmw_dds_common::msg::dds_::{name}_", members)
-
-
-def presence(
-    gid_bytes: int, program: Gid, namespace: str, node: str, readers: Iterable[Gid], writers: Iterable[Gid]
-) -> Any:
-    """Return what a program of one node tells of itself; `namespace` begins with a slash."""
-    number_type, node_type, program_type = discovery_types(gid_bytes)
-
-    def gid(number: Gid) -> Any:
-        return number_type(data=list(number.ljust(gid_bytes, b"\0")))
-
-    ends = ([gid(number) for number in listed] for listed in (readers, writers))
-    return program_type(gid(program), [node_type(namespace, node, *ends)])
 
 
 MANY = 1000  # of anything that is taken at once
@@ -303,19 +299,21 @@ class Program:
         self._thread = threading.Thread(target=self._receive, name=f"{node} receiver", daemon=True)
         self._thread.start()
 
-    def writer(self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str) -> DataWriter[Any]:
+    def writer(self, dds_name: str, type_name: str, quality: Quality, depth: int) -> DataWriter[Any]:
         """Begin to publish; `end` ends it."""
+        user_data = self.distribution.said_of(message_hash(type_name))
         with self.lock:
-            made = DataWriter(self._participant, self._topic(dds_name, kind), profile(quality, depth, user_data))
+            made = DataWriter(self._participant, self._topic(dds_name, type_name), profile(quality, depth, user_data))
             self._begin(made)
         return made
 
     def reader(
-        self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str, taker: Callable[[Any], None]
+        self, dds_name: str, type_name: str, quality: Quality, depth: int, taker: Callable[[Any], None]
     ) -> DataReader[Any]:
         """Begin to receive: `taker` takes from the reader, in the receiver's thread; `end` ends it."""
+        user_data = self.distribution.said_of(message_hash(type_name))
         with self.lock:
-            made = DataReader(self._participant, self._topic(dds_name, kind), profile(quality, depth, user_data))
+            made = DataReader(self._participant, self._topic(dds_name, type_name), profile(quality, depth, user_data))
             made.set_status_mask(DDSStatus.DataAvailable)
             self._takers[id(made)] = lambda: taker(made)
             self._waitset.attach(made)
@@ -347,10 +345,15 @@ class Program:
                 take()
             if not self._is_told:
                 self._is_told = True
-                ends: tuple[list[bytes], list[bytes]] = ([], [])
+                number_type, node_type, program_type = discovery_types(self.distribution.gid)
+                ends: tuple[list[Any], list[Any]] = ([], [])  # readers, writers
                 for one, gid in self._ends.items():
-                    ends[isinstance(one, DataWriter)].append(gid)
-                self._presence.write(presence(self.distribution.gid, self.gid, self._namespace, self._node, *ends))
+                    ends[isinstance(one, DataWriter)].append(number_type(data=self._padded(gid)))
+                node = node_type(self._namespace, self._node, *ends)
+                self._presence.write(program_type(number_type(data=self._padded(self.gid)), [node]))
+
+    def _padded(self, gid: Gid) -> list[int]:
+        return list(gid.ljust(self.distribution.gid, b"\0"))
 
     def ends(self, known: Mapping[int, Endpoint], handles: Iterable[int]) -> list[Endpoint]:
         """Return what Cyclone calls by these handles; it is looked up anew only where one is not known yet."""
@@ -377,9 +380,9 @@ class Program:
         self._ended.clear()
         del self._waitset, self._presence, self.directory, self._participant
 
-    def _topic(self, dds_name: str, kind: Any) -> Topic[Any]:
+    def _topic(self, dds_name: str, type_name: str) -> Topic[Any]:
         try:
-            return Topic(self._participant, dds_name, kind)
+            return Topic(self._participant, dds_name, message_type(type_name))
         except DDSException as error:
             raise TransportError(f"DDS topic {dds_name}: {error}") from error
 

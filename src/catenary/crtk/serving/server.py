@@ -17,7 +17,7 @@ from catenary.crtk.exclusive_control import WATCH, Commander
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
-from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
+from catenary.crtk.serving.command_source import OF_A_TOPIC, CommandSource
 from catenary.crtk.serving.dialect import Dialect, LazyPublisher
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
@@ -134,11 +134,15 @@ class Server:
         self._dialect = dialect
         self._every = publish_every
         self._stamps = Stamps(transport.clock)
-        beginning = Beginning(transport.steady(), frozenset(transport.topics()), transport.publishing())
+        begin, published, processes = transport.steady(), transport.topics(), transport.publishing()
         wanted = dialect.topics
         self._sources = [
-            CommandSource(transport, topic, beginning, reports) for topic in wanted if topic.direction == "in"
-        ]
+            CommandSource(
+                transport, topic, reports, begin=begin, waits=topic.name in published,
+                old=processes.get(topic.name, frozenset()),
+            )
+            for topic in wanted if topic.direction == "in"
+        ]  # fmt: skip
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: not source.topic.commands_state)
         self._others = sum(source.topic.commands_state for source in self._sources)  # where the others begin
@@ -155,7 +159,7 @@ class Server:
         self._diagnostics = Diagnostics(transport, arms, reports)
         self._encoders = encoders
         self._heard = (*self.publishers.values(), *(() if encoders is None else encoders.publishers))
-        self._watched = beginning.time
+        self._watched = begin
         for service in dialect.services if transport.has_services else ():
             transport.service(service.name, service.type, service.answer)
         self.button = BUTTON if button else None

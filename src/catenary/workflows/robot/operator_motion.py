@@ -20,7 +20,7 @@ from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError
 from catenary.files import TEXT_ENDINGS, table_ending
-from catenary.plant import JointState, MotionLog, OperatingState, Plant, nameless, require_ready
+from catenary.plant import Joints, JointState, MotionLog, OperatingState, nameless, places_of, require_ready
 from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.logs import read_parquet
 from catenary.robots.catalog import RAVEN_SIDES
@@ -269,7 +269,7 @@ def follow(
     """
     plant, motion = robot.plant, along_rows(file, blend)
     names = file.joint_names if _is_named(file) else plant.joint_names[: len(file.joint_units)]
-    moved = _joints_of(file, names, plant)
+    moved = places_of(Joints(names, file.joint_units), plant, whose="the robot", of=f"{file.name} moves")
     fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
     try:
         check_motion(plant, motion, joints=names, max_velocity=[fastest[unit] for unit in file.joint_units])
@@ -284,17 +284,6 @@ def follow(
                 "Go there first (catenary goto), or say --from-afar"
             )
     return _watched(robot, run_trajectory, motion, joints=names, progress=progress)
-
-
-def _joints_of(file: MotionLog, names: Sequence[str], plant: Plant) -> list[int]:
-    """Return which joints a file moves; refuse those that the robot does not have, or has in another unit."""
-    if len(names) != len(file.joint_units) or not set(names) <= set(plant.joint_names):
-        raise InputError(f"{file.name}: moves {', '.join(names)}; the robot has {', '.join(plant.joint_names)}")
-    moved = [plant.joint_names.index(name) for name in names]
-    for j, name, unit in zip(moved, names, file.joint_units, strict=True):
-        if plant.joint_units[j] != unit:
-            raise InputError(f'{file.name}: joint "{name}" is in {unit}; the robot\'s is in {plant.joint_units[j]}')
-    return moved
 
 
 def _watched(
