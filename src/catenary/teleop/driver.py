@@ -116,7 +116,12 @@ class TeleopMotion:
             self._q = None
             return None, ()
         start = np.array(q) if self._q is None else self._q
-        own, tip = self._joint_step(shares, period), self._tip_step(start, shares, period)
+        asked, velocity = np.zeros(len(start)), np.zeros(6)  # shares of full speed, of joints and of the tip
+        for key, share in shares.items():
+            steps, (place, sign) = (asked, self._moves[key]) if key in self._moves else (velocity, AXES[key])
+            steps[place] += sign * share
+        own = self.speed * period * self._full_speed * asked
+        tip = period * self._joint_velocity(start, self.speed * TIP_SPEED * velocity)
         # a joint that is beyond a limit, as after homing against a stop, may come back
         low, high = np.minimum(self._lower, start), np.maximum(self._upper, start)
         blocked = self._beyond(start + own + tip, low, high)
@@ -125,34 +130,19 @@ class TeleopMotion:
         self._q = np.clip(start + own + tip, low, high)
         return self._q.copy(), blocked
 
-    def _joint_step(self, shares: Mapping[str, float], period: float) -> Floats:
-        """Return the joint steps (n,) that the joints' own keys ask for."""
-        step = np.zeros(len(self.joint_names))
-        for key, share in shares.items():
-            if key in self._moves:
-                j, sign = self._moves[key]
-                step[j] += sign * share * self.speed * self._full_speed[j] * period
-        return step
-
-    def _tip_step(self, q: Floats, shares: Mapping[str, float], period: float) -> Floats:
-        """Return joint steps (n,) that move the tip as its keys ask; a tool that can turn keeps its orientation."""
-        step = np.zeros(len(q))
-        velocity = np.zeros(6)
-        for key, share in shares.items():
-            if key in AXES:
-                axis, sign = AXES[key]
-                velocity[axis] += sign * share * self.speed * TIP_SPEED
+    def _joint_velocity(self, q: Floats, velocity: Floats) -> Floats:
+        """Return joint velocities (n,) that move the tip at a velocity (6,); a tool that can turn keeps its turn."""
+        qd = np.zeros(len(q))
         if self._model is None or not velocity.any():
-            return step
+            return qd
         k = self._model.n
         rows = 6 if k >= 6 else 3
         scale = np.where(np.array(self.joint_units[:k]) == "m", 0.1, 1.0)  # 0.1 m weighs as much as 1 rad
         weighted = jacobian(self._model, q[:k])[:rows] * scale
         square = weighted @ weighted.T + DAMPING**2 * np.eye(rows)
-        qd = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))
-        fastest = float((np.abs(qd) / (2.0 * self.speed * self._full_speed[:k])).max())
-        step[:k] = qd * period / max(1.0, fastest)
-        return step
+        qd[:k] = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))
+        fastest = float((np.abs(qd[:k]) / (2.0 * self.speed * self._full_speed[:k])).max())
+        return qd / max(1.0, fastest)
 
     def _beyond(self, q: Floats, low: Floats, high: Floats) -> tuple[str, ...]:
         bad = (q < low - _ROUNDING) | (q > high + _ROUNDING)
