@@ -89,11 +89,8 @@ class Dialect:
         return None
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Obey a command; state commands are the server's."""
-        self.follow(topic, message, self._obeyed.get(topic.verb))
-
-    def follow(self, topic: CrtkTopic, message: Message, do: Obey | None) -> None:
-        """Have the arm of a topic do something, unless it is in no state to be moved."""
+        """Have the arm of a topic do as told, unless it is in no state to be moved; state commands are the server's."""
+        do = self._obeyed.get(topic.verb)
         if topic.arm is None or do is None:
             raise InputError("the robot has no such arm")
         arm = self.arms[topic.arm]

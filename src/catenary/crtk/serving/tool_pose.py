@@ -23,7 +23,7 @@ from catenary.dynamics.kinematics import Configuration, forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
-from catenary.spatial import Pose
+from catenary.spatial import Pose, identity_pose
 
 SEARCH = 15  # steps of a search from the pose before, or 75 mm beside: a tick has no time for more
 
@@ -54,7 +54,7 @@ class ToolPose:
         # poses that `path` finds well within a tick
         self.poses_a_tick = 16 if model.closed_form == "raven2" else 1
         frame_0 = model.frames.get("frame0")
-        self._frame_0 = Pose(np.eye(3), np.zeros(3)) if frame_0 is None else frame_0.pose
+        self._frame_0 = identity_pose() if frame_0 is None else frame_0.pose
         self._base_in_frame_0 = self._frame_0.inverse()
 
     def pose(self, q: Floats) -> Pose:
