@@ -52,13 +52,19 @@ class LoopbackPublisher(Publisher):
         with network.lock:
             if self._latch:
                 self.latched = data
-            for heard in network.heard(self.topic).values() if self.is_connected else ():
-                if heard.type_name == self.type_name:
+            for other in network.transports.values() if self.is_connected else ():
+                heard = other.hears.get(self.topic)
+                if heard is not None and heard.type_name == self.type_name:
                     heard.give(data, network.clock.steady(), self.origin)
 
     def subscribers(self) -> tuple[str, ...]:
         """Return the names of the nodes that listen."""
         return () if self.is_closed else tuple(self._transport.network.heard(self.topic))
+
+    def is_heard(self) -> bool:
+        """Return whether anybody listens."""
+        others = tuple(self._transport.network.transports.values())
+        return not self.is_closed and any(self.topic in one.hears for one in others)
 
 
 class LoopbackTopic(HeardTopic):
