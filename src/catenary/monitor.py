@@ -149,7 +149,12 @@ def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24,
         if has_room and shot.lower is not None and shot.upper is not None:
             line += f"   {range_bar(shot.q[j], shot.lower[j], shot.upper[j], BAR)}"
         shown.append(line)
-    shown += ["", _gravity(shot), *([] if shot.tip is None else [tip_line(shot)]), ""]
+    shown += ["", _gravity(shot)]
+    if shot.tip is not None:  # by reported joints and, in a simulation, how far from where it is
+        x, y, z = 1e3 * shot.tip
+        away = "" if shot.tip_error is None else f"  {_tip_errors(shot)}"
+        shown.append(f"tip {x:.1f} {y:.1f} {z:.1f} mm{away}")
+    shown.append("")
     shown = [visible(line.replace("\n", " "))[:columns].rstrip() for line in shown]
     told = [  # why a robot is in FAULT is not cut off
         line
@@ -177,15 +182,6 @@ def plain_line(shot: Snapshot) -> str:
         values += f"  tip {_tip_errors(shot)}"
     warnings = "; ".join(shot.warnings())
     return f"{shot.time:.2f} s  {_state(shot)}  {values}" + (f"  ! {warnings}" if warnings else "")
-
-
-def tip_line(shot: Snapshot) -> str:
-    """Return where the tip is by reported joints and, in a simulation, how far from where it is [mm]."""
-    if shot.tip is None:
-        return ""
-    x, y, z = 1e3 * shot.tip
-    place = f"tip {x:.1f} {y:.1f} {z:.1f} mm"
-    return place if shot.tip_error is None else f"{place}  {_tip_errors(shot)}"
 
 
 def _tip_errors(shot: Snapshot) -> str:

@@ -113,18 +113,18 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
 def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
     """Refuse what a simulated robot of a kind cannot have."""
     kind, name = _kind(robot), robot if isinstance(robot, str) else robot.name
-    if kind is None and where.seed is not None:
-        raise UnsupportedModelError(
-            f'robot "{name}": a seed draws the cables of {", ".join(KINDS)}; this one has none, and is always the same'
-        )
-    if kind is not None and (where.hardware is not None or where.start is not None):
-        raise UnsupportedModelError(
-            f'robot "{name}": friction comes from its cables; joint friction is for robots without'
-        )
-    if kind is PSM and where.payload:
-        raise UnsupportedModelError(f'robot "{name}": has no payload; a RAVEN-II and robots without cables have one')
-    if (kind is None or kind is PSM) and where.grav_dir is not None:
-        raise UnsupportedModelError(f'robot "{name}": has no grav_dir; its own gravity compensation is a RAVEN-II\'s')
+    is_raven, with_drives = kind is not None and kind is not PSM, where.hardware is not None or where.start is not None
+    whose = ", ".join(KINDS)
+    for is_so, why in (
+        (kind is None and where.seed is not None,
+         f"a seed draws the cables of {whose}; this one has none, and is always the same"),
+        (kind is not None and with_drives, "friction comes from its cables; joint friction is for robots without"),
+        (kind is PSM and where.payload, "has no payload; a RAVEN-II and robots without cables have one"),
+        (not is_raven and where.grav_dir is not None,
+         "has no grav_dir; its own gravity compensation is a RAVEN-II's"),
+    ):  # fmt: skip
+        if is_so:
+            raise UnsupportedModelError(f'robot "{name}": {why}')
 
 
 def spoken_dialect(robot: str, dialect: str | None) -> DialectName:

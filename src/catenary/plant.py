@@ -46,6 +46,11 @@ class OperatingState(NamedTuple):
     is_homed: bool
     is_busy: bool
 
+    @property
+    def is_ready(self) -> bool:
+        """Whether a robot obeys motion."""
+        return self.state == "ENABLED" and self.is_homed and not self.is_busy
+
 
 class JointState(NamedTuple):
     """What a robot reports at one instant; arrays are the receiver's own."""

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import pose_of
-from catenary.crtk.serving.arm_messages import FORWARD, INVERSE
+from catenary.crtk.serving.crtk_dialect import FORWARD, INVERSE
 from catenary.dynamics.kinematics import forward_kinematics, relative_pose
 from catenary.nodes.serve import Serving, make_server
 from catenary.raven2.topics import Arm

@@ -265,6 +265,7 @@ def test_commands_are_stamped_by_the_clock_as_it_is_set(by: int) -> None:
         setup.clock.ahead = ahead * SECOND
         client.servo_jp(START)
         client.wait()
+        assert client.age < 0.01  # and it is heard
         assert 0 <= setup.clock.now() - heard.take()[-1].message.header.stamp <= 0.01 * SECOND
 
 

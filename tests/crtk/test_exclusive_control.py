@@ -171,7 +171,7 @@ def moved(dialect: str = "raven", *, ticks: int = 20) -> tuple[ServedRobot, Loop
 
 
 def publisher_of(robot: ServedRobot) -> Any:
-    return robot.network.topics[robot.name("servo_jr")].publishers["program"]
+    return robot.network.publishers(robot.name("servo_jr"))["program"]
 
 
 def old_commands(robot: ServedRobot, count: int = 200) -> None:

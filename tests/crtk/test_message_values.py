@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from catenary.crtk import message_values
 from catenary.crtk.clock import SECOND
-from catenary.crtk.message import message_class
+from catenary.crtk.message import has_header, header, message_class, message_fields, stamp_of
 from catenary.crtk.message_bytes import codec
-from catenary.errors import InputError
+from catenary.errors import FileFormatError, InputError
 from catenary.spatial import Pose
 from oracles.ticking_clock import SetClock
 
@@ -108,11 +108,6 @@ def test_quaternions_are_sent_with_w_last() -> None:
     assert_allclose(turn, [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)], atol=1e-15)  # axis sin, cos of 45 degrees
 
 
-def test_seconds_of_a_stamp_are_exact_to_a_quarter_of_a_microsecond() -> None:
-    spacing = 2**-22  # of doubles between 2^30 and 2^31 s
-    assert abs((message_values.seconds(1_700_000_000_123_456_789) - 1_700_000_000) - 0.123456789) <= spacing
-
-
 def stamped(steps: list[float], pause: float = 0.001, behind: float = 1.2) -> tuple[list[int], list[int], list[bool]]:
     """Stamps of messages while the clock is set by steps [s], each `behind` [s] after the last one.
 
@@ -162,3 +157,31 @@ def test_a_clock_that_is_set_far_is_said_once(by: float, said: str | None, caplo
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) == (said is not None)
     assert all(re.search(f"the clock was set by {said} s", line) for line in lines)
+
+
+def test_a_message_and_its_default_arrays_which_others_share_cannot_be_changed() -> None:
+    with pytest.raises(AttributeError):
+        message_class("std_msgs/String")(data="a").data = "b"
+    with pytest.raises(ValueError, match="read-only"):
+        message_class("raven_2/raven_state")().jpos[0] = 1.0
+
+
+def test_old_and_new_names_give_the_same_class() -> None:
+    assert message_class("crtk_msgs/operating_state") is message_class("crtk_msgs/OperatingState")
+
+
+def test_header_is_found_whatever_its_name_and_its_stamp_is_the_messages() -> None:
+    assert has_header("raven_2/raven_state")  # hdr
+    assert has_header("sensor_msgs/Imu")
+    assert not has_header("std_msgs/Header")
+    assert not has_header("std_msgs/Empty")
+    assert stamp_of(message_class("raven_2/raven_state")(hdr=header(12, "base"))) == 12
+    assert stamp_of(message_class("std_msgs/Empty")()) is None
+    assert stamp_of(message_class("std_msgs/Bool")(data=True)) is None
+
+
+def test_an_unknown_type_and_a_message_of_another_are_refused() -> None:
+    with pytest.raises(FileFormatError, match="unknown"):
+        message_class("raven_2/raven_mood")
+    with pytest.raises(InputError, match="OperatingState"):
+        message_fields("crtk_msgs/OperatingState", np.zeros(3))

@@ -47,6 +47,14 @@ def test_a_hundred_increments_move_a_hundred_times_as_far_however_they_bunch_up(
     assert_allclose(robot.setpoint - before, shoulder(np.deg2rad(0.3)), atol=EXACT)
 
 
+def test_increments_that_have_waited_for_a_quarter_of_a_second_are_left_out(robot):
+    before, step = robot.setpoint, np.array([0.0, 0.0, 5e-5, 0.0, 0.0, 0.0, 0.0])  # as far as it goes in a tick
+    for _ in range(400):
+        robot.server.arms["gold"].increment(step)
+    robot.tick(400)
+    assert_allclose(robot.setpoint - before, 251 * step, atol=EXACT)
+
+
 @pytest.mark.parametrize(
     ("verb", "values", "moved"),
     [

@@ -25,13 +25,13 @@ def mend(network: LoopbackNetwork, name: str) -> None:
     """Make them again; latched messages come again."""
     for one in publishers(network, name):
         one.origin, one.is_connected = one.origin._replace(connection=object()), True
-        for heard in network.topics[one.topic].heard.values():
+        for heard in network.heard(one.topic).values():
             if one.latched is not None:
                 heard.give(one.latched, network.clock.now(), one.origin)
 
 
 def publishers(network: LoopbackNetwork, name: str) -> list[LoopbackPublisher]:
-    return [topic.publishers[name] for topic in network.topics.values() if name in topic.publishers]
+    return list(network.transports[name].publishes.values())
 
 
 class LatchingClient:

@@ -1,15 +1,18 @@
 """Ros1Transport and the codec against rospy and genpy as they come."""
 
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pytest
 
 from catenary.crtk.message import message_class
 from catenary.crtk.message_bytes import codec
+from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.recording.messages import MESSAGES, full_definition, md5_sum
 from oracles.random_messages import random_message
-from ros import OPEN, Master, Program, require_ros1
+from patience import until
+from ros import NODE, OPEN, Master, Program, require_ros1
 
 pytestmark = pytest.mark.slow
 
@@ -24,28 +27,12 @@ rospy.init_node(sys.argv[1])
 """
 
 
-def test_rospys_own_classes_read_what_is_sent(ros_master: Master) -> None:
-    code = f"""{ROSPY}
+def test_rospys_own_classes_and_services_and_ours_understand_each_other(ros_master: Master) -> None:
+    theirs = f"""{ROSPY}
 def tell(m):
     print(m.header.stamp.to_nsec(), m.header.frame_id, *m.name, *m.position, len(m.velocity), *m.effort)
+    print(rospy.ServiceProxy("/our_button", Trigger)().message)
 rospy.Subscriber("/js", JointState, tell)
-print("listening")
-rospy.spin()
-"""
-    sender = f"""{OPEN}
-publisher = transport.publisher("/js", "sensor_msgs/JointState", latch=True)
-publisher.publish(message_class("sensor_msgs/JointState")(
-    header(1_700_000_000_123_456_789, "base"), ("a", "b"), (0.25, -1.5), (), [3, 4]))
-sys.stdin.readline()
-"""
-    with Program(ros_master, code, "rospy") as listener:
-        assert listener.line() == "listening"
-        with Program(ros_master, sender, "robot"):
-            assert listener.line() == "1700000000123456789 base a b 0.25 -1.5 0 3.0 4.0"
-
-
-def test_what_rospys_own_classes_send_is_read(ros_master: Master) -> None:
-    code = f"""{ROSPY}
 publisher = rospy.Publisher("/tf", TransformStamped, queue_size=10, latch=True)
 message = TransformStamped()
 message.header.stamp = rospy.Time(1_700_000_000, 123_456_789)
@@ -54,35 +41,70 @@ message.transform.translation.x = 0.5
 message.transform.rotation.w = 1.0
 publisher.publish(message)
 rospy.Service("/button", Trigger, lambda request: TriggerResponse(True, "pressed"))
-print("sent")
+print("up")
 rospy.spin()
 """
-    reader = f"""{OPEN}
+    ours = f"""{OPEN}
+response = message_class("std_srvs/TriggerResponse")
+transport.service("/our_button", "std_srvs/Trigger", lambda request: response(success=True, message="ours"))
 subscription = transport.subscribe("/tf", "geometry_msgs/TransformStamped")
 ((m, _),) = subscription.take(PATIENCE)
 print(m.header.stamp, m.child_frame_id, m.transform.translation.x, m.transform.rotation.w)
 print(*transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE))
-"""
-    with Program(ros_master, code, "rospy") as talker:
-        assert talker.line() == "sent"
-        with Program(ros_master, reader, "client") as client:
-            assert client.line() == "1700000000123456789 tool 0.5 1.0"
-            assert client.line() == "True pressed"
-
-
-def test_rospy_calls_a_service(ros_master: Master) -> None:
-    server = f"""{OPEN}
-response = message_class("std_srvs/TriggerResponse")
-transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True, message="ours"))
-print("serving")
+publisher = transport.publisher("/js", "sensor_msgs/JointState", latch=True)
+publisher.publish(message_class("sensor_msgs/JointState")(
+    header(1_700_000_000_123_456_789, "base"), ("a", "b"), (0.25, -1.5), (), [3, 4]))
 while True:
     transport.poll(0.1)
 """
-    code = ROSPY + 'print(rospy.ServiceProxy("/button", Trigger)().message)\n'
-    with Program(ros_master, server, "robot") as robot:
-        assert robot.line() == "serving"
-        with Program(ros_master, code, "rospy") as client:
-            assert client.line() == "ours"
+    with Program(ros_master, theirs, "rospy") as peer:
+        assert peer.line() == "up"
+        with Program(ros_master, ours, "robot") as robot:
+            assert robot.line() == "1700000000123456789 tool 0.5 1.0"
+            assert robot.line() == "True pressed"
+            assert peer.line() == "1700000000123456789 base a b 0.25 -1.5 0 3.0 4.0"
+            assert peer.line() == "ours"
+
+
+LATCHING = f"""{ROSPY}
+import socket
+publisher = rospy.Publisher("/said", JointState, latch=True, queue_size=1)
+print("up")
+for line in sys.stdin:
+    word, *said = line.split()
+    if word == "break":  # as a cable that is pulled, or a router that forgets; then what was said meanwhile
+        for connection in publisher.impl.connections:
+            connection._connection.socket.shutdown(socket.SHUT_RDWR)
+    for name in said:
+        publisher.publish(JointState(name=[name]))
+    print("done")
+"""
+
+
+def test_when_a_tcp_connection_is_renewed_what_was_latched_is_not_given_twice(ros_master: Master) -> None:
+    """What a server makes of a message that is first, renewed or repeated: test_renewed_connections."""
+    with Ros1Transport(NODE) as transport, Program(ros_master, LATCHING, "latching") as client:
+        heard = transport.subscribe("/said", "sensor_msgs/JointState")
+
+        def say(line: str) -> None:
+            client.say(line)
+            assert client.line() == "done"
+
+        def came() -> tuple[Any, ...]:
+            until(lambda: len(heard))
+            (one,) = heard.take_arrivals()
+            return one.message.name, one.is_first, one.is_renewed
+
+        assert client.line() == "up"
+        say("say a")
+        assert came() == (("a",), True, False)
+        say("break")
+        until(lambda: heard.repeated == 1)
+        assert not heard.take()
+        say("break b")
+        assert came() == (("b",), True, True)
+        say("say c")
+        assert came() == (("c",), False, False)
 
 
 @pytest.mark.parametrize("name", MESSAGES)

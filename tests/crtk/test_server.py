@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.client import CrtkClient
+from catenary.crtk.client import CrtkClient, press_button
 from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
@@ -439,3 +439,21 @@ def test_ticks_that_are_made_up_for_at_once_are_stamped_as_they_were_due() -> No
         assert np.diff([one.message.header.stamp for one in topic.take()]).tolist() == pytest.approx(
             [1e6] * 19, abs=2
         )  # one is 1 ns behind the last
+
+
+def test_it_starts_the_robot_and_says_what_it_did() -> None:
+    robot = ServedRobot(plant=homing_plant())
+    robot.tick_while_slept()
+    robot.clock.sleep(0.2)  # it looks ten times a second at who is there
+    assert press_button(robot.client) == (True, "gold: starts")
+    robot.clock.sleep(0.05)
+    assert robot.plant.operating_state().is_busy
+    success, said = press_button(robot.client)
+    assert not success
+    assert said == "gold: the arm is ENABLED already"
+
+
+def test_where_nobody_has_one_it_says_so() -> None:
+    lonely = Loopback("client", LoopbackNetwork(clock=SetClock()))
+    with pytest.raises(TransportError, match="nobody listens"):
+        press_button(lonely)

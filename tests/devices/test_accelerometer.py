@@ -190,12 +190,6 @@ def test_lines_come_out_whole_however_their_bytes_come_in(cuts):
     assert [parse_line(line).number for line in lines] == [0, 1]
 
 
-def test_noise_without_an_end_is_thrown_away():
-    splitter = LineSplitter()
-    assert len(splitter.feed(b"\xff" * 201)) == 1
-    assert len(splitter.feed(f"\n{sample_line(1, 1)}\r\n".encode())) == 1
-
-
 def test_the_lines_on_the_page_are_lines_of_the_protocol():
     page = (Path(__file__).parents[2] / "docs" / "devices.md").read_text()
     read = [parse_line(line) for line in re.findall(r"^\$CAT.*$", page, re.MULTILINE)]

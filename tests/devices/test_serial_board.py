@@ -22,11 +22,8 @@ class Listener(SerialBoard):
         self.events += lines
         self.times.add(arrival)
 
-    def _on_gone(self) -> None:
-        self.events.append("gone")
-
-    def _on_back(self) -> None:
-        self.events.append("back")
+    def _on_plug(self, *, is_there: bool) -> None:
+        self.events.append("back" if is_there else "gone")
 
 
 @pytest.fixture

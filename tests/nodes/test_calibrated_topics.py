@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.arrays import Floats
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
+from catenary.control.realtime import Timing
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
@@ -16,7 +17,7 @@ from catenary.crtk.message_values import joint_values, pose_of
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.nodes.calibrated_topics import LATE, CalibratedTopics
+from catenary.nodes.calibrated_topics import LATE, CalibratedTopics, WireReport
 from catenary.plant import MotionLog
 from catenary.raven2.topics import JOINTS
 from catenary.robots.catalog import load_robot
@@ -239,3 +240,28 @@ def test_torques_that_come_no_more_are_flagged_until_they_are_back() -> None:
     deployed.ticks(5)
     assert not deployed.topics.stale
     assert 90 < deployed.topics.report().stale < 110
+
+
+def report(rate_hz: float | None, median: float | None) -> WireReport:
+    latency = None if median is None else Timing(median, 2 * median, 3 * median, 4 * median)
+    return WireReport(
+        seconds=10.0, messages=100, published=100, rate_hz=rate_hz, latency=latency, late=0, missed=0, silences=0,
+        longest_silence=0.0, not_homed=0, unreadable=0, stale=0, outside=(0.0,), joint_names=("a",), leaps={},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "median", "keeps_up"),
+    [
+        (1000.0, 0.9e-3, True),
+        (1000.0, 3.4e-3, False),
+        (30.0, 3.4e-3, True),
+        (30.0, 0.04, False),
+        (None, 0.04, True),
+        (1000.0, None, True),
+    ],
+)
+def test_what_is_corrected_after_the_next_message_has_come_does_not_keep_up(rate_hz, median, keeps_up) -> None:
+    found = report(rate_hz, median)
+    assert found.keeps_up is keeps_up
+    assert found.as_data()["keeps_up"] is keeps_up

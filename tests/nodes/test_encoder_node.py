@@ -7,8 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.clock import SECOND, Clock
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message_values import joint_values, operating_state_message
-from catenary.nodes.encoder_node import RATE, STATE_TOPIC, EncoderNode
-from catenary.nodes.publishing import publish
+from catenary.nodes.encoder_node import STATE_TOPIC, EncoderNode
 from catenary.plant import OperatingState
 from oracles.encoder_bench import AWAY, EncoderBench
 
@@ -75,14 +74,6 @@ def test_the_robots_operating_state_registers_and_positions_follow(rig):
     assert status.robot == "ENABLED homed"
     assert status.subscribers == 1
     assert status.as_data()["is_valid"]
-
-
-def test_publishing_ends_after_its_duration_with_a_status(rig):
-    shown = []
-    final = publish(rig.node, rate_hz=RATE, duration=1.2, show=shown.append)
-    assert len(shown) == 1
-    assert final.seconds >= 1.2
-    assert not final.reading.is_valid
 
 
 def test_stamps_follow_a_clock_that_is_set_back(rig):

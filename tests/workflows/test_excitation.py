@@ -91,5 +91,5 @@ def test_a_motion_that_was_written_can_be_followed(motion, tmp_path):
         followed = read_followed_file(tmp_path / name)
         assert followed.joint_names == PANDA.joint_names
         assert followed.joint_units == PANDA.joint_units
-        assert_allclose(followed.q, motion.design.q)
+        assert_allclose(followed.q_nominal, motion.design.q)
         assert_allclose(followed.time, motion.design.time)

@@ -100,7 +100,7 @@ def follow(
     far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
     one begins at the beginning. However it ends, the robot holds and is paused.
     """
-    from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY, read_followed_file
+    from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY, leaves_rows, read_followed_file
     from catenary.workflows.robot.operator_motion import follow as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
@@ -109,9 +109,10 @@ def follow(
     for unit, typed, scale in (("rad", largest_deg_s, math.pi / 180.0), ("m", largest_mm_s, 1e-3)):
         if typed is not None:
             fastest[unit] = typed * scale
-    away = motion.leaves_rows(motion.trajectory(blend), blend)
+    assert motion.time is not None  # of a file to follow
+    away = leaves_rows(motion, blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
-    print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
+    print_notes([f"{len(motion)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with chosen_robot(robot, "follow") as opened, progress_bar("follow") as tell:
         summary = follow_file(opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell)
     _say(summary, as_json, "followed to its end")

@@ -187,7 +187,8 @@ def gravity_node(
 
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
-    from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
+    from catenary.crtk.clock import SECOND
+    from catenary.crtk.gravity_topic import TYPES, GravityTopic
     from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
@@ -205,7 +206,7 @@ def gravity_node(
         feed: Callable[[float], None] | None = None
         counts: Any
         if port is not None:
-            device = stack.enter_context(SerialAccelerometer(port, mailbox, clock=lambda: now_of(transport)))
+            device = stack.enter_context(SerialAccelerometer(port, mailbox, clock=lambda: transport.steady() / SECOND))
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             told, angular, counts = device.with_ranges(told), hello.has_gyroscope, device.counts

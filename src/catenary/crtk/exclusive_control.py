@@ -59,10 +59,8 @@ class OtherCommanders:
 
     def we_command(self) -> None:
         """Note that the own client moves the arm; only the robot is listened to then."""
-        if self._heard:
-            for heard in self._heard:
-                heard.close()
-            self._heard = []
+        while self._heard:
+            self._heard.pop().close()
 
     def close(self) -> None:
         """Hear no more."""

@@ -14,7 +14,6 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_values import seconds
 from catenary.crtk.topic_names import COMMAND
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError
@@ -106,7 +105,7 @@ class GravityTopic:
         self.frame_id = header.frame_id
         if header.stamp == 0:
             tally.unstamped += 1
-        stamp = seconds(header.stamp - self._transport.clock.set_by() if header.stamp else arrived)
+        stamp = (header.stamp - self._transport.clock.set_by() if header.stamp else arrived) / SECOND
         if isinstance(message, message_class(IMU)):
             # rates first: when gravity is looked at, how the base turned meanwhile is known
             if message.angular_velocity_covariance[0] == -1.0:
@@ -119,8 +118,3 @@ class GravityTopic:
                 self.mailbox.put(stamp, tuple(message.linear_acceleration), self._kind)
         else:
             self.mailbox.put(stamp, tuple(_MEASURED[type(message)](message)), self._kind)
-
-
-def now_of(transport: Transport) -> float:
-    """Return the time [s] on the clock of the samples."""
-    return transport.steady() / SECOND

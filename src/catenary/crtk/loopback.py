@@ -5,60 +5,43 @@ Every message is turned into ROS's bytes and back, so what passes here passes a 
 
 import threading
 import time
-from dataclasses import dataclass, field
 from itertools import count
+from typing import cast
 
 from catenary.crtk.clock import Clock
 from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import Message
-from catenary.crtk.transport import Answer, Connections, HeardTopic, Publisher, Transport, absolute, other_type
+from catenary.crtk.transport import Answer, HeardTopic, Publisher, Transport
 from catenary.errors import TransportError
-from catenary.recording.messages import current_name
 
 _PROCESSES = count()  # tells transports of the same name apart
 
 
-@dataclass
-class _LocalTopic:
-    type_name: str
-    publishers: dict[str, "LoopbackPublisher"] = field(default_factory=dict)  # by name of transport
-    heard: dict[str, HeardTopic] = field(default_factory=dict)  # likewise
-
-
-@dataclass(frozen=True)
-class _Service:
-    transport: "Loopback"
-    type_name: str
-    answer: Answer
-
-
 class LoopbackNetwork:
-    """What transports of one process share: topics, services, names, time; a call polls the server."""
+    """What transports of one process share: names and time; the lock is held while they look at one another."""
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}
-        self.services: dict[str, _Service] = {}
-        self.topics: dict[str, _LocalTopic] = {}
 
-    def topic(self, name: str, type_name: str) -> _LocalTopic:
-        """Return the topic of that name, begun anew if nobody uses it."""
-        found = self.topics.get(name)
-        if found is None or not (found.publishers or found.heard):
-            found = self.topics[name] = _LocalTopic(current_name(type_name))
-        return found
+    def publishers(self, topic: str) -> dict[str, "LoopbackPublisher"]:
+        """Return who publishes a topic, by the transport's name."""
+        found = {name: one.publishes.get(topic) for name, one in sorted(self.transports.items())}
+        return {name: cast(LoopbackPublisher, one) for name, one in found.items() if one and not one.is_closed}
+
+    def heard(self, topic: str) -> dict[str, HeardTopic]:
+        """Return who receives a topic, by the transport's name."""
+        return {name: one.hears[topic] for name, one in sorted(self.transports.items()) if topic in one.hears}
 
 
 class LoopbackPublisher(Publisher):
     """Publisher of one transport on one topic; a message goes straight into the subscriptions, which count."""
 
-    def __init__(self, transport: "Loopback", topic: str, shared: _LocalTopic, *, latch: bool) -> None:
-        super().__init__(topic, shared.type_name)
+    def __init__(self, transport: "Loopback", topic: str, type_name: str, *, latch: bool) -> None:
+        super().__init__(topic, type_name)
         self.latched: bytes | None = None
-        self._transport = transport
-        self._shared = shared
-        self._latch = latch
+        self._transport, self._latch = transport, latch
         self.is_connected = True  # a test may break its connections, and give it a new origin
         self.origin = Origin(f"{transport.name} {next(_PROCESSES)}", object(), latch)
 
@@ -69,17 +52,37 @@ class LoopbackPublisher(Publisher):
         with network.lock:
             if self._latch:
                 self.latched = data
-            if self.is_connected:
-                for heard in self._shared.heard.values():
+            for other in network.transports.values() if self.is_connected else ():
+                heard = other.hears.get(self.topic)
+                if heard is not None and heard.type_name == self.type_name:
                     heard.give(data, network.clock.steady(), self.origin)
 
     def subscribers(self) -> tuple[str, ...]:
         """Return the names of the nodes that listen."""
-        return () if self.is_closed else tuple(self._shared.heard)
+        return () if self.is_closed else tuple(self._transport.network.heard(self.topic))
 
-    def _end(self) -> None:
-        with self._transport.network.lock:
-            self._shared.publishers.pop(self._transport.name, None)
+    def is_heard(self) -> bool:
+        """Return whether anybody listens."""
+        others = tuple(self._transport.network.transports.values())
+        return not self.is_closed and any(self.topic in one.hears for one in others)
+
+
+class LoopbackTopic(HeardTopic):
+    """What a transport receives of one topic."""
+
+    def __init__(self, network: LoopbackNetwork, topic: str, type_name: str) -> None:
+        super().__init__(type_name)
+        self._network, self._topic = network, topic
+        for publisher in self._connected().values():
+            if publisher.latched is not None:
+                self.give(publisher.latched, network.clock.steady(), publisher.origin)
+
+    def _connected(self) -> dict[str, LoopbackPublisher]:
+        return {name: one for name, one in self._network.publishers(self._topic).items() if one.is_connected}
+
+    def publishers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that it receives from."""
+        return tuple(self._connected())
 
 
 class Loopback(Transport):
@@ -89,6 +92,9 @@ class Loopback(Transport):
         """Join a network; one of its own when None."""
         self.network = network or LoopbackNetwork()
         super().__init__(name, self.network.clock)
+        self._heard_lock = self.network.lock
+        self.publishes, self.hears = self._publishers, self._heard
+        self.services: dict[str, tuple[str, Answer]] = {}  # types and answers
         with self.network.lock:
             if name in self.network.transports:
                 names = ", ".join(sorted(self.network.transports))
@@ -97,78 +103,46 @@ class Loopback(Transport):
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> LoopbackPublisher:
         """Begin to publish; `queue` is not needed, since nothing waits between here and a subscription."""
-        with self.network.lock:
-            shared = self.network.topic(topic, type_name)
-            publisher = LoopbackPublisher(self, topic, shared, latch=latch)
-            shared.publishers[self.name] = publisher
-        return publisher
+        return LoopbackPublisher(self, topic, type_name, latch=latch)
 
     def _hear(self, topic: str, type_name: str) -> HeardTopic:
-        with self.network.lock:
-            shared = self.network.topic(topic, type_name)
-            heard = shared.heard[self.name] = HeardTopic(type_name, lambda: self._leave(shared))
-            for publisher in shared.publishers.values():
-                if publisher.latched is not None and publisher.is_connected:
-                    heard.give(publisher.latched, self.steady(), publisher.origin)
-        return heard
-
-    def _leave(self, shared: _LocalTopic) -> None:
-        with self.network.lock:
-            shared.heard.pop(self.name, None)
-
-    def _refuse_other_type(self, topic: str, type_name: str) -> None:
-        with self.network.lock:
-            found = self.network.topic(topic, type_name).type_name
-        if found != current_name(type_name):
-            raise other_type(topic, type_name, found)
+        return LoopbackTopic(self.network, topic, type_name)
 
     def _serve(self, name: str, type_name: str, answer: Answer) -> None:
-        with self.network.lock:
-            if name in self.network.services:
-                raise TransportError(
-                    f'service {name} is offered by "{self.network.services[name].transport.name}" already'
-                )
-            self.network.services[name] = _Service(self, type_name, answer)
+        for other in tuple(self.network.transports.values()):
+            if name in other.services:
+                raise TransportError(f'service {name} is offered by "{other.name}" already')
+        self.services[name] = type_name, answer
 
     def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
-        service = self.network.services.get(name)
-        if service is None:
-            offered = ", ".join(sorted(self.network.services)) or "none"
-            raise TransportError(f"service {name}: nobody offers it; offered are {offered}")
-        if service.type_name != type_name:
-            raise TransportError(f"service {name} is a {service.type_name}, expected {type_name}")
-        called = Request(lambda: service.answer(data))
-        service.transport.inbox.put(called.run)
+        offered = {service: one for one in tuple(self.network.transports.values()) for service in one.services}
+        if name not in offered:
+            raise TransportError(
+                f"service {name}: nobody offers it; offered are {', '.join(sorted(offered)) or 'none'}"
+            )
+        kind, answer = offered[name].services[name]
+        if kind != type_name:
+            raise TransportError(f"service {name} is a {kind}, expected {type_name}")
+        called = Request(lambda: answer(data))
+        offered[name].inbox.put(called.run)
         end = time.monotonic() + timeout
         while not called.done() and time.monotonic() < end:
-            service.transport.poll()
+            offered[name].poll()
         return called
-
-    def connections(self, topic: str) -> Connections:
-        """Return the peers over a topic."""
-        with self.network.lock:
-            found = self.network.topics.get(absolute(topic))
-            if found is None:
-                return Connections((), ())
-            publishers = tuple(sorted(name for name, one in found.publishers.items() if one.is_connected))
-            subscribers = tuple(sorted(found.heard))
-        return Connections(
-            publishers if self.name in subscribers else (), subscribers if self.name in publishers else ()
-        )
 
     def _published(self) -> list[tuple[str, str, str]]:
         with self.network.lock:
-            topics = self.network.topics.items()
+            topics = {topic for one in self.network.transports.values() for topic in tuple(one.publishes)}
             return [
-                (name, one.type_name, who.origin.process) for name, one in topics for who in one.publishers.values()
+                (topic, one.type_name, one.origin.process)
+                for topic in topics
+                for one in self.network.publishers(topic).values()
             ]
 
     def close(self) -> None:
         """Leave the network."""
         if not self.inbox.closed:
-            self._end_topics()
             with self.network.lock:
+                self._end_topics()
                 self.network.transports.pop(self.name, None)
-                services = self.network.services.items()
-                self.network.services = {key: one for key, one in services if one.transport is not self}
         super().close()

@@ -22,11 +22,8 @@ HEADER = "std_msgs/Header"
 @cache
 def message_class(name: str) -> Any:
     """Return the tuple type of a message type, such as crtk_msgs/StringStamped; what is not given is zero or empty."""
-    return _made(current_name(name))
-
-
-@cache
-def _made(name: str) -> Any:
+    if current_name(name) != name:
+        return message_class(current_name(name))
     parts = fields(name)
     make: Any = namedtuple  # its checkers want literals
     made = make(name.rpartition("/")[2], [field.name for field in parts], defaults=[_default(field) for field in parts])

@@ -54,13 +54,11 @@ class Codec(NamedTuple):
     decode: Callable[[bytes], Message]
 
 
+@cache
 def codec(name: str, encoding: Encoding = ROS1) -> Codec:
     """Return the codec of a message type, or of a service's Request or Response; InputError names a field."""
-    return _codec(current_name(name), encoding)
-
-
-@cache
-def _codec(name: str, encoding: Encoding) -> Codec:
+    if current_name(name) != name:
+        return codec(current_name(name), encoding)
     kind, write, finish = message_class(name), _message_writer(name, encoding), _completion(name, encoding)
     store, rosbags_name, numbered = typestore(encoding.ros), ros2_name(name), encoding is ROS1 and has_header(name)
     read = store.deserialize_ros1 if encoding is ROS1 else store.deserialize_cdr

@@ -103,7 +103,7 @@ def joint_state(
         for field in ("velocity", "effort")
     )
     down = as_array("gravity", gravity, (3,))
-    return JointState(seconds(message.header.stamp), q, qd, tau, np.zeros(0), down, gravity_age)
+    return JointState(message.header.stamp / SECOND, q, qd, tau, np.zeros(0), down, gravity_age)
 
 
 def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = None) -> Message:
@@ -152,11 +152,6 @@ def operating_state(message: Message) -> OperatingState:
 def command_message(command: str, stamp: int) -> Message:
     """Return a crtk_msgs/StringStamped that asks for a transition of the operating state."""
     return message_class("crtk_msgs/StringStamped")(header(stamp), command)
-
-
-def seconds(stamp: int) -> float:
-    """Return the time [s] of a stamp [ns]; of times since 1970 it is exact to 0.24 us."""
-    return stamp / SECOND
 
 
 class Stamps:

@@ -118,7 +118,7 @@ class _ReadTopic(HeardTopic):
     """A topic that is heard, by a reader for each quality that some publisher offers; each message is given once."""
 
     def __init__(self, transport: "RclpyTransport", kind: Any, topic: str, type_name: str) -> None:
-        super().__init__(type_name, self._end)
+        super().__init__(type_name)
         self._node, self._kind, self._steady = transport.node, kind, transport.steady
         self._name = self._node.resolve_topic_name(topic)
         self._readers: dict[_Quality, Any] = {}
@@ -147,7 +147,7 @@ class _ReadTopic(HeardTopic):
                     self._kind, self._name, print, _profile(UNTAKEN, quality), callback_group=_Taken(), raw=True
                 )
 
-    def _end(self) -> None:
+    def end(self) -> None:
         with self._lock:
             self._is_ended = True
             while self._readers:
@@ -247,7 +247,7 @@ class RclpyTransport(Transport):
 
     def _hear(self, topic: str, type_name: str) -> HeardTopic:
         kind = _kind(type_name, "msg")
-        return HeardTopic(type_name, lambda: None) if kind is None else _ReadTopic(self, kind, topic, type_name)
+        return HeardTopic(type_name) if kind is None else _ReadTopic(self, kind, topic, type_name)
 
     def _serve(self, name: str, type_name: str, answer: Answer) -> None:
         kind = _kind(type_name, "srv")

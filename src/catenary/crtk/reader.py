@@ -94,10 +94,8 @@ class RavenTelemetry:
 
     def encoder(self, name: str) -> Floats:
         """Return the latest reading of an encoder column (3,); NaN where nothing has come for too long."""
-        encoder = self._encoders[name]
-        if encoder.age() > self._stale_after:
-            return np.full(3, np.nan)
-        return np.array(encoder.message().position[:3], dtype=float)
+        message = self._encoders[name].fresh(self._stale_after)
+        return np.full(3, np.nan) if message is None else np.array(message.position[:3], dtype=float)
 
     def close(self) -> None:
         """Receive no more."""
@@ -289,9 +287,9 @@ class CrtkReader(NeverMoved):
         """Return external encoders of a RAVEN-II's joints (3,) [rad, rad, m], else a tracker's of all; NaN without."""
         if self._state is not None:
             return self._state.encoder("ext_jpos")
-        if self._tracker is None or self._tracker.age() > self.stale_after:
+        if self._tracker is None or (message := self._tracker.fresh(self.stale_after)) is None:
             return np.full(3 if self._tracker is None else len(self.joint_names), np.nan)
-        return np.array(joint_values(self._tracker.message(), self.joint_names))
+        return np.array(joint_values(message, self.joint_names))
 
     @property
     def age(self) -> float:

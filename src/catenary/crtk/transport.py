@@ -98,9 +98,8 @@ class Publisher:
 class HeardTopic:
     """What a program receives of one topic, by one connection per publisher, for all its subscriptions."""
 
-    def __init__(self, type_name: str, end: Callable[[], None]) -> None:
-        """Prepare; `end` is called when nobody listens any more."""
-        self.type_name, self.end = current_name(type_name), end
+    def __init__(self, type_name: str) -> None:
+        self.type_name = current_name(type_name)
         self.subscriptions: tuple[Subscription, ...] = ()
         self._latched: dict[str, tuple[Any, int, Origin, int | None]] = {}  # by publisher
         self._lock = threading.RLock()
@@ -121,6 +120,9 @@ class HeardTopic:
     def publishers(self) -> tuple[str, ...]:
         """Return the names of the nodes that it receives from."""
         return ()
+
+    def end(self) -> None:
+        """Receive no more: nobody listens."""
 
     def give(self, data: Any, time: int, origin: Origin | None, sent: int | None = None) -> None:
         """Give a message's bytes that came at `time` [ns] to all subscriptions, as `Subscription.push` has it."""
@@ -338,6 +340,10 @@ class Latest:
         for received in self._subscription.take():
             self._message, self.arrived = received
         return self._message
+
+    def fresh(self, patience: float) -> Message:
+        """Return the newest message, or None where none has come for `patience` [s]."""
+        return self._message if self.age() <= patience else None
 
     def age(self) -> float:
         """Return seconds since the newest message came in, by our clock, not the robot's; infinite before the first."""

@@ -177,12 +177,9 @@ class SerialAccelerometer(SerialBoard):
         unsaid: dict[str, Any] = {k: end for k, end in ends.items() if end > 0.0 and math.isinf(getattr(mounting, k))}
         return replace(mounting, sensor=mounting.sensor or hello.sensor, **unsaid)
 
-    def _on_gone(self) -> None:
-        self.counts.unplugged += 1
-
-    def _on_back(self) -> None:
-        self._last_number = None
-        self._board_clock = BoardClock()
+    def _on_plug(self, *, is_there: bool) -> None:
+        self.counts.unplugged += not is_there
+        self._last_number, self._board_clock = None, BoardClock()
 
     def _take(self, lines: list[str], arrival: float) -> None:
         for text in lines:

@@ -84,7 +84,7 @@ class CountTracker:
         """Judge a row that came at a time [s]; `period` is the time between two [s]."""
         late = max(LATENESS, period)
         if self._raw is None:
-            return self._go_on(raw, time, "")
+            return self._go_on(raw, time)
         gap = max(0.0, time - self._time)
         step = self._step(self._raw, raw)
         if gap > SILENCE:
@@ -96,7 +96,7 @@ class CountTracker:
         far = np.abs(step) > (gap + late) * self._speed + SLACK
         if self._candidate is None:
             if not far.any():
-                return self._accept(raw, time, step)
+                return self._go_on(raw, time, step=step)
             self._candidate = raw, time, 1
             return Tracked(Verdict.REJECTED, self._counts, self._told(far, step))
         return self._doubt(self._candidate, raw, time, step, late)
@@ -111,7 +111,7 @@ class CountTracker:
         back = np.abs(step) / ((gap + 2.0 * late) * self._speed + SLACK)
         follows = bool(follow.max() <= 1.0)
         if back.max() <= 1.0 and back.max() <= follow.max():
-            return self._accept(raw, time, step)
+            return self._go_on(raw, time, step=step)
         self._candidate = raw, time, agree + 1 if follows else 1
         far = np.abs(step) > late * self._speed
         reason = self._told(far if far.any() else np.ones(3, dtype=bool), step)
@@ -125,15 +125,10 @@ class CountTracker:
         short = [(b - a + half) % self._range - half for a, b in zip(before, after, strict=True)]
         return self._rig.direction * np.array(short, dtype=float)
 
-    def _accept(self, raw: Raw, time: float, step: Floats) -> Tracked:
-        self._counts = frozen(self._counts + step)
-        self._raw, self._time, self._candidate = raw, time, None
-        return Tracked(Verdict.GOOD, self._counts, "")
-
-    def _go_on(self, raw: Raw, time: float, loss: str) -> Tracked:
-        """Begin at a row as it is: the first one, or one after a loss."""
-        self._counts = frozen(self._rig.direction * np.array(raw, dtype=float))
-        self._raw, self._time, self._candidate = raw, time, None
+    def _go_on(self, raw: Raw, time: float, loss: str = "", step: Floats | None = None) -> Tracked:
+        """Take a row by its step from the one before, or as it is: the first one, or one after a loss."""
+        counts = self._rig.direction * np.array(raw, dtype=float) if step is None else self._counts + step
+        self._counts, self._raw, self._time, self._candidate = frozen(counts), raw, time, None
         return Tracked(Verdict.LOST if loss else Verdict.GOOD, self._counts, loss)
 
     def _told(self, far: NDArray[np.bool_], step: Floats) -> str:
@@ -264,15 +259,14 @@ class EncoderBoard(SerialBoard):
                 tally=asdict(self.tally),
             )
 
-    def _on_gone(self) -> None:
+    def _on_plug(self, *, is_there: bool) -> None:
         with self._lock:
+            if is_there:
+                self._fresh, self._period = True, math.nan
+                return
             self.tally.unplugged += 1
             self._lose("the board was unplugged")
             self._tracker.restart()
-
-    def _on_back(self) -> None:
-        with self._lock:
-            self._fresh, self._period = True, math.nan
 
     def _lose(self, reason: str) -> None:
         self.tally.losses += 1

@@ -58,15 +58,11 @@ class SerialBoard(ABC):
 
     @abstractmethod
     def _take(self, lines: list[str], arrival: float) -> None:
-        """Take lines without their ends, which came at a time [s]; this and the next two run in the reading thread."""
+        """Take lines without their ends, which came at a time [s]; this and the next run in the reading thread."""
 
     @abstractmethod
-    def _on_gone(self) -> None:
-        """Take note that the board was unplugged."""
-
-    @abstractmethod
-    def _on_back(self) -> None:
-        """Take note that it is there again, before its first line."""
+    def _on_plug(self, *, is_there: bool) -> None:
+        """Take note that the board was unplugged, or is there again, before its first line."""
 
     @property
     def is_connected(self) -> bool:
@@ -107,14 +103,14 @@ class SerialBoard(ABC):
                 except (serial.SerialException, OSError, ValueError):
                     continue  # not there yet
                 splitter = LineSplitter()
-                self._on_back()
+                self._on_plug(is_there=True)
                 self._line = line
                 continue
             try:
                 data = self._line.read(max(1, self._line.in_waiting))
             except (serial.SerialException, OSError, TypeError):  # pyserial may trip over its own close
                 _log.warning("%s: the board is gone; waiting for it", self.port)
-                self._on_gone()
+                self._on_plug(is_there=False)
                 self._drop()
                 continue
             if data:

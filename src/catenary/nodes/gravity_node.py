@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.control.loop_report import GravityTally
-from catenary.crtk.gravity_topic import now_of
+from catenary.crtk.clock import SECOND
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
 from catenary.crtk.transport import Latest, Publisher, Transport
@@ -120,7 +120,7 @@ class GravityNode:
 
     def step(self) -> GravityReading:
         """Read the source now, and publish."""
-        time = now_of(self.transport)
+        time = self.transport.steady() / SECOND
         stamp = self._stamps.next(self.transport.steady())
         reading = self._reading = self.source.read(time)
         self.tally.add(reading)
@@ -142,8 +142,8 @@ class GravityNode:
 
     def _tell_left_over(self, arm: LevelBaseArm, reading: GravityReading, stamp: int) -> None:
         """Publish the torques to add to those of a level base; say why where there are none."""
-        names, message = arm.model.joint_names, self._joints.message()
-        if self._joints.age() >= JOINTS_HELD:
+        names, message = arm.model.joint_names, self._joints.fresh(JOINTS_HELD)
+        if message is None:
             self.complaint = f"no delta: no joints on {arm.joints}"
             return
         told = dict(zip(message.name, message.position, strict=False))
@@ -168,6 +168,6 @@ class GravityNode:
     def status(self, seconds: float) -> GravityStatus:
         """Return the status, `seconds` after the begin."""
         listeners = len(self.transport.connections(self._vector.topic).subscribers)
-        reading = self._reading or self.source.read(now_of(self.transport))
+        reading = self._reading or self.source.read(self.transport.steady() / SECOND)
         counts = self.published, listeners, self.transport.is_up(), self._link()
         return GravityStatus(seconds, reading, *counts, self.frame_id, self.source.remedy, self.complaint)

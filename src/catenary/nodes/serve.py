@@ -16,8 +16,8 @@ from catenary.crtk.serving.crtk_dialect import CrtkDialect
 from catenary.crtk.serving.dialect import Dialect
 from catenary.crtk.serving.raven_dialect import RavenDialect
 from catenary.crtk.serving.reports import Reports
-from catenary.crtk.serving.served_arm import GravityTorque, ServedArm
-from catenary.crtk.serving.server import ServedEncoders, Server, has_encoders
+from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.server import ServedEncoders, Server
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName, console_topics, crtk_topics
 from catenary.crtk.transport import Transport
@@ -26,7 +26,7 @@ from catenary.dynamics.robot_kernels import gravity_kernel
 from catenary.errors import InputError
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
 from catenary.plant import Column, JointState, OperatingState, Plant
-from catenary.raven2.topics import ROBOT
+from catenary.raven2.topics import EXT_JPOS, JOINT_ENC, ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.psm_parameters import joints_per_actuator, load_psm
@@ -45,7 +45,7 @@ class Serving:
     dialect: DialectName = "raven"
     simulated: Simulated = field(default_factory=lambda: Simulated(homed=False))  # the robot that is served
     with_green: bool = False  # a green arm that moves, in place of a parked one
-    with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
+    with_encoders: bool = True  # publish a RAVEN-II's external encoders, in its dialect, or a PSM's tracker
     namespace: str = "/PSM1"  # of a PSM
 
     def __post_init__(self) -> None:
@@ -91,20 +91,18 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    place = serving.namespace
+    place, is_raven = serving.namespace, serving.dialect == "raven"
     listed = (*crtk_topics(place, *arms), *console_topics(place)) if serving.is_psm else None
-    speaker: Dialect = RavenDialect(arms) if serving.dialect == "raven" else CrtkDialect(arms, listed)
+    speaker: Dialect = RavenDialect(arms) if is_raven else CrtkDialect(arms, listed)
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
         raise InputError(f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}")
-    is_raven = serving.dialect == "raven"
-    encoders = None
-    if is_raven and serving.with_encoders and has_encoders(arms["gold"].plant):
-        encoders = ServedEncoders(transport, arms["gold"].plant)
-    if serving.is_psm and serving.with_encoders:
-        (psm,) = arms.values()
-        encoders = ServedEncoders(transport, psm.plant, (psm_topic(serving.namespace, "tracker/measured_js"),))
+    measured = (psm_topic(place, "tracker/measured_js"),) if serving.is_psm else (JOINT_ENC, EXT_JPOS)
+    plant = next(iter(plants.values()))  # the gold arm, or the PSM
+    told = {column.name for column in plant.columns if serving.with_encoders and (is_raven or serving.is_psm)}
+    has_all = told >= {topic.columns[0].name for topic in measured}
+    encoders = ServedEncoders(transport, plant, measured) if has_all else None
     return Server(transport, arms, speaker, reports, button=is_raven, publish_every=every, encoders=encoders)
 
 
@@ -129,34 +127,21 @@ def _plants(serving: Serving) -> dict[str, Plant]:
 def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
     kind = PSM if serving.is_psm else KINDS[ROBOT[name]]
     tool = ToolPose(load_robot(kind.whole), plant.joint_names)
-    if kind is PSM:
-        weight: GravityTorque = gravity_kernel(load_psm().loaded_model())
-        per_actuator = joints_per_actuator(cast(PsmPlant, plant).firmware)
-    else:
-        weight, per_actuator = _gravity_torque(kind.robot, len(plant.joint_names)), None
+    # a RAVEN-II's positioning joints alone are held against gravity; a load at the tool is unknown to it
+    model = load_psm().loaded_model() if kind is PSM else load_robot(kind.robot)
+    kernel, others = gravity_kernel(model), np.zeros(len(plant.joint_names) - model.n)
     return ServedArm(
-        plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=weight, joints_per_actuator=per_actuator
-    )
-
-
-def _gravity_torque(name: str, n: int) -> GravityTorque:
-    """Return a function of the torques that hold the positioning joints still; a load at the tool is unknown to it."""
-    model = load_robot(name)
-    kernel = gravity_kernel(model)
-    others = np.zeros(n - model.n)
-
-    def compute(q: Floats, gravity: Floats) -> Floats:
-        return np.append(kernel(q[: model.n], gravity), others)
-
-    return compute
+        plant, serving.dialect, reports, arm=name, tool=tool,
+        gravity_torque=lambda q, gravity: np.append(kernel(q[: model.n], gravity), others),
+        joints_per_actuator=joints_per_actuator(cast(PsmPlant, plant).firmware) if kind is PSM else None,
+    )  # fmt: skip
 
 
 def prepare(server: Server) -> None:
     """Compile what is compiled on first use: half a minute, the first time on a machine."""
     server.tick()
     for arm in server.arms.values():
-        if arm.tool is not None:
-            arm.tool.prepare()
+        arm.tool.prepare()
 
 
 def serve(

@@ -116,7 +116,12 @@ class TeleopMotion:
             self._q = None
             return None, ()
         start = np.array(q) if self._q is None else self._q
-        own, tip = self._joint_step(shares, period), self._tip_step(start, shares, period)
+        asked, velocity = np.zeros(len(start)), np.zeros(6)  # shares of full speed, of joints and of the tip
+        for key, share in shares.items():
+            steps, (place, sign) = (asked, self._moves[key]) if key in self._moves else (velocity, AXES[key])
+            steps[place] += sign * share
+        own = self.speed * period * self._full_speed * asked
+        tip = period * self._joint_velocity(start, self.speed * TIP_SPEED * velocity)
         # a joint that is beyond a limit, as after homing against a stop, may come back
         low, high = np.minimum(self._lower, start), np.maximum(self._upper, start)
         blocked = self._beyond(start + own + tip, low, high)
@@ -125,34 +130,19 @@ class TeleopMotion:
         self._q = np.clip(start + own + tip, low, high)
         return self._q.copy(), blocked
 
-    def _joint_step(self, shares: Mapping[str, float], period: float) -> Floats:
-        """Return the joint steps (n,) that the joints' own keys ask for."""
-        step = np.zeros(len(self.joint_names))
-        for key, share in shares.items():
-            if key in self._moves:
-                j, sign = self._moves[key]
-                step[j] += sign * share * self.speed * self._full_speed[j] * period
-        return step
-
-    def _tip_step(self, q: Floats, shares: Mapping[str, float], period: float) -> Floats:
-        """Return joint steps (n,) that move the tip as its keys ask; a tool that can turn keeps its orientation."""
-        step = np.zeros(len(q))
-        velocity = np.zeros(6)
-        for key, share in shares.items():
-            if key in AXES:
-                axis, sign = AXES[key]
-                velocity[axis] += sign * share * self.speed * TIP_SPEED
+    def _joint_velocity(self, q: Floats, velocity: Floats) -> Floats:
+        """Return joint velocities (n,) that move the tip at a velocity (6,); a tool that can turn keeps its turn."""
+        qd = np.zeros(len(q))
         if self._model is None or not velocity.any():
-            return step
+            return qd
         k = self._model.n
         rows = 6 if k >= 6 else 3
         scale = np.where(np.array(self.joint_units[:k]) == "m", 0.1, 1.0)  # 0.1 m weighs as much as 1 rad
         weighted = jacobian(self._model, q[:k])[:rows] * scale
         square = weighted @ weighted.T + DAMPING**2 * np.eye(rows)
-        qd = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))
-        fastest = float((np.abs(qd) / (2.0 * self.speed * self._full_speed[:k])).max())
-        step[:k] = qd * period / max(1.0, fastest)
-        return step
+        qd[:k] = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))
+        fastest = float((np.abs(qd[:k]) / (2.0 * self.speed * self._full_speed[:k])).max())
+        return qd / max(1.0, fastest)
 
     def _beyond(self, q: Floats, low: Floats, high: Floats) -> tuple[str, ...]:
         bad = (q < low - _ROUNDING) | (q > high + _ROUNDING)
@@ -184,7 +174,7 @@ class TeleopDriver:
         self._asked_home = -TWICE
         state = plant.operating_state()
         self._last_told = self.in_words(state)
-        if not may_move(state):
+        if not state.is_ready:
             self.message = self._last_told
 
     def press(self, key: str, now: float) -> bool:
@@ -197,7 +187,7 @@ class TeleopDriver:
         elif self.motion.press(key, now):
             if key in FASTER + SLOWER:
                 self.message = f"speed x{self.motion.speed:g}"
-            elif not may_move(self.plant.operating_state()):
+            elif not self.plant.operating_state().is_ready:
                 self.message = f"does not move: {self.in_words(self.plant.operating_state())}"
         else:
             return False
@@ -209,7 +199,7 @@ class TeleopDriver:
         told = self.in_words(state)  # why a robot is in FAULT may come after its state
         if told != self._last_told:
             self.message = self._last_told = told
-        if not may_move(state):
+        if not state.is_ready:
             self.motion.stop()
             return ()
         goal, blocked = self.motion.step(self.plant.setpoint_js().q, now, self.plant.period)
@@ -227,7 +217,7 @@ class TeleopDriver:
     def hold(self) -> None:
         """Stop at the setpoint."""
         self.motion.stop()
-        if may_move(self.plant.operating_state()):
+        if self.plant.operating_state().is_ready:
             self.plant.servo_jp(self.plant.setpoint_js().q)
             self.plant.wait()
 
@@ -263,8 +253,3 @@ class TeleopDriver:
         homed = "homed" if state.is_homed else "homing" if state.is_busy else f"not homed: {home}"
         key = "" if state.is_busy else self._keys.get(state.state, "")
         return f"the robot is {state_in_words(self.plant, state)}, {homed}{key and f'; {key}'}"
-
-
-def may_move(state: OperatingState) -> bool:
-    """Return whether a robot obeys motion."""
-    return state.state == "ENABLED" and state.is_homed and not state.is_busy

@@ -88,7 +88,7 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
 
     q, tau = of(log.q_nominal, 0.0), of(log.tau)
     true = None if log.q_encoder is None else np.where(log.ok[:, None], log.q_encoder, np.nan)
-    calibrated, inside, interval = Corrected() if model is None else Corrected(*corrected_rows(log, model))
+    calibrated, inside, interval = Corrected() if model is None else corrected_rows(log, model)
     holding = np.full_like(tau, np.nan)
     if np.isfinite(tau).any() and not robot.missing_inertia:
         holding = np.asarray(gravity_torque(robot, q, LEVEL))

@@ -246,7 +246,7 @@ class DrivenArm:
         while page.is_running and not ended():
             state = self._plant.operating_state()
             try:
-                if state.state == "ENABLED" and state.is_homed and not state.is_busy:
+                if state.is_ready:
                     self.run_loop()
                 else:
                     self._wait_a_while()

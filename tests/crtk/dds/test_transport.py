@@ -8,6 +8,7 @@ import pytest
 from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
+from catenary.crtk.transport import Sending
 from patience import PATIENCE, until
 
 TEXT = "std_msgs/String"
@@ -67,6 +68,17 @@ def test_those_who_are_there_are_known_at_the_beginning(robot: Any, dds_domain: 
     robot.publisher("/t", TEXT)
     with DdsTransport("client", settle=quiet) as client:
         assert client.topics() == {"/t": TEXT}
+
+
+def test_a_best_effort_publisher_is_heard_by_our_own_and_said_to_be_one(robot: Any, dds_domain: int) -> None:
+    from catenary.crtk.dds.program import Quality
+
+    robot.sending = Sending(depth=3, is_reliable=False)
+    publisher, latched = robot.publisher("/a", TEXT), robot.publisher("/b", TEXT, latch=True)
+    assert (publisher.quality, latched.quality) == (Quality(is_reliable=False), Quality(is_latched=True))
+    with DdsTransport("lab", settle=0.05) as lab:
+        heard = lab.subscribe("/a", TEXT)
+        until(lambda: publisher.publish(message_class(TEXT)(data="a")) or len(heard) > 0, every=0.02)
 
 
 def texts(subscription: Any, count: int) -> list[str]:

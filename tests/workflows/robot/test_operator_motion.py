@@ -9,7 +9,7 @@ from catenary.cli.signals import EndedBySignal
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError, TransportError
 from catenary.open_robot import Simulated
-from catenary.plant import MotionLog
+from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, zigzag, zigzag_rows
@@ -17,7 +17,7 @@ from catenary.workflows.robot import operator_motion
 from catenary.workflows.robot.motion import check_motion
 from catenary.workflows.robot.operated_robot import operated_robot
 from catenary.workflows.robot.operator_motion import (
-    FollowedFile,
+    along_rows,
     follow,
     go_to_joints,
     joints_at,
@@ -29,8 +29,10 @@ from oracles.ideal_plant import IdealPlant, ideal_robot
 START = np.array([0.52, 1.57, 0.40])
 
 
-def file_of(q: object, time: object, units: tuple[str, ...] = ("rad",)) -> FollowedFile:
-    return FollowedFile("run.csv", None, units, np.array(time, dtype=float), np.array(q, dtype=float))
+def file_of(q: object, time: object, units: tuple[str, ...] = ("rad",), names: tuple[str, ...] = ()) -> MotionLog:
+    rows = np.array(q, dtype=float)
+    times, ok = np.array(time, dtype=float), np.ones(len(rows), dtype=bool)
+    return MotionLog("run.csv", names or nameless(len(units)), units, rows, ok, time=times, units_assumed=not names)
 
 
 class StoppedPlant(IdealPlant):
@@ -137,17 +139,16 @@ def test_a_far_start_is_gone_to_when_asked() -> None:
     robot = ideal_robot(START)
     near_the_ends = robot.model.upper[1] - 0.01, robot.model.lower[1] + 0.01
     far = max(near_the_ends, key=lambda q: abs(q - START[1]))
-    file = FollowedFile("run.csv", ("elbow",), ("rad",), np.array([0.0]), np.array([[far]]))
-    summary = follow(robot, file, from_afar=True)
+    summary = follow(robot, file_of([[far]], [0.0], names=("elbow",)), from_afar=True)
     assert_allclose(summary.q[1], far)
 
 
 def test_units_that_contradict_the_robot_are_refused() -> None:
-    with pytest.raises(InputError, match="is in m"):
+    with pytest.raises(InputError, match="in rad, not m"):
         follow(ideal_robot(START), file_of([[0.4], [0.41]], [0.0, 2.0], units=("m",)))
 
 
-def read(folder: Path, text: str, **options: float) -> FollowedFile:
+def read(folder: Path, text: str, **options: float) -> MotionLog:
     (folder / "run.csv").write_text(text)
     return read_followed_file(folder / "run.csv", **options)
 
@@ -156,7 +157,7 @@ def test_units_of_the_heading_are_obeyed(tmp_path: Path) -> None:
     file = read(tmp_path, "time [ms],elbow [deg],insertion [mm]\n500,90,400\n1500,180,350\n")
     assert (file.joint_names, file.joint_units) == (("elbow", "insertion"), ("rad", "m"))
     assert_allclose(file.time, [0.0, 1.0])
-    assert_allclose(file.q, [[np.pi / 2, 0.4], [np.pi, 0.35]])
+    assert_allclose(file.q_nominal, [[np.pi / 2, 0.4], [np.pi, 0.35]])
 
 
 def test_a_published_zigzag_becomes_the_trajectory_of_the_generator(tmp_path: Path) -> None:
@@ -165,7 +166,7 @@ def test_a_published_zigzag_becomes_the_trajectory_of_the_generator(tmp_path: Pa
     file = read_followed_file(tmp_path / "traj.csv")
     times = np.linspace(0.0, file.time[-1], 501)
     # each row is a corner here, only the turns are there: straight between either way
-    q, expected = (motion.sample(times)[0] for motion in (file.trajectory(), zigzag("J1", [0.5])))
+    q, expected = (motion.sample(times)[0] for motion in (along_rows(file), zigzag("J1", [0.5])))
     assert_allclose(q, expected, rtol=0.0, atol=1e-9)
     assert file.notes
 
@@ -176,13 +177,13 @@ def test_a_motion_log_is_followed_along_what_the_robot_reported(tmp_path: Path) 
     write_parquet(log, tmp_path / "run.parquet")
     file = read_followed_file(tmp_path / "run.parquet")
     assert file.time[0] == 0.0
-    assert_allclose(file.q, q)
+    assert_allclose(file.q_nominal, q)
     assert pq.read_schema(tmp_path / "run.parquet").names  # the file is left as it was
 
 
 def test_an_archive_states_its_units(tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", q=[[90.0], [45.0]], t=[0.0, 2.0], units=["deg"], joint_names=["a"])
-    assert_allclose(read_followed_file(tmp_path / "run.npz").q, [[np.pi / 2], [np.pi / 4]])
+    assert_allclose(read_followed_file(tmp_path / "run.npz").q_nominal, [[np.pi / 2], [np.pi / 4]])
 
 
 @pytest.mark.parametrize(
@@ -194,7 +195,8 @@ def test_an_archive_states_its_units(tmp_path: Path) -> None:
         ("time [s],elbow [deg]\n0,1\n1,x\n", "line 3"),
         ("1,2\n3,4\n", "heading"),
         ("", "got no line"),
-        *((f"time [s],elbow [deg]\n{rows}", "row 2") for rows in ("0,1\n0,2\n", "1,1\n0,2\n", "0,1\n1,nan\n")),
+        *((f"time [s],elbow [deg]\n{rows}", "row 2: time does not rise") for rows in ("0,1\n0,2\n", "1,1\n0,2\n")),
+        ("time [s],elbow [deg]\n0,1\n1,nan\n", "q_nominal is nan at row 1"),
     ],
 )
 def test_a_csv_that_leaves_a_doubt_is_refused(tmp_path: Path, text: str, complaint: str) -> None:

@@ -16,9 +16,8 @@ from cyclonedds.sub import DataReader
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
-from catenary.crtk.dds.directory import Endpoint, Quality, taken
-from catenary.crtk.dds.program import Program
-from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
+from catenary.crtk.dds.program import Endpoint, Program, Quality, taken
+from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_type
 from catenary.crtk.inbox import UNTAKEN, Origin
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import CDR, codec
@@ -36,13 +35,12 @@ class ListenedTopic(HeardTopic):
     """
 
     def __init__(self, program: Program, dds_name: str, type_name: str, steady: Callable[[], int]) -> None:
-        super().__init__(type_name, self._close)
+        super().__init__(type_name)
         self.dds_name = dds_name
         self._program, self._steady = program, steady
         self._origins: dict[int, tuple[Endpoint, Origin]] = {}  # by Cyclone's handle of the writer
         self._readers: dict[Quality, DataReader[Any]] = {}
-        publishers = program.directory.publishers(self.dds_name)
-        for publisher in publishers:
+        for publisher in program.directory.publishers(self.dds_name):
             self.hear(publisher)
         if not self._readers:
             self._listen(_USUAL)
@@ -55,13 +53,11 @@ class ListenedTopic(HeardTopic):
     def _listen(self, quality: Quality) -> None:
         if quality in self._readers:
             return
-        program = self._program
-        user_data = program.distribution.said_of(message_hash(self.type_name))
-        self._readers[quality] = program.reader(
-            self.dds_name, message_type(self.type_name), quality, UNTAKEN, user_data, partial(self._take, quality)
-        )
+        taker = partial(self._take, quality)
+        self._readers[quality] = self._program.reader(self.dds_name, self.type_name, quality, UNTAKEN, taker)
 
-    def _close(self) -> None:
+    def end(self) -> None:
+        """Receive no more: nobody listens."""
         while self._readers:
             self._program.end(self._readers.popitem()[1])
 
@@ -122,8 +118,7 @@ class DdsPublisher(Publisher):
         self._matched = 0  # readers, when last asked; DDS is asked of each message while there were none
         self._kind = message_type(type_name)
         self._encode_cdr = codec(type_name, CDR).encode
-        user_data = program.distribution.said_of(message_hash(type_name))
-        self._writer: Any = program.writer(dds_name, self._kind, quality, queue, user_data)
+        self._writer: Any = program.writer(dds_name, type_name, quality, queue)
 
     @property
     def missed(self) -> Mapping[str, int]:

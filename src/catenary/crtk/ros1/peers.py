@@ -235,14 +235,15 @@ class RosTopic(HeardTopic):
     def __init__(
         self, name: str, type_name: str, kind: type, end: Callable[[Any], None], steady: Callable[[], int]
     ) -> None:
-        super().__init__(type_name, self._close)
+        super().__init__(type_name)
         self._origins: dict[str, Origin] = {}  # the last one of each publisher
         self._steady, self._name, self._ended = steady, name, end
         _takes[name] = self._has_room_for
         with self._lock:  # a message may come before it is known
             self.ros: Any = rospy.Subscriber(name, kind, self._receive, tcp_nodelay=True)
 
-    def _close(self) -> None:
+    def end(self) -> None:
+        """Receive no more: nobody listens."""
         _takes.pop(self._name, None)
         self._ended(self.ros)
 

@@ -13,8 +13,7 @@ the connection was broken, is of unknown age, and is obeyed with a fresh stamp o
 at any time.
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Set
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Arrival
@@ -38,27 +37,20 @@ COSTS = {
 OF_A_TOPIC = 4  # messages that are looked at in a tick: two clients at 1 kHz, and as many again of a backlog
 
 
-class Beginning(NamedTuple):
-    """When a server began, and who was there before it."""
-
-    time: int  # [ns]
-    published: frozenset[str]  # topics
-    publishing: Mapping[str, frozenset[str]]  # processes by topic, where that can be told
-
-
 class CommandSource:
     """Fresh commands of one topic."""
 
-    def __init__(self, transport: Transport, topic: CrtkTopic, beginning: Beginning, reports: Reports) -> None:
+    def __init__(
+        self, transport: Transport, topic: CrtkTopic, reports: Reports, *, begin: int, waits: bool, old: Set[str]
+    ) -> None:
+        """Begin at a time [ns]; it `waits` where the topic was published then, by `old` processes as far as is told."""
         self.topic = topic
         self._transport = transport
         self._reports = reports
-        self._begin = beginning.time
+        self._begin, self._waits, self._old = begin, waits, old
         self._set = 0  # [ns] by which the clock of the day has been set
         self._connected: int | None = None
-        self._old = beginning.publishing.get(topic.name, frozenset())
         self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
-        self._waits = topic.name in beginning.published
         self._subscription = transport.subscribe(topic.name, topic.type, largest=LARGEST)
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)

@@ -5,38 +5,53 @@
 Beside it what an arm of sawIntuitiveResearchKit 2.x has: settings, what it says on change, its actuators.
 [jhu-dvrk/sawIntuitiveResearchKit 9e535e6: system_ROS.cpp for names and types, mtsIntuitiveResearchKitArm.cpp and
 mtsIntuitiveResearchKitPSM.cpp for what they mean]
+
+Services: joints are those of `measured_js`, in its order; poses are the tool's in the base. What cannot be answered
+says so in `result` and `message`, and moves nothing. [crtk_msgs: QueryForwardKinematics, QueryInverseKinematics]
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_values import joint_values, operating_state_message, pose_of
-from catenary.crtk.serving import arm_messages, moves
-from catenary.crtk.serving.arm_messages import Service, kinematics_services
-from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
+from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.message_values import joint_values, operating_state_message, pose_message, pose_of, rotation_of
+from catenary.crtk.serving import moves
+from catenary.crtk.serving.dialect import (
+    Dialect,
+    MakeMessage,
+    Obey,
+    Publishers,
+    Service,
+    Vector3,
+    jaw,
+    joints_and_tool,
+    single_number,
+)
 from catenary.crtk.serving.served_arm import BASE, ServedArm
-from catenary.crtk.serving.tool_pose import FrameOfForces, torques_for
+from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, jacobian, torques_for
 from catenary.crtk.topic_names import CrtkTopic, topics
-from catenary.errors import InputError
-from catenary.plant import OperatingState
+from catenary.errors import CatenaryError, InputError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 
 TOOL_TYPE = "LARGE_NEEDLE_DRIVER:400006[..]"  # name:model[versions]; the tool of the catalogue's PSM
 CONVERT = "cisst_msgs/ConvertFloat64Array"
 Set = Callable[[ServedArm, Message], None]
 _Number, _Switch, _Text = (message_class(f"std_msgs/{name}") for name in ("Float64", "Bool", "String"))
+_Wrench, _WrenchStamped = (message_class(f"geometry_msgs/{name}") for name in ("Wrench", "WrenchStamped"))
+_Dimension, _Layout, _MultiArray = (
+    message_class(f"std_msgs/{name}") for name in ("MultiArrayDimension", "MultiArrayLayout", "Float64MultiArray")
+)
 
 
 class Event(NamedTuple):
     """What is published when it changes."""
 
     value: Callable[[ServedArm], Any]  # None as long as there is nothing to say
-    message: Callable[[Any], Message]
+    message: Callable[[Any, int], Message]  # of it, and of a stamp [ns]
 
 
 def _desired_state(arm: ServedArm) -> str:
@@ -50,13 +65,20 @@ def _ratio(arm: ServedArm) -> float:
     return arm.speed_ratio if arm.speed_ratio == arm.acceleration_ratio else 0.0
 
 
-EVENTS = {
-    "desired_state": Event(_desired_state, _Text),
-    "goal_reached": Event(lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended: _Switch(ended[1])),
-    "tool_type": Event(lambda _: TOOL_TYPE, _Text),
-    "trajectory_j/ratio": Event(_ratio, _Number),
-    "trajectory_j/ratio_v": Event(lambda arm: arm.speed_ratio, _Number),
-    "trajectory_j/ratio_a": Event(lambda arm: arm.acceleration_ratio, _Number),
+BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
+STATE = Event(
+    lambda arm: (arm.state, arm.tick // BUSY_EVERY if arm.state.is_busy else 0),
+    lambda told, stamp: operating_state_message(told[0], stamp),
+)
+EVENTS = {  # a dVRK's
+    "desired_state": Event(_desired_state, lambda state, _: _Text(state)),
+    "goal_reached": Event(
+        lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended, _: _Switch(ended[1])
+    ),
+    "tool_type": Event(lambda _: TOOL_TYPE, lambda tool, _: _Text(tool)),
+    "trajectory_j/ratio": Event(_ratio, lambda ratio, _: _Number(ratio)),
+    "trajectory_j/ratio_v": Event(lambda arm: arm.speed_ratio, lambda ratio, _: _Number(ratio)),
+    "trajectory_j/ratio_a": Event(lambda arm: arm.acceleration_ratio, lambda ratio, _: _Number(ratio)),
 }
 
 
@@ -94,6 +116,44 @@ SETTINGS: dict[str, Set] = {
 }
 
 
+FORWARD, INVERSE = "crtk_msgs/QueryForwardKinematics", "crtk_msgs/QueryInverseKinematics"
+
+
+def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
+    """Yield the services of an arm, below its namespace `place`; `local/` in its own base, of one that has such."""
+
+    def answered(kind: str, compute: Callable[[Message], dict[str, Any]]) -> tuple[str, Callable[[Message], Message]]:
+        response = message_class(f"{kind}Response")
+
+        def answer(request: Message) -> Message:
+            try:
+                return response(result=True, **compute(request))
+            except CatenaryError as error:
+                return response(result=False, message=str(error))
+
+        return kind, answer
+
+    def tool(request: Message) -> Pose:
+        return arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
+
+    forward = answered(FORWARD, lambda request: {"cp": local_pose(arm.placed(tool(request)), 0).pose})
+    yield Service(f"{place}/forward_kinematics", *forward)
+    if arm.tool.jaw_is_apart:
+        local = answered(FORWARD, lambda request: {"cp": local_pose(tool(request), 0).pose})
+        yield Service(f"{place}/local/forward_kinematics", *local)
+    yield Service(f"{place}/inverse_kinematics", *answered(INVERSE, lambda request: {"jp": _joints_at(arm, request)}))
+
+
+def _joints_at(arm: ServedArm, request: Message) -> Floats:
+    """Return joints at a pose, the nearest to those of the request; to the setpoint where it has none."""
+    n = len(arm.reported)
+    near = arm.setpoint.q if not len(request.jp) else arm.whole(as_array("jp", request.jp, (n,)))
+    goal = Pose(rotation_of(request.cp.orientation), as_array("position", tuple(request.cp.position), (3,)))
+    q = arm.tool.joints(arm.unplaced(goal), near)
+    arm.require_inside(q)
+    return q[:n]
+
+
 def actuator_service(place: str, joints: Floats) -> Service:
     """Return the service below a namespace that turns actuators' positions into joints', by (n, n), the jaw last."""
 
@@ -104,19 +164,49 @@ def actuator_service(place: str, joints: Floats) -> Service:
     return Service(f"{place}/actuator_to_joint_position", CONVERT, answer)
 
 
-BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
 # from the setpoint: a RAVEN-II's shoulder that covers 0.25 rad as fast as it may comes to a stop in FAULT
 SERVO_REACH = {"rad": 0.2, "m": 0.02}
-_JOINTS_AND_TOOL = arm_messages.joints_and_tool()
+
+
+def _frame_of(arm: ServedArm, frame: FrameOfForces) -> FrameOfForces:
+    is_absolute = frame is FrameOfForces.BODY and arm.forces_in_base_axes
+    return FrameOfForces.TOOL_IN_BASE_AXES if is_absolute else frame
+
+
+def measured_cf(arm: ServedArm, stamp: int, frame: FrameOfForces) -> Message:
+    """Return the force [N] and moment [Nm] that the tool exerts, by the torques beyond the arm's own weight."""
+    frame = _frame_of(arm, frame)
+    x, y, z, a, b, c = exerted(arm.measured_tool, frame).tolist()
+    where = "tool" if frame is FrameOfForces.BODY else BASE
+    return _WrenchStamped(header(stamp, where), _Wrench(Vector3(x, y, z), Vector3(a, b, c)))
+
+
+def jacobian_matrix(arm: ServedArm, stamp: int, frame: FrameOfForces) -> Message:
+    """Return the Jacobian (6, n) by rows: velocity over angular velocity, of the joints as `measured_js` has them."""
+    matrix = jacobian(arm.measured_tool, frame)
+    rows, columns = matrix.shape
+    return _MultiArray(_layout(rows, columns), matrix.ravel())
+
+
+@cache
+def _layout(rows: int, columns: int) -> Message:
+    return _Layout((_Dimension("rows", rows, rows * columns), _Dimension("columns", columns, columns)), 0)
+
+
+def local_pose(pose: Pose, stamp: int) -> Message:
+    """Return a pose in the arm's own base."""
+    return pose_message(pose, stamp, BASE)
+
+
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
-    **_JOINTS_AND_TOOL,
-    "jaw/measured_js": lambda arm, stamp: arm_messages.jaw(arm, arm.measured, stamp),
-    "jaw/setpoint_js": lambda arm, stamp: arm_messages.jaw(arm, arm.setpoint, stamp),
-    "local/measured_cp": lambda arm, stamp: arm_messages.local_pose(arm.measured_tool.pose, stamp),
-    "local/setpoint_cp": lambda arm, stamp: arm_messages.local_pose(arm.setpoint_tool.pose, stamp),
-    **{f"{frame.value}measured_cf": partial(arm_messages.measured_cf, frame=frame) for frame in FrameOfForces},
-    **{f"{frame.value}jacobian": partial(arm_messages.jacobian_matrix, frame=frame) for frame in FrameOfForces},
+    **joints_and_tool(),
+    "jaw/measured_js": lambda arm, stamp: jaw(arm, arm.measured, stamp),
+    "jaw/setpoint_js": lambda arm, stamp: jaw(arm, arm.setpoint, stamp),
+    "local/measured_cp": lambda arm, stamp: local_pose(arm.measured_tool.pose, stamp),
+    "local/setpoint_cp": lambda arm, stamp: local_pose(arm.setpoint_tool.pose, stamp),
+    **{f"{frame.value}measured_cf": partial(measured_cf, frame=frame) for frame in FrameOfForces},
+    **{f"{frame.value}jacobian": partial(jacobian_matrix, frame=frame) for frame in FrameOfForces},
 }
 
 
@@ -138,32 +228,25 @@ class CrtkDialect(Dialect):
                 self.services += tuple(kinematics_services(place, arm))
                 if arm.joints_per_actuator is not None:
                     self.services += (actuator_service(place, arm.joints_per_actuator),)
-        self._told: dict[str, tuple[OperatingState, int]] = {}
 
     def begin(self, publishers: Publishers) -> None:
         """Prepare to publish by publishers; called once, before `publish`."""
         super().begin(publishers)
-        self._states = [(name, arm, publishers["operating_state", name]) for name, arm in self.arms.items()]
         self._events = [
             (arm, event, publishers[verb, name])
             for name, arm in self.arms.items()
-            for verb, event in EVENTS.items()
+            for verb, event in {"operating_state": STATE, **EVENTS}.items()
             if (verb, name) in publishers
         ]
         self._happened: list[Any] = [None] * len(self._events)
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        for name, arm, lazy in self._states:
-            told, tick = self._told.get(name, (None, 0))
-            if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
-                self._told[name] = arm.state, arm.tick
-                lazy.publish(operating_state_message(arm.state, now))
         for k, (arm, event, lazy) in enumerate(self._events):
             value = event.value(arm)
             if value != self._happened[k]:
                 self._happened[k] = value
-                lazy.publish(event.message(value))
+                lazy.publish(event.message(value, now))
         super().publish(now)
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
@@ -201,9 +284,7 @@ _SET: dict[str, Set] = {
 def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
     """Exert a wrench, plus what holds the arm's weight where that was asked for."""
     wrench = as_array("wrench", [*message.wrench.force, *message.wrench.torque], (6,))
-    if frame is FrameOfForces.BODY and arm.forces_in_base_axes:
-        frame = FrameOfForces.TOOL_IN_BASE_AXES
-    arm.push_with(torques_for(arm.measured_tool, wrench, frame))
+    arm.push_with(torques_for(arm.measured_tool, wrench, _frame_of(arm, frame)))
 
 
 def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:

@@ -1,15 +1,22 @@
 """What dialects share: arms that are published verb by verb, and commands that are obeyed verb by verb."""
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
-from catenary.arrays import as_array
-from catenary.crtk.message import Message
-from catenary.crtk.serving.arm_messages import Service
+from catenary.arrays import Floats, as_array
+from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.message_values import pose_message
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.crtk.topic_names import CrtkTopic
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
+from catenary.plant import JointState
+from catenary.spatial import Pose
+
+Vector3 = message_class("geometry_msgs/Vector3")
+_JointState = message_class("sensor_msgs/JointState")
+_Twist, _TwistStamped = (message_class(f"geometry_msgs/{name}") for name in ("Twist", "TwistStamped"))
 
 
 class LazyPublisher:
@@ -33,6 +40,14 @@ class LazyPublisher:
 Publishers = Mapping[tuple[str, str | None], LazyPublisher]  # by verb and arm
 MakeMessage = Callable[[ServedArm, int], Message]  # arm, stamp [ns]
 Obey = Callable[[ServedArm, Message], None]
+
+
+class Service(NamedTuple):
+    """A service of a robot."""
+
+    name: str
+    type: str
+    answer: Callable[[Message], Message]
 
 
 class Dialect:
@@ -74,11 +89,8 @@ class Dialect:
         return None
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Obey a command; state commands are the server's."""
-        self.follow(topic, message, self._obeyed.get(topic.verb))
-
-    def follow(self, topic: CrtkTopic, message: Message, do: Obey | None) -> None:
-        """Have the arm of a topic do something, unless it is in no state to be moved."""
+        """Have the arm of a topic do as told, unless it is in no state to be moved; state commands are the server's."""
+        do = self._obeyed.get(topic.verb)
         if topic.arm is None or do is None:
             raise InputError("the robot has no such arm")
         arm = self.arms[topic.arm]
@@ -93,3 +105,41 @@ class Dialect:
 def single_number(message: Message) -> float:
     """Return the single position of a JointState: an opening of the jaws, or a change of it [rad]."""
     return float(as_array("JointState.position", message.position, (1,))[0])
+
+
+def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, int], Message]]:
+    """Return what both dialects publish of an arm in every tick, verb by verb: messages of it at a stamp [ns].
+
+    Poses are TransformStamped where `child`, the tool's frame, is given; velocities [m/s, rad/s] in base axes.
+    """
+
+    def pose(arm: ServedArm, pose: Pose, stamp: int) -> Message:
+        return pose_message(arm.placed(pose), stamp, arm.base_name, child=child)
+
+    return {
+        "measured_js": lambda arm, stamp: _joint_state(arm, arm.measured, stamp),
+        "setpoint_js": lambda arm, stamp: _joint_state(arm, arm.setpoint, stamp),
+        "measured_cp": lambda arm, stamp: pose(arm, arm.measured_tool.pose, stamp),
+        "setpoint_cp": lambda arm, stamp: pose(arm, arm.setpoint_tool.pose, stamp),
+        "measured_cv": lambda arm, stamp: _twist(arm, arm.measured_tool.twist, stamp),
+        "setpoint_cv": lambda arm, stamp: _twist(arm, arm.setpoint_tool.twist, stamp),
+    }
+
+
+def _twist(arm: ServedArm, twist: Floats, stamp: int) -> Message:
+    if arm.base is not None:
+        twist = (twist.reshape(2, 3) @ arm.base.rotation.T).ravel()
+    x, y, z, a, b, c = twist.tolist()
+    return _TwistStamped(header(stamp, arm.base_name), _Twist(Vector3(x, y, z), Vector3(a, b, c)))
+
+
+def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:
+    n = len(arm.reported)
+    return _JointState(header(stamp), arm.reported, state.q[:n], state.qd[:n], state.tau[:n])
+
+
+def jaw(arm: ServedArm, state: JointState, stamp: int, name: str = "jaw") -> Message:
+    """Return the opening of the jaws in a state, jaw1 + jaw2, with the mean of both efforts."""
+    jaws = arm.tool.jaws
+    position, velocity, effort = (row[-jaws:].sum() for row in (state.q, state.qd, state.tau))
+    return _JointState(header(stamp), (name,), [position], [velocity], [effort / jaws])

@@ -8,8 +8,8 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
-from catenary.crtk.serving import arm_messages, moves
-from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
+from catenary.crtk.serving import moves
+from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, jaw, joints_and_tool, single_number
 from catenary.crtk.serving.served_arm import JAWS, ServedArm
 from catenary.crtk.serving.state_machine import robot_state
 from catenary.crtk.topic_names import GRAV_DIR, RAVEN, CrtkTopic
@@ -95,11 +95,18 @@ _RVIZ_NAMES = tuple(f"{name}_{side}{what}" for what in ("", "2") for side in "LR
 # the model's zeros: insertion from the remote centre, roll turned, second jaw the other way [r2_kinematics.h: d4]
 _RVIZ_SIGN = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
 _RVIZ_SHIFT = np.array([0.0, 0.0, -0.47, -np.pi / 4.0, 0.0, 0.0, 0.0])
+
+
+def grasp_measured_js(arm: ServedArm, stamp: int) -> Message:
+    """Return what a RAVEN-II says of a grasp: opening and both jaws, one velocity, one effort, its own names."""
+    names = tuple(f"{arm.arm}_{name}" for name in ("grasp", "jaw1", "jaw2"))
+    opening = jaw(arm, arm.measured, stamp, "grasp")
+    positions = [opening.position[0], *arm.measured.q[-arm.tool.jaws :]]
+    return _JointState(header(stamp), names, positions, opening.velocity, opening.effort)
+
+
 # what is published of each arm in every tick, verb by verb
-_PUBLISHED: dict[str, MakeMessage] = {
-    **arm_messages.joints_and_tool(child="tool"),
-    "grasp_measured_js": arm_messages.grasp_measured_js,
-}
+_PUBLISHED: dict[str, MakeMessage] = {**joints_and_tool(child="tool"), "grasp_measured_js": grasp_measured_js}
 
 
 class RavenDialect(Dialect):

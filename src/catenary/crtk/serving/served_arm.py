@@ -22,89 +22,6 @@ BACKLOG = 0.25  # [s] that an increment waits at most
 FOLLOW = 0.1  # [s] after its last command during which a goal, a velocity or a torque counts: the watchdog
 
 
-class Increments:
-    """Increments of any number of clients, each clamped to a millisecond's motion, and summed as they come.
-
-    What comes within a tick is added up within that clamp, at most four messages; the rest waits for the next ticks. So
-    however messages bunch up, their way is the same, and nothing leaps. The robot itself loses what is over.
-    """
-
-    def __init__(self, most: Floats, period: float) -> None:
-        """Begin empty, with the largest motion in a tick (n,) [rad|m] and its period [s]."""
-        self._most = most
-        self._patience = max(1, round(BACKLOG / period))
-        self._waiting: deque[tuple[Floats, int]] = deque()
-
-    def __len__(self) -> int:
-        """How many wait."""
-        return len(self._waiting)
-
-    def add(self, dq: Floats, tick: int) -> None:
-        """Take in a message's increments (n,) [rad|m], which came in a tick."""
-        self._waiting.append((np.minimum(np.maximum(dq, -self._most), self._most), tick))
-
-    def next(self, tick: int) -> Floats | None:
-        """Return what to move in a tick (n,) [rad|m], or None."""
-        waiting = self._waiting
-        while waiting and tick - waiting[0][1] > self._patience:
-            waiting.popleft()
-        if not waiting:
-            return None
-        total = waiting.popleft()[0]
-        for _ in range(min(MOST_A_TICK - 1, len(waiting))):
-            more = total + waiting[0][0]
-            if (np.abs(more) > self._most).any():
-                break
-            waiting.popleft()
-            total = more
-        return total
-
-    @property
-    def total(self) -> Floats:
-        """Sum of all that waits (n,) [rad|m]."""
-        return np.sum([dq for dq, _ in self._waiting], axis=0)
-
-    def clear(self) -> None:
-        """Forget what waits."""
-        self._waiting.clear()
-
-
-class Goal:
-    """A joint position that is approached by clamped steps: so many as there were messages, or for a while."""
-
-    def __init__(self, most: Floats, period: float) -> None:
-        """Begin without a goal, with the largest step in a tick (n,) [rad|m] and its period [s]."""
-        self.follow = max(1, round(FOLLOW / period))  # ticks
-        self._most = most
-        self._q: Floats | None = None
-        self._steps = 0
-
-    def __bool__(self) -> bool:
-        return self._q is not None
-
-    def set(self, q: Floats, steps: int) -> None:
-        """Take a goal (n,) [rad|m] in place of the last one, for a number of steps."""
-        self._q, self._steps = q, steps
-
-    def add(self, q: Floats) -> None:
-        """Take a goal that allows one step more; those that the last one has left remain."""
-        self._q, self._steps = q, min(self._steps + 1, self.follow)
-
-    def next(self, setpoint: Floats) -> Floats:
-        """Return the next setpoint (n,) on the way from one."""
-        assert self._q is not None
-        way = self._q - setpoint
-        step = np.minimum(np.maximum(way, -self._most), self._most)
-        self._steps -= 1
-        if self._steps <= 0 or (step == way).all():
-            self._q, self._steps = None, 0
-        return setpoint + step
-
-    def clear(self) -> None:
-        """Forget the goal."""
-        self._q, self._steps = None, 0
-
-
 JAWS = 2  # joints, the last ones
 BASE = "base"  # frame of all poses
 FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
@@ -136,8 +53,10 @@ class ServedArm:
         self.place = ""  # namespace of its commands
         self.obeys = ""  # topic of the command that it obeyed last
         self.most = plant.period * np.array([FASTEST[unit] for unit in plant.joint_units])
-        self.increments = Increments(self.most, plant.period)
-        self.goal = Goal(self.most, plant.period)
+        self._increments: deque[tuple[Floats, int]] = deque()  # that wait (n,), and the ticks in which they came
+        self._goal: Floats | None = None  # (n,) that is approached by clamped steps
+        self._steps = 0  # that are left to it: so many as there were messages, or for a while
+        self._follow_ticks = max(1, round(FOLLOW / plant.period))
         self.compensates_gravity = False
         self.forces_in_base_axes = False  # what is below body/ is in base axes
         self.speed_ratio = self.acceleration_ratio = 1.0  # of those that moves have
@@ -165,30 +84,31 @@ class ServedArm:
     @property
     def is_ready(self) -> bool:
         """Return whether commands move it."""
-        state = self.plant.operating_state()
-        return state.state == "ENABLED" and state.is_homed and not state.is_busy
+        return self.plant.operating_state().is_ready
 
     def increment(self, dq: Floats) -> None:
-        """Move by dq (n,) [rad|m], besides what waits already."""
-        if not self.increments:
+        """Move by dq (n,) [rad|m], clamped to a millisecond's motion, besides what waits already."""
+        if not self._increments:
             self._do(self._increment())
-        self.increments.add(dq, self.tick)
+        self._increments.append((self._clamped(dq), self.tick))
 
     def step_towards(self, q: Floats) -> None:
-        """Move one clamped step towards q (n,) [rad|m]."""
-        if not self.goal:
-            self._do(self._approach())
-        self.goal.add(q)
+        """Move one clamped step towards q (n,) [rad|m]; those that the last goal has left remain."""
+        self._go(q, min(self._steps + 1, self._follow_ticks))
 
     def go_towards(self, q: Floats) -> None:
         """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed."""
-        self._do(self._approach())
-        self.goal.set(q, self.goal.follow)
+        self._go(q, self._follow_ticks)
+
+    def _go(self, q: Floats, steps: int) -> None:
+        if self._goal is None:
+            self._do(self._approach())
+        self._goal, self._steps = q, steps
 
     def run_at(self, qd: Floats) -> None:
         """Move at qd (n,) [rad/s|m/s] for 0.1 s."""
-        step = np.clip(qd * self.plant.period, -self.most, self.most)
-        self._do(self.setpoint.q + step for _ in range(self.goal.follow + 1))
+        step = self._clamped(qd * self.plant.period)
+        self._do(self.setpoint.q + step for _ in range(self._follow_ticks + 1))
 
     def push_with(self, tau: Floats) -> None:
         """Command torques (n,) for 0.1 s, plus gravity's where asked for; a joint with NaN holds its setpoint."""
@@ -199,7 +119,7 @@ class ServedArm:
         if self._torque is None:
             self._do(self._push())
             self._jaw = self._jaw_wanted = None
-        self._torque, self._until = tau, self.tick + self.goal.follow
+        self._torque, self._until = tau, self.tick + self._follow_ticks
 
     def go_limp(self) -> None:
         """Command zero torque, or gravity's alone, until something else is commanded."""
@@ -233,8 +153,8 @@ class ServedArm:
 
     def _do(self, way: Iterator[Floats | None]) -> None:
         """Forget the arm's commands, for another one; a jaw that moves beside it goes on."""
-        self.increments.clear()
-        self.goal.clear()
+        self._increments.clear()
+        self._goal, self._steps = None, 0
         self._doing, self._is_moving = way, False
         if self._torque is not None:
             self._torque = None
@@ -246,7 +166,7 @@ class ServedArm:
     @property
     def commanded(self) -> Floats:
         """Setpoint (n,) that it will have when all increments that wait are done: where relative poses begin."""
-        return self.setpoint.q + self.increments.total if self.increments else self.setpoint.q
+        return np.sum([self.setpoint.q, *(dq for dq, _ in self._increments)], axis=0)
 
     def increment_along(self, dq: Floats) -> None:
         """Move by dq (n,) [rad|m], all scaled down where one exceeds its clamp: a straight way stays straight."""
@@ -337,11 +257,9 @@ class ServedArm:
 
     def _step_velocity(self) -> Floats:
         """Return how fast the setpoint goes (n,); where control has just begun, it has not gone anywhere."""
-        q, ready = self.setpoint.q, self.is_ready
-        moved = self._before is not None and self._before[1] and ready
-        velocity = (q - self._before[0]) / self.plant.period if moved and self._before else np.zeros(len(q))
-        self._before = q, ready
-        return velocity
+        before, self._before = self._before, (self.setpoint.q, self.is_ready)
+        q, ready = self._before
+        return (q - before[0]) / self.plant.period if before and before[1] and ready else np.zeros(len(q))
 
     def _act(self) -> None:
         if self._jaw_wanted is not None:
@@ -352,13 +270,36 @@ class ServedArm:
         elif self._jaw is not None:
             self._send(self.setpoint.q)
 
+    def _clamped(self, way: Floats) -> Floats:
+        return np.minimum(np.maximum(way, -self.most), self.most)
+
     def _increment(self) -> Iterator[Floats]:
-        while (increments := self.increments.next(self.tick)) is not None:
-            yield self.setpoint.q + increments
+        """Add up what came within a tick, of any number of clients, within the clamp; the rest waits for the next ones.
+
+        However messages bunch up, their way is the same, and nothing leaps. The robot itself loses what is over.
+        """
+        waiting, patience = self._increments, max(1, round(BACKLOG / self.plant.period))
+        while True:
+            while waiting and self.tick - waiting[0][1] > patience:
+                waiting.popleft()
+            if not waiting:
+                return
+            total = waiting.popleft()[0]
+            for _ in range(min(MOST_A_TICK - 1, len(waiting))):
+                more = total + waiting[0][0]
+                if (np.abs(more) > self.most).any():
+                    break
+                waiting.popleft()
+                total = more
+            yield self.setpoint.q + total
 
     def _approach(self) -> Iterator[Floats]:
-        while self.goal:
-            yield self.goal.next(self.setpoint.q)
+        while self._goal is not None:
+            way, self._steps = self._goal - self.setpoint.q, self._steps - 1
+            step = self._clamped(way)
+            if self._steps <= 0 or (step == way).all():
+                self._goal, self._steps = None, 0
+            yield self.setpoint.q + step
 
     def _follow(self, trajectory: Trajectory) -> Iterator[Floats]:
         begin, self._is_moving = self.tick, True

@@ -17,7 +17,7 @@ from catenary.crtk.exclusive_control import WATCH, Commander
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
-from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
+from catenary.crtk.serving.command_source import OF_A_TOPIC, CommandSource
 from catenary.crtk.serving.dialect import Dialect, LazyPublisher
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
@@ -35,7 +35,6 @@ from catenary.crtk.topic_names import (
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.plant import OperatingState, Plant, fault_of
-from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 from catenary.topics import Topic
 
 _Array, _Status, _KeyValue = (
@@ -79,18 +78,10 @@ class Diagnostics:
         return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
 
 
-OF_RAVEN = (JOINT_ENC, EXT_JPOS)
-
-
-def has_encoders(plant: Plant) -> bool:
-    """Return whether a plant's telemetry holds what a RAVEN-II's external encoders read."""
-    return {topic.columns[0].name for topic in OF_RAVEN} <= {c.name for c in plant.columns}
-
-
 class ServedEncoders:
     """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known; or what a tracker sees of joints."""
 
-    def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> None:
+    def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic]) -> None:
         """Begin to publish what a plant's telemetry holds, over topics."""
         self._plant = plant
         self.publishers = tuple(
@@ -143,11 +134,15 @@ class Server:
         self._dialect = dialect
         self._every = publish_every
         self._stamps = Stamps(transport.clock)
-        beginning = Beginning(transport.steady(), frozenset(transport.topics()), transport.publishing())
+        begin, published, processes = transport.steady(), transport.topics(), transport.publishing()
         wanted = dialect.topics
         self._sources = [
-            CommandSource(transport, topic, beginning, reports) for topic in wanted if topic.direction == "in"
-        ]
+            CommandSource(
+                transport, topic, reports, begin=begin, waits=topic.name in published,
+                old=processes.get(topic.name, frozenset()),
+            )
+            for topic in wanted if topic.direction == "in"
+        ]  # fmt: skip
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: not source.topic.commands_state)
         self._others = sum(source.topic.commands_state for source in self._sources)  # where the others begin
@@ -164,7 +159,7 @@ class Server:
         self._diagnostics = Diagnostics(transport, arms, reports)
         self._encoders = encoders
         self._heard = (*self.publishers.values(), *(() if encoders is None else encoders.publishers))
-        self._watched = beginning.time
+        self._watched = begin
         for service in dialect.services if transport.has_services else ():
             transport.service(service.name, service.type, service.answer)
         self.button = BUTTON if button else None

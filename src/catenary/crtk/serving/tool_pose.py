@@ -23,7 +23,7 @@ from catenary.dynamics.kinematics import Configuration, forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
-from catenary.spatial import Pose
+from catenary.spatial import Pose, identity_pose
 
 SEARCH = 15  # steps of a search from the pose before, or 75 mm beside: a tick has no time for more
 
@@ -47,38 +47,25 @@ class ToolPose:
                 f'robot "{model.name}": has {model.n} joints, expected {n} as the robot, or one for both its jaws'
             )
         # between the model's joints and the robot's; a jaw's opening is in neither
-        self._to_model, self._from_model = np.eye(model.n, n), np.eye(n, model.n)
+        self.to_model, self.from_model = np.eye(model.n, n), np.eye(n, model.n)
         if self.jaws == 2:
-            self._to_model[-1, -2:], self._from_model[-2:, -1] = (-0.5, 0.5), (-1.0, 1.0)
+            self.to_model[-1, -2:], self.from_model[-2:, -1] = (-0.5, 0.5), (-1.0, 1.0)
         self.reach = _reach(model)  # [m] from the base, which the tool never passes
         # poses that `path` finds well within a tick
         self.poses_a_tick = 16 if model.closed_form == "raven2" else 1
         frame_0 = model.frames.get("frame0")
-        self._frame_0 = Pose(np.eye(3), np.zeros(3)) if frame_0 is None else frame_0.pose
+        self._frame_0 = identity_pose() if frame_0 is None else frame_0.pose
         self._base_in_frame_0 = self._frame_0.inverse()
 
     def pose(self, q: Floats) -> Pose:
         """Return the tool's pose in the base frame, at joints (n,)."""
-        return forward_kinematics(self.model, self._to_model @ q)
-
-    def motion(self, q: Floats) -> tuple[Pose, Floats]:
-        """Return the tool's pose in the base at joints (n,), and there the Jacobian (6, m) of the model's joints."""
-        placed = Configuration(self.model, self._to_model @ q)
-        return placed.pose(), placed.jacobian()
-
-    def of_robot(self, jacobian: Floats) -> Floats:
-        """Return the Jacobian (6, n) of the robot's joints out of that of the model's, (6, m)."""
-        return jacobian @ self._to_model
-
-    def model_torques(self, tau: Floats) -> Floats:
-        """Return torques of the model's joints (m,) that do the work of the robot's (n,), the jaws' opening aside."""
-        return tau @ self._from_model
+        return forward_kinematics(self.model, self.to_model @ q)
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws."""
         self.require_reach(pose)
-        start = np.clip(self._to_model @ near, self.model.lower, self.model.upper)
-        return self._with_jaws(self._searched(pose, start), near)
+        start = np.clip(self.to_model @ near, self.model.lower, self.model.upper)
+        return self._with_jaws(inverse_kinematics(self.model, pose, start, max_iterations=SEARCH), near)
 
     def require_reach(self, pose: Pose) -> None:
         """Refuse a pose farther away than the arm is long, before anything is worked out."""
@@ -88,32 +75,29 @@ class ToolPose:
                 f"{distance:.4g} m from the base, expected at most {self.reach:.4g} m, the arm's reach"
             )
 
-    def _searched(self, pose: Pose, start: Floats) -> Floats:
-        return inverse_kinematics(self.model, pose, start, max_iterations=SEARCH)
-
     def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
         """Return joints (N, n) along poses (N, 3, 3), (N, 3) [m], each as `joints` from the one before."""
         model = self.model
-        start = np.clip(self._to_model @ near, model.lower, model.upper)
+        start = np.clip(self.to_model @ near, model.lower, model.upper)
         if model.closed_form == "raven2":
             found = raven_path(model, rotations, positions, start)
         else:
             found = np.empty((len(positions), model.n))
             for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
-                start = found[k] = self._searched(Pose(rotation, position), start)
+                start = found[k] = inverse_kinematics(model, Pose(rotation, position), start, max_iterations=SEARCH)
         return self._with_jaws(found, near)
 
     def prepare(self) -> None:
         """Compile what `path` runs, in the middle of the joints' range, wherever the robot may be."""
         lower, upper = (np.nan_to_num(end, posinf=0.0, neginf=0.0) for end in (self.model.lower, self.model.upper))
-        near: Floats = self._from_model @ (0.5 * (lower + upper))
+        near: Floats = self.from_model @ (0.5 * (lower + upper))
         place = self.pose(near)
         self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)
 
     def _with_jaws(self, found: Floats, near: Floats) -> Floats:
         """Return the robot's joints (..., n) at the model's, with the opening of the jaws as in `near`."""
-        opening = near - self._from_model @ (self._to_model @ near)
-        return found @ self._from_model.T + opening
+        opening = near - self.from_model @ (self.to_model @ near)
+        return found @ self.from_model.T + opening
 
     def in_frame_0(self, pose: Pose) -> Pose:
         """Return a pose of the base in the mechanism's frame 0; the same where it has none."""
@@ -145,18 +129,20 @@ class ToolState:
         self.kinematics, self._q, self._qd, self._beyond_weight = tool, q, qd, beyond_weight
 
     @cached_property
-    def _motion(self) -> tuple[Pose, Floats]:
-        return self.kinematics.motion(self._q)
+    def _of_model(self) -> tuple[Pose, Floats]:
+        """The tool's pose in the base, and the Jacobian (6, m) of the model's joints."""
+        placed = Configuration(self.kinematics.model, self.kinematics.to_model @ self._q)
+        return placed.pose(), placed.jacobian()
 
     @property
     def pose(self) -> Pose:
         """Pose of the tool in the base."""
-        return self._motion[0]
+        return self._of_model[0]
 
     @cached_property
     def jacobian(self) -> Floats:
         """Jacobian (6, n) of the robot's joints, in base axes."""
-        return self.kinematics.of_robot(self._motion[1])
+        return self._of_model[1] @ self.kinematics.to_model
 
     @cached_property
     def twist(self) -> Floats:
@@ -166,7 +152,8 @@ class ToolState:
     @cached_property
     def wrench(self) -> Floats:
         """Force [N] over moment [Nm] at the tool's point that the joints exert beyond the arm's weight, (6,)."""
-        return wrench_of(self._motion[1], self.kinematics.model_torques(self._beyond_weight()))
+        # torques of the model's joints (m,) that do the work of the robot's, the jaws' opening aside
+        return wrench_of(self._of_model[1], self._beyond_weight() @ self.kinematics.from_model)
 
 
 def wrench_of(jacobian: Floats, tau: Floats) -> Floats:
@@ -182,14 +169,14 @@ class FrameOfForces(Enum):
     SPATIAL = "spatial/"
 
 
-def jacobian(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+def jacobian(tool: ToolState, frame: FrameOfForces) -> Floats:
     """Return the Jacobian (6, n) at the measured joints: velocity over angular velocity, per joint speed."""
     if frame is FrameOfForces.TOOL_IN_BASE_AXES:
         return tool.jacobian
     return _twist_map(tool.pose, frame) @ tool.jacobian
 
 
-def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+def exerted(tool: ToolState, frame: FrameOfForces) -> Floats:
     """Return force [N] over moment [Nm] (6,) that the tool exerts beyond the arm's weight; zero where not felt."""
     if frame is FrameOfForces.TOOL_IN_BASE_AXES:
         return tool.wrench

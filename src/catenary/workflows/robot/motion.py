@@ -84,7 +84,7 @@ def check_motion(
     max_velocity: ArrayLike | None = None,
 ) -> None:
     """Refuse a trajectory of named joints, or all, beyond the limits or `max_velocity` (k,) [rad/s|m/s]: LimitError."""
-    moved = _indices(limits, trajectory, joints)
+    moved = _indices(limits, joints, trajectory)
     lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
     fastest = np.full(len(moved), np.inf)
     if max_velocity is not None:
@@ -157,7 +157,7 @@ def move_to(
     NotFiniteError.
     """
     require_ready(plant, "servo_jp")
-    moved = _named_indices(plant, joints)
+    moved = _indices(plant, joints)
     goal = as_array("q", q, (len(moved),))
     motion = _approach(plant, moved, goal, max_velocity)
     _stream(plant, motion, moved, observe, progress, is_way=True)
@@ -179,7 +179,7 @@ def run_trajectory(
     too.
     """
     require_ready(plant, "servo_jp")
-    moved = _indices(plant, trajectory, joints)
+    moved = _indices(plant, joints, trajectory)
     check_motion(plant, trajectory, joints=joints, max_velocity=max_velocity)
     gentle = np.array([GENTLE_VELOCITY[plant.joint_units[j]] for j in moved])
     slowest = gentle if max_velocity is None else np.minimum(gentle, max_velocity)
@@ -256,23 +256,15 @@ def _approach(plant: Plant, moved: NDArray[np.int64], goal: Floats, max_velocity
     return motion
 
 
-def _named_indices(limits: Bounded, joints: Sequence[str] | None) -> NDArray[np.int64]:
+def _indices(limits: Bounded, joints: Sequence[str] | None, trajectory: Trajectory | None = None) -> NDArray[np.int64]:
+    """Return places of named joints, or all; refuse other names, and another number than a trajectory moves."""
     names = limits.joint_names if joints is None else tuple(joints)
-    unknown = [name for name in names if name not in limits.joint_names]
-    if unknown or len(set(names)) < len(names):
+    if not set(names) <= set(limits.joint_names) or len(set(names)) < len(names):
         raise InputError(
             f"joints: expected different names among {', '.join(limits.joint_names)}; got {', '.join(names)}"
         )
-    return np.array([limits.joint_names.index(name) for name in names], dtype=np.int64)
-
-
-def _indices(limits: Bounded, trajectory: Trajectory, joints: Sequence[str] | None) -> NDArray[np.int64]:
-    """Indices of the joints that a trajectory moves, in its order."""
-    moved = _named_indices(limits, joints)
-    k = len(trajectory(0.0).q)
-    if k != len(moved):
+    if trajectory is not None and (k := len(trajectory(0.0).q)) != len(names):
         raise InputError(
-            f"joints: the trajectory moves {k}; expected as many names, got {len(moved)}: "
-            f"{', '.join(limits.joint_names[j] for j in moved)}"
+            f"joints: the trajectory moves {k}; expected as many names, got {len(names)}: {', '.join(names)}"
         )
-    return moved
+    return np.array([limits.joint_names.index(name) for name in names], dtype=np.int64)

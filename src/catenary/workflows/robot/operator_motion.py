@@ -8,19 +8,19 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.archives import read_arrays
-from catenary.arrays import Floats, as_array, frozen
+from catenary.arrays import Floats, as_array
 from catenary.documents import cut, no_file
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError
 from catenary.files import TEXT_ENDINGS, table_ending
-from catenary.plant import JointState, OperatingState, Plant, require_ready
+from catenary.plant import Joints, JointState, MotionLog, OperatingState, nameless, places_of, require_ready
 from catenary.recording.import_formats.columns import joined
 from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.logs import read_parquet
@@ -49,35 +49,30 @@ PUBLISHED_UNITS = ("rad", "rad", "m")  # of the zig-zags that RAVEN-II's group p
 _HEAD = re.compile(r"^(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]+)\]$")
 
 
-@dataclass(frozen=True)
-class FollowedFile:
-    """N rows of joint positions."""
-
-    name: str
-    joint_names: tuple[str, ...] | None  # None where the file names no joints: those that come first
-    joint_units: tuple[str, ...]  # rad or m
-    time: Floats  # (N,) [s] from 0 on, rising
-    q: Floats  # (N, k) [rad|m]
-    notes: tuple[str, ...] = ()
-
-    def trajectory(self, blend: float = BLEND) -> SmoothedPath:
-        """Return the motion along the rows, at rest at both ends; velocities are averaged over `blend` seconds."""
-        if not 0.0 < blend < np.inf:
-            raise InputError(f"blend: expected more than 0 s, got {blend}")
-        return SmoothedPath.through(self.time, self.q, blend)
-
-    def leaves_rows(self, trajectory: SmoothedPath, blend: float = BLEND) -> Floats:
-        """Return the largest distance of the motion from the rows at their times, (k,) [rad|m]."""
-        q, _, _ = trajectory.sample(self.time + 0.5 * blend)
-        return np.asarray(np.abs(q - self.q).max(axis=0))
+def along_rows(motion: MotionLog, blend: float = BLEND) -> SmoothedPath:
+    """Return the motion along a file's rows, at rest at both ends; velocities are averaged over `blend` seconds."""
+    if not 0.0 < blend < np.inf:
+        raise InputError(f"blend: expected more than 0 s, got {blend}")
+    return SmoothedPath.through(cast(Floats, motion.time), motion.q_nominal, blend)
 
 
-def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> FollowedFile:
+def leaves_rows(motion: MotionLog, blend: float = BLEND) -> Floats:
+    """Return the largest distance of `along_rows` from the rows at their times, (k,) [rad|m]."""
+    q, _, _ = along_rows(motion, blend).sample(cast(Floats, motion.time) + 0.5 * blend)
+    return np.asarray(np.abs(q - motion.q_nominal).max(axis=0))
+
+
+def _is_named(motion: MotionLog) -> bool:
+    """Return whether a file names its joints; else they are those that come first."""
+    return not (motion.units_assumed and motion.joint_names == nameless(len(motion.joint_names)))
+
+
+def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> MotionLog:
     """Read a motion; `rows_per_second` of a file without times, that of the published zig-zags when None.
 
     A table of text with units in its heading (`time [s],shoulder [deg]`), or that of `catenary excitation`; numbers
     alone in the layout of the published zig-zags (rad, rad, m); a motion log, `.parquet`; an `.npz` with `q` or `q_des`
-    (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
+    (N, k), `t` (N,) [s], `units` and `joint_names` (k,). Its times are made to begin at 0; they have to rise.
     """
     if not path.is_file():
         raise FileFormatError(no_file(path))
@@ -87,21 +82,23 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
     if ending in TEXT_ENDINGS:
         found = _read_text(path, rows_per_second)
     elif ending == ".parquet":
-        log = read_parquet(path)
-        if log.time is None or len(log.starts) > 1:
-            what = "holds no times" if log.time is None else f"holds {len(log.starts)} recordings"
+        found = replace(read_parquet(path), notes=())
+        if found.time is None or len(found.starts) > 1:
+            what = "holds no times" if found.time is None else f"holds {len(found.starts)} recordings"
             raise FileFormatError(f"{path}: {what}; expected one motion with times, to be followed")
-        found = FollowedFile(path.name, log.joint_names, log.joint_units, log.time, log.q_nominal)
     elif ending == ".npz":
         found = _read_npz(path)
     else:
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected {", ".join(TEXT_ENDINGS)}, .parquet or .npz')
-    if rows_per_second is not None and found.joint_names is not None:
+    if rows_per_second is not None and _is_named(found):
         raise InputError(f"{path}: states its times; --rows-per-second is for files without")
-    return _checked(path, found)
+    time = cast(Floats, found.time)
+    if not (rises := np.diff(time) > 0.0).all():
+        raise InputError(f"{path}: row {int(np.argmin(rises)) + 2}: time does not rise")
+    return replace(found, time=time - time[0])
 
 
-def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
+def _read_text(path: Path, rows_per_second: float | None) -> MotionLog:
     table = TextTable(path)
     parts = list(table.streams())
     if not parts:
@@ -120,7 +117,10 @@ def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
             )
         rate = ROWS_PER_SECOND if rows_per_second is None else rows_per_second
         note = f"{path.name}: no heading: taken as rad, rad, m, {rate:g} rows a second, as the published zig-zags"
-        return FollowedFile(path.name, None, PUBLISHED_UNITS, np.arange(len(values)) / rate, frozen(values), (note,))
+        return MotionLog(
+            path.name, nameless(len(PUBLISHED_UNITS)), PUBLISHED_UNITS, values, np.ones(len(values), dtype=bool),
+            time=np.arange(len(values)) / rate, units_assumed=True, notes=(note,),
+        )  # fmt: skip
     heads = [_HEAD.match(name) for name in columns]
     plain = [name for name, head in zip(columns, heads, strict=True) if head is None]
     if plain:
@@ -138,7 +138,7 @@ def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
     return replace(found, notes=tuple(f"{path.name}: {note}" for note in table.notes[len(table.head.notes) :]))
 
 
-def _read_npz(path: Path) -> FollowedFile:
+def _read_npz(path: Path) -> MotionLog:
     content = read_arrays(path)
     key = next((key for key in ("q", "q_des") if key in content), None)
     missing = [name for name in ("t", "units", "joint_names") if name not in content]
@@ -148,7 +148,7 @@ def _read_npz(path: Path) -> FollowedFile:
     return _in_si(path, content["joint_names"].tolist(), content["units"].tolist(), time, q)
 
 
-def _in_si(path: Path, names: list[str], units: list[str], time: Floats, q: Floats) -> FollowedFile:
+def _in_si(path: Path, names: list[str], units: list[str], time: Floats, q: Floats) -> MotionLog:
     """Return a motion of joints (N, k) that are in k units of SCALE."""
     if not units or not set(units) <= set(SCALE) or q.ndim != 2 or q.shape[1] != len(units):
         raise FileFormatError(
@@ -156,20 +156,7 @@ def _in_si(path: Path, names: list[str], units: list[str], time: Floats, q: Floa
             f"got {q.shape} in {', '.join(units) or 'none'}"
         )
     si, scale = zip(*(SCALE[unit] for unit in units), strict=True)
-    return FollowedFile(path.name, tuple(names), si, time, frozen(q * np.array(scale)))
-
-
-def _checked(path: Path, found: FollowedFile) -> FollowedFile:
-    """Return a motion whose times begin at zero; refuse one without rows, or whose times do not rise."""
-    if found.time.shape != (len(found.q),) or len(found.q) == 0:
-        raise InputError(f"{path}: {len(found.q)} rows with times of shape {found.time.shape}")
-    if not (np.isfinite(found.q).all() and np.isfinite(found.time).all()):
-        row = int(np.argmin(np.isfinite(found.q).all(axis=1) & np.isfinite(found.time)))
-        raise InputError(f"{path}: row {row + 1} holds a number that is not finite")
-    steps = np.diff(found.time)
-    if not (steps > 0.0).all():
-        raise InputError(f"{path}: row {int(np.argmin(steps > 0.0)) + 2}: time does not rise")
-    return replace(found, time=frozen(found.time - found.time[0]))
+    return MotionLog(path.name, tuple(names), si, q * np.array(scale), np.ones(len(q), dtype=bool), time=time)
 
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
@@ -269,7 +256,7 @@ def run_random(
 
 def follow(
     robot: OperatedRobot,
-    file: FollowedFile,
+    file: MotionLog,
     *,
     blend: float = BLEND,
     largest_velocity: dict[str, float] | None = None,
@@ -281,9 +268,9 @@ def follow(
     Beyond limits or `largest_velocity` by unit (LARGEST_VELOCITY [rad/s, m/s] when None), or from farther away than
     NEAR, unless `from_afar`, it is refused before anything moves.
     """
-    plant, motion = robot.plant, file.trajectory(blend)
-    names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names
-    moved = _joints_of(file, names, plant)
+    plant, motion = robot.plant, along_rows(file, blend)
+    names = file.joint_names if _is_named(file) else plant.joint_names[: len(file.joint_units)]
+    moved = places_of(Joints(names, file.joint_units), plant, whose="the robot", of=f"{file.name} moves")
     fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
     try:
         check_motion(plant, motion, joints=names, max_velocity=[fastest[unit] for unit in file.joint_units])
@@ -298,17 +285,6 @@ def follow(
                 "Go there first (catenary goto), or say --from-afar"
             )
     return _watched(robot, run_trajectory, motion, joints=names, progress=progress)
-
-
-def _joints_of(file: FollowedFile, names: Sequence[str], plant: Plant) -> list[int]:
-    """Return which joints a file moves; refuse those that the robot does not have, or has in another unit."""
-    if len(names) != len(file.joint_units) or not set(names) <= set(plant.joint_names):
-        raise InputError(f"{file.name}: moves {', '.join(names)}; the robot has {', '.join(plant.joint_names)}")
-    moved = [plant.joint_names.index(name) for name in names]
-    for j, name, unit in zip(moved, names, file.joint_units, strict=True):
-        if plant.joint_units[j] != unit:
-            raise InputError(f'{file.name}: joint "{name}" is in {unit}; the robot\'s is in {plant.joint_units[j]}')
-    return moved
 
 
 def _watched(

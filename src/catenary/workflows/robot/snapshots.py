@@ -67,24 +67,19 @@ class _Deployed:
 
     def latest(self) -> Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
-        message = self._positions.message()
-        if message is None:
+        if self._positions.message() is None:
             return Corrected()
         inside: Flags = np.ones(len(self._names), dtype=bool)
-        if self._positions.age() > self._patience:
+        if (message := self._positions.fresh(self._patience)) is None:
             return Corrected(np.full(len(self._names), np.nan), inside)
-        valid = self._valid.message()
+        valid, intervals = self._valid.message(), self._intervals.fresh(self._patience)
         # the topic tells of the model's joints together
         inside[: self._judged] = valid is None or bool(valid.data)
-        return Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
-
-    def _half_widths(self) -> Floats | None:
-        """Return half-widths (n,) [rad|m], NaN for joints without; None where the model publishes none."""
-        message = self._intervals.message()
-        if message is None or self._intervals.age() > self._patience:
-            return None
-        widths = dict(zip(message.name, message.position, strict=False))
-        return np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
+        q, interval = np.array(joint_values(message, self._names)), None
+        if intervals is not None:
+            widths = dict(zip(intervals.name, intervals.position, strict=False))
+            interval = np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
+        return Corrected(q, inside, interval)
 
 
 def watch_robot(
@@ -181,7 +176,7 @@ def watch_log(
         raise InputError(f"--speed: expected more than 0, got {speed}")
     steps = np.diff(log.time)
     spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    corrected = None if model is None else corrected_rows(log, model)
+    corrected = Corrected() if model is None else corrected_rows(log, model)
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
@@ -194,7 +189,7 @@ def watch_log(
         if ahead > 0.0:
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
-        latest = Corrected() if corrected is None else Corrected(*(values[row] for values in corrected))
+        latest = Corrected(*(None if values is None else values[row] for values in corrected))
         yield Snapshot(
             float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
             latest.q, latest.inside, latest.interval, encoder=encoder,
@@ -202,12 +197,12 @@ def watch_log(
         )  # fmt: skip
 
 
-def corrected_rows(log: MotionLog, model: CalibrationModel) -> tuple[Floats, Flags, Floats]:
-    """Return what a model makes of a recording, as `Corrected`, (N, n); other joints are as they were reported."""
+def corrected_rows(log: MotionLog, model: CalibrationModel) -> Corrected:
+    """Return what a model makes of a recording, (N, n); other joints are as they were reported."""
     places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
     q, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
     inside = np.ones(q.shape, dtype=bool)
     features, leaping, _ = model.features.rows(log)
     correction, inside[:, places], interval[:, places] = model.correct(features, q[:, places], leaping)
     q[:, places] += correction
-    return q, inside, interval
+    return Corrected(q, inside, interval)
