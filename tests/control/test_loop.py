@@ -144,12 +144,12 @@ class Stretch(Shift):
         inside[:], interval[:] = True, 0.0
 
 
-@pytest.mark.parametrize("gain", [0.5 * STIFFNESS, 2.0 * STIFFNESS, 8.0 * STIFFNESS])
+@pytest.mark.parametrize("gain", [2.0 * STIFFNESS, 8.0 * STIFFNESS])
 def test_pd_at_positions_corrected_by_its_own_torque_is_stable(gain: float) -> None:
     plant, goal = BehindASpring(ZERO, friction=20.0), np.array([0.01, -0.02])
     pd = JointPD([gain, gain], [2.0 * np.sqrt(gain)] * 2)
     seen: list[Tick] = []
-    run_loop(plant, pd, Rest(goal, 15.0), corrector=Stretch(0.0), observers=[seen.append])
+    run_loop(plant, pd, Rest(goal, 9.0), corrector=Stretch(0.0), observers=[seen.append])
     # at rest tau = STIFFNESS q, so that the corrected position is the joint's, 0, and PD asks gain * goal
     assert_allclose(seen[-1].tau, gain * goal, rtol=1e-2)
     assert_allclose(seen[-1].q_nominal, gain * goal / STIFFNESS, rtol=1e-2)
