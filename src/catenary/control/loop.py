@@ -59,13 +59,18 @@ class SlowTorque:
 
     def __init__(self, period: float) -> None:
         """Begin at the first torques, in ticks of `period` [s]."""
-        self._tau, self._share = np.empty(0), -math.expm1(-period / SETTLES)
+        self._tau: Floats | None = None
+        self._share = -math.expm1(-period / SETTLES)
 
     def of(self, tau: Floats) -> Floats:
         """Return a tick's torques (n,) [Nm|N], slow; one that is not finite is passed on, and forgotten."""
-        known = np.isfinite(tau)
-        last = self._tau if self._tau.size else np.where(known, tau, 0.0)
-        self._tau = np.where(known, last + self._share * (tau - last), last)
+        last = np.where(np.isfinite(tau), tau, 0.0) if self._tau is None else self._tau
+        step = self._share * (tau - last)
+        known = np.isfinite(step)
+        if known.all():
+            self._tau = last + step
+            return self._tau
+        self._tau = last + np.where(known, step, 0.0)
         return np.where(known, self._tau, tau)
 
 
