@@ -26,8 +26,8 @@ Message = tuple[str, int, bytes]
 
 @pytest.fixture(scope="module")
 def journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A few seconds of a RAVEN: more than one chunk of a bag."""
-    return record(tmp_path_factory.mktemp("recording") / "journal", 12.0)
+    """Half a minute of a RAVEN: more than three chunks of a bag."""
+    return record(tmp_path_factory.mktemp("recording") / "journal", 35.0)
 
 
 @pytest.fixture(scope="module")
@@ -181,30 +181,17 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
         open_recording(tmp_path / "notes.txt")
 
 
-@pytest.fixture(scope="module")
-def long_journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """More than three chunks of a bag."""
-    return record(tmp_path_factory.mktemp("recording") / "journal", 35.0)
-
-
-@pytest.fixture(scope="module")
-def long_sent(long_journal: Path) -> list[Message]:
-    return list(JournalReader(long_journal).messages())
-
-
 @pytest.fixture(scope="module", params=["ros1", "bz2", "mcap"])
-def bag(request: pytest.FixtureRequest, long_journal: Path, tmp_path_factory) -> Path:
+def bag(request: pytest.FixtureRequest, journal: Path, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("bags")
     if request.param == "mcap":
-        (mcap,) = write_bag(long_journal, folder / "a").glob("*.mcap")
+        (mcap,) = write_bag(journal, folder / "a").glob("*.mcap")
         return mcap
-    return write_bag(
-        long_journal, *((folder / "a.bag",) if request.param == "ros1" else (folder / "packed.bag", "BZ2"))
-    )
+    return write_bag(journal, *((folder / "a.bag",) if request.param == "ros1" else (folder / "packed.bag", "BZ2")))
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(bag: Path, long_sent, tmp_path, seed: int) -> None:
+def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(bag: Path, sent, tmp_path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     content = bytearray(bag.read_bytes())
     size = (1, 30, 3000, 100_000)[seed] if bag.name == "a.bag" else 3000
@@ -214,10 +201,10 @@ def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(bag: Path, 
     hit.write_bytes(content)
     stream = BagStream(hit)
     kept = [message[:2] for message in stream.messages()]
-    there, found = Counter((t, s) for t, s, _ in long_sent), set(kept)
+    there, found = Counter((t, s) for t, s, _ in sent), set(kept)
     missing = sum((there - Counter(kept)).values())
-    assert missing < 0.45 * len(long_sent)
-    assert [one for one in kept if one in there] == [(t, s) for t, s, _ in long_sent if (t, s) in found]
+    assert missing < 0.45 * len(sent)
+    assert [one for one in kept if one in there] == [(t, s) for t, s, _ in sent if (t, s) in found]
     if missing == 0:
         return  # within a message's own bytes, which no checksum guards
     assert stream.damage

@@ -105,7 +105,7 @@ class CalibratedTopics:
 
         For control that takes the corrected positions, torques reach the model through `SlowTorque`.
         """
-        self._period, self._for_control, self._slow = 1.0 / rate_hz, for_control, SlowTorque(1.0 / rate_hz)
+        self._for_control = for_control
         self._client, self._model = client, model
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
@@ -133,7 +133,7 @@ class CalibratedTopics:
         self._corrector.correct_state(
             JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside, self._interval
         )
-        self._corrector.reset()
+        self._begin_anew()
         self._latency = Durations()
         self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
         self._begin = self._last = client.transport.steady()
@@ -190,7 +190,7 @@ class CalibratedTopics:
 
     def _begin_anew(self) -> None:
         self._corrector.reset()
-        self._slow = SlowTorque(self._period)
+        self._slow = SlowTorque(1.0 / self._corrector.rate_hz)
 
     def _note_silence(self, now: int) -> bool:
         """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
