@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,10 +37,14 @@ class ArmOptions:
 
 
 def _fractions(text: str) -> Numbers:
-    try:
-        return tuple(float(Fraction(word)) for word in words(text))
-    except (ValueError, ZeroDivisionError):
-        raise typer.BadParameter(f"expected numbers such as 1/2 or 0.5, got {text!r}") from None
+    found = []
+    for word in words(text):
+        upper, _, lower = word.partition("/")
+        try:
+            found.append(float(upper) / float(lower or 1.0))
+        except (ValueError, ZeroDivisionError):
+            raise typer.BadParameter(f"expected numbers such as 1/2 or 0.5, got {word!r}") from None
+    return tuple(found)
 
 
 @group
