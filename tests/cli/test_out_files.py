@@ -9,18 +9,7 @@ import pytest
 
 import simulated_arm
 from catenary.cli.main import Commands
-from catenary.cli.out_files import (
-    EXCITATION,
-    GRAPH,
-    HEADER,
-    LOG,
-    MODEL,
-    MOUNTING,
-    PAGE,
-    PARAMETERS,
-    URDF,
-    refuse_outputs,
-)
+from catenary.cli.out_files import EXCITATION, HEADER, LOG, MODEL, MOUNTING, PAGE, PARAMETERS, URDF, refuse_outputs
 from catenary.files import card_path
 from command_line import catenary, refusal
 
@@ -43,7 +32,6 @@ WRITING = {
     "excite --out": ("excite --refresh --out", ".txt", EXCITATION),
     "import --out": ("import {run} --units rad,rad,m --out", ".csv", LOG),
     "export --c": ("export two_link --c", ".c", HEADER),
-    "export --onnx": ("export {model} --onnx", ".npz", GRAPH),
     "sense --out": ("sense --simulated --tumble --seed 1 --out", ".npz", MOUNTING),
     "track --report": ("track two_link --q 0.4,0.9 --axes x,z --seconds 2 --report", ".csv", PAGE),
     "hold --report": ("hold two_link --q 0.4,0.9 --seconds 0.1 --report", ".csv", PAGE),
@@ -51,15 +39,7 @@ WRITING = {
 # what names a folder, or never replaces anything: by tests of their own
 OTHERS = {"demo --out", "plot --out", "recover --out"}
 QUICK = ("fit --out", "import --out", "excite --out")
-SLOW = (
-    "excitation --out",
-    "evaluate --report",
-    "refresh --out",
-    "identify --out",
-    "export --c",
-    "export --onnx",
-    "sense --out",
-)
+SLOW = ("excitation --out", "evaluate --report", "refresh --out", "identify --out", "export --c", "sense --out")
 
 
 NAMES = ("run", "model", "motion", "another", "new")
@@ -86,7 +66,7 @@ def test_every_option_that_writes_is_in_the_table() -> None:
         f"{name} {option.opts[0]}"
         for name in commands
         for option in commands[name].params
-        if option.opts[0] in ("--out", "--report", "--urdf", "--c", "--onnx")
+        if option.opts[0] in ("--out", "--report", "--urdf", "--c")
     }
     assert found == {*WRITING, *OTHERS}
 

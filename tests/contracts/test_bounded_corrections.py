@@ -1,4 +1,4 @@
-"""What bounds a correction, in all four forms of a model: rows, ticks, ONNX and C, whatever one of its numbers is."""
+"""What bounds a correction, in all three forms of a model: rows, ticks and C, whatever one of its numbers is."""
 
 from dataclasses import replace
 from itertools import cycle
@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import REACH, CalibrationModel
-from catenary.calibration.onnx import to_onnx
 from catenary.errors import InputError
 from catenary.workflows.c_header import c_header
 from compiled_c import output_of, puts
@@ -65,13 +63,6 @@ def of_rows(model: CalibrationModel, signals: Floats) -> Given:
     return model.calibrate(log) - signals[:, :N], model.correct(signals, signals[:, :N])[1]
 
 
-def of_onnx(model: CalibrationModel, signals: Floats) -> Given:
-    session = onnxruntime.InferenceSession(to_onnx(model, {}).SerializeToString(), providers=["CPUExecutionProvider"])
-    given = {"signals": signals, "q_nominal": np.ascontiguousarray(signals[:, :N])}
-    named = session.run(["correction", "inside"], {tensor.name: given[tensor.name] for tensor in session.get_inputs()})
-    return named[0], named[1]
-
-
 def of_c(model: CalibrationModel, signals: Floats, folder: Path) -> Given:
     header = c_header(None, model).text
     body = (
@@ -98,8 +89,8 @@ def test_no_number_of_a_model_makes_a_correction_beyond_what_training_showed(kin
     caught = 0
     for wrong in spoilt(model, value):
         with np.errstate(all="ignore"):
-            rows, ticks, onnx = (form(wrong, signals) for form in (of_rows, of_ticks, of_onnx))
-        for given in (rows, ticks, onnx):
+            rows, ticks = (form(wrong, signals) for form in (of_rows, of_ticks))
+        for given in (rows, ticks):
             assert_bounded(wrong, given)
             assert_array_equal(given[1], rows[1])
             assert_allclose(given[0], rows[0], rtol=1e-9, atol=1e-9)
@@ -126,7 +117,7 @@ def test_correction_beyond_a_joints_limits_by_more_than_any_that_was_shown_is_no
     tight = replace(model, limits=np.array([lower + model.largest, upper - model.largest]))
     held = (signals[:, :N] + free >= lower) & (signals[:, :N] + free <= upper)
     assert (inside & ~held).any()
-    for form in (of_rows, of_ticks, of_onnx):
+    for form in (of_rows, of_ticks):
         correction, flags = form(tight, signals)
         assert_array_equal(flags, inside & held)
         assert_allclose(correction, np.where(inside & held, free, model.offset), atol=1e-12)

@@ -84,4 +84,3 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_export_without_anything_to_write_is_refused() -> None:
     assert "a robot, or --model for its correction alone" in refusal("export", "--c", "a.h")
-    assert "expected the calibration model" in refusal("export", "--onnx", "a.onnx")

@@ -7,9 +7,8 @@ from typing import Any
 
 import typer
 
-import catenary
-from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one
-from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
+from catenary.cli.options import AS_JSON, REQUIRED, Numbers, argument, option
+from catenary.cli.out_files import HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
 from catenary.cli.robot_options import LoadedOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
@@ -76,72 +75,39 @@ def recover(
 
 def export(
     loaded: LoadedOptions,
-    what: str | None = argument("[ROBOT|MODEL]", "With --c a robot, none with --model; with --onnx a model.", None),
-    c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
-    onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
-    model: Path | None = option("MODEL", "Calibration model for the header.", goes_with="c"),
-    rate_hz: float = option("HZ", "Rate of the loop of --c.", 1000.0, goes_with="c"),
-    friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"),
-    viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.", goes_with="c"),
+    robot: str | None = argument("[ROBOT]", "Catalogue name or file; none for the correction of --model alone.", None),
+    c: Path = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", REQUIRED, writes=HEADER),
+    model: Path | None = option("MODEL", "Calibration model for the header."),
+    rate_hz: float = option("HZ", "Rate of the loop.", 1000.0),
+    friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N."),
+    viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise."),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Write a robot as C, a model as ONNX.
+    """Write a robot, a calibration model or both as one C header.
 
-    The C header holds the dynamics (feedforward, inverse dynamics on a moving base, mass matrix, gravity) and the joint
-    correction, for loops in C and C++, without libraries or allocation. Without a robot it holds the correction alone.
-    The ONNX graph computes in float64; its memory goes in and out as tensors.
+    It holds the dynamics (feedforward, inverse dynamics on a moving base, mass matrix, gravity) and the joint
+    correction, for loops in C and C++, without libraries or allocation.
 
     Example: catenary export --model arm.npz --c arm.h
     """
-    require_one(c=c, onnx=onnx)
-    if what is None and (c is None or model is None):
-        needed = "the calibration model" if c is None else "a robot, or --model for its correction alone"
-        raise InputError(f"export: expected {needed}")
-    if (c is None or what is None) and (loaded.payload or friction or viscous):
-        raise InputError("export: --payload, --friction and --viscous are for --c of a robot")
-    if c is not None:
-        loads = {"friction": friction, "viscous": viscous}
-        known = None if what is None else loaded.load(what)
-        _c(known, c, model, rate_hz, loads, as_json)
-    elif onnx is not None and what is not None:
-        _onnx(Path(what), onnx, as_json)
-
-
-def _c(
-    known: "catenary.RobotModel | None",
-    out: Path,
-    model: Path | None,
-    rate_hz: float,
-    forces: dict[str, Numbers | None],
-    as_json: bool,
-) -> None:
     from catenary.calibration.model_file import load_model
     from catenary.dynamics.actuation_loads import joint_friction
     from catenary.workflows.c_header import c_header
 
+    if robot is None and model is None:
+        raise InputError("export: expected a robot, or --model for its correction alone")
+    if robot is None and (loaded.payload or friction or viscous):
+        raise InputError("export: --payload, --friction and --viscous are for a robot")
+    known = None if robot is None else loaded.load(robot)
     calibration = None if model is None else load_model(model)[0]
     loads = None
-    if known is not None and any(forces.values()):
-        friction, viscous = (one_or_each(forces[name] or (0.0,)) for name in ("friction", "viscous"))
-        loads = joint_friction(known, friction, viscous)
+    if known is not None and (friction or viscous):
+        loads = joint_friction(known, *(one_or_each(forces or (0.0,)) for forces in (friction, viscous)))
     header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
-    write_atomically(out, header.text.encode("ascii"))
-    facts = [("written", str(out)), ("functions", ", ".join(header.functions))]
+    write_atomically(c, header.text.encode("ascii"))
+    facts = [("written", str(c)), ("functions", ", ".join(header.functions))]
     print_notes(header.notes)
-    print_result(as_json, {"file": str(out), "functions": header.functions}, facts)
-
-
-def _onnx(model: Path, out: Path, as_json: bool) -> None:
-    from catenary.workflows.calibration_model import export_onnx
-
-    summary = export_onnx(model, out)
-    facts = []
-    for name in ("file", "kind", "inputs", "outputs", "signals", "joints"):
-        value = summary[name]
-        if isinstance(value, dict):
-            value = [f"{tensor} ({', '.join(map(str, shape))})" for tensor, shape in value.items()]
-        facts.append((name, value if isinstance(value, str) else ", ".join(value)))
-    print_result(as_json, summary, facts, notes=summary["notes"])
+    print_result(as_json, {"file": str(c), "functions": header.functions}, facts)
 
 
 def import_recording(

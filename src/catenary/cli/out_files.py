@@ -17,7 +17,7 @@ from catenary.files import card_path
 # endings that say what a file is, to catenary, to other programs or to people
 _TOLD = {
     *(".npz", ".npy", ".mat", ".parquet", ".csv", ".txt", ".toml", ".json", ".yaml", ".urdf", ".xml", ".mjcf"),
-    *(".h", ".c", ".py", ".onnx", ".html", ".htm", ".pdf", ".png", ".svg", ".md"),
+    *(".h", ".c", ".py", ".html", ".htm", ".pdf", ".png", ".svg", ".md"),
     *(".bag", ".mcap", ".db3", ".zip", ".gz", ".xlsx"),
 }
 _HEAD = 4096  # [B] of a file in which it says who wrote it
@@ -143,7 +143,6 @@ EXTERNAL = FileKind("external torques", (".csv",), _holds(b"external:"))
 TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"', b'"points"'))
 MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"[mounting]"))
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
-GRAPH = FileKind("an ONNX graph", (".onnx",), _holds(b"catenary"))
 URDF = FileKind("a URDF", (".urdf", ".xml"), _holds(b"<robot"))
 PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), _is_picture)
 PAGE = FileKind("a page", (".html", ".htm"), _holds(b"<!doctype html>"))

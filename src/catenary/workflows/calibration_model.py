@@ -1,4 +1,4 @@
-"""A calibration model and files of recordings: fitted, evaluated, held against days, refreshed, written as ONNX."""
+"""A calibration model and files of recordings: fitted, evaluated, held against days, refreshed."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -19,7 +19,6 @@ from catenary.calibration.maintenance import NewDay, judge_recordings, mended_as
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_drift import BEYOND, DriftFound, find_card_drift, find_drift, since_in_words
 from catenary.calibration.model_file import load_model
-from catenary.calibration.onnx import OPSET, save_onnx
 from catenary.documents import json_table
 from catenary.errors import InputError
 from catenary.files import sha256_of, table_ending
@@ -142,23 +141,6 @@ def held_against(
     logs = recordings_for(model, paths, reading)
     max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
     return HeldAgainst(model_path, model, card, logs, max_error, tuple(accept), said)
-
-
-def export_onnx(path: Path, out: Path) -> dict[str, Any]:
-    """Write the model at `path` as an ONNX graph; return a summary, plain data."""
-    if out.exists() and out.samefile(path):
-        raise InputError(f"{out}: is the model that is read here; expected another file to write")
-    model, card = load_model(path)
-    made = save_onnx(model, card, out)
-    shapes = (
-        {one.name: [size.dim_param or size.dim_value for size in one.type.tensor_type.shape.dim] for one in tensors}
-        for tensors in (made.graph.input, made.graph.output)
-    )
-    return {
-        "model": str(path), "file": str(out), "kind": model.kind, "opset": OPSET,
-        **dict(zip(("inputs", "outputs"), shapes, strict=True)), "signals": list(model.features.signals),
-        "joints": list(model.joint_names), "notes": model.asked_of_reports,
-    }  # fmt: skip
 
 
 def recordings_for(
