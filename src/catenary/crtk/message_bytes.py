@@ -1,15 +1,11 @@
-"""ROS 1's bytes of a message and ROS 2's (CDR), made and read.
+"""ROS 1's bytes of a message and ROS 2's (CDR), made and read by rosbags, from and to the messages that Python sees.
 
-Both write the fields in order, little-endian; a text or an array of any length behind its length. CDR puts each number
-at a multiple of its size, counted from behind four bytes in front, ends texts with a zero and leaves out a header's
-`seq` (OMG, DDS-XTypes 1.3, 7.4.1; DDSI-RTPS 2.3, chapter 10). One writer for both is put together from the types'
-definitions; numbers that follow one another go through one `struct`. rosbags reads.
+Before rosbags writes them, values become what it takes, and what NumPy would convert without a word is refused.
 """
 
 import struct
 from collections.abc import Callable
-from functools import cache, lru_cache
-from itertools import groupby
+from functools import cache
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -21,15 +17,12 @@ from catenary.crtk.message import HEADER, Message, has_header, message_class, me
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, Field, current_name, fields, ros2_name, typestore
 
-NO_MESSAGE = (  # what rosbags raises of bytes, and `struct` of values, that do not fit
+NO_MESSAGE = (  # what rosbags raises of bytes, and of values, that do not fit
     SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError, LookupError, AssertionError,
 )  # fmt: skip
 ANY = 2**26  # bytes of any message: beyond, a length is taken for nonsense
-_EIGHT_BYTES = str.maketrans("lL", "qQ")  # NumPy's letters, in the standard sizes of `struct`
-_ZEROS = tuple(bytes(k) for k in range(8))
-_COUNT = struct.Struct("<I")  # of an array or a text, and a header's `seq`
-_TIME = 8  # bytes
-_Write = Callable[[list[bytes], int, Any], int]  # adds the bytes of values that begin at a place; gives where they end
+_COUNT = struct.Struct("<I")  # of a header's `seq`
+_Change = Callable[[Any], Any]
 
 
 class Encoding(NamedTuple):
@@ -37,14 +30,10 @@ class Encoding(NamedTuple):
 
     ros: int
     front: bytes
-    end: bytes  # of a text, counted with it
-    align: int  # the largest alignment
-    time: str  # how `struct` writes seconds and nanoseconds
-    duration: str
 
 
-ROS1 = Encoding(1, b"", b"", 1, "II", "ii")
-CDR = Encoding(2, b"\0\1\0\0", b"\0", 8, "iI", "iI")  # little-endian, no options
+ROS1 = Encoding(1, b"")
+CDR = Encoding(2, b"\0\1\0\0")  # little-endian, no options
 
 
 class Codec(NamedTuple):
@@ -54,24 +43,33 @@ class Codec(NamedTuple):
     decode: Callable[[bytes], Message]
 
 
+class _Time(NamedTuple):
+    sec: int
+    nanosec: int
+
+
+class _Empty(NamedTuple):
+    """ROS 2's member of a type that has none."""
+
+    structure_needs_at_least_one_member: int = 0
+
+
 @cache
 def codec(name: str, encoding: Encoding = ROS1) -> Codec:
     """Return the codec of a message type, or of a service's Request or Response; InputError names a field."""
     if current_name(name) != name:
         return codec(current_name(name), encoding)
-    kind, write, finish = message_class(name), _message_writer(name, encoding), _completion(name, encoding)
+    kind, write, finish = message_class(name), _writer(name, encoding), _completion(name, encoding)
     store, rosbags_name, numbered = typestore(encoding.ros), ros2_name(name), encoding is ROS1 and has_header(name)
     read = store.deserialize_ros1 if encoding is ROS1 else store.deserialize_cdr
 
     def encode(message: Message, seq: int = 0) -> bytes:
         if type(message) is not kind:
             message_fields(name, message)  # says what it is instead
-        parts = [encoding.front]
         try:
-            write(parts, 0, message)
+            data = write(message)
         except NO_MESSAGE as error:
             raise InputError(f"{name}: {_misfit(name, message, encoding) or error}") from error
-        data = b"".join(parts)
         return _COUNT.pack(seq % 2**32) + data[_COUNT.size :] if numbered else data
 
     def decode(data: bytes) -> Message:
@@ -83,11 +81,20 @@ def codec(name: str, encoding: Encoding = ROS1) -> Codec:
     return Codec(encode, decode)
 
 
+@cache
+def _writer(name: str, encoding: Encoding) -> Callable[[Message], bytes]:
+    """Return what writes a message of a type; it raises NO_MESSAGE of values that do not fit."""
+    store, rosbags_name, prepare = typestore(encoding.ros), ros2_name(name), _preparation(name, encoding)
+    if encoding is ROS1:
+        return lambda message: bytes(store.serialize_ros1(prepare(message), rosbags_name))
+    return lambda message: bytes(store.serialize_cdr(prepare(message), rosbags_name, little_endian=True))
+
+
 def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
     """Say which field of a message cannot be written, and why."""
     for field, value in message_fields(name, message):
         try:
-            _fields_writer((field,), encoding)([], 0, (value,))
+            _writer(name, encoding)(message_class(name)(**{field.name: value}))
         except NO_MESSAGE as error:
             if field.length is None and field.type in MESSAGES and type(value) is message_class(field.type):
                 return f"{field.name}: {_misfit(field.type, value, encoding)}"
@@ -97,177 +104,77 @@ def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
 
 
 @cache
-def _message_writer(name: str, encoding: Encoding) -> _Write:
-    """Return what writes a message of a type."""
-    kind, listed = message_class(name), fields(name)
-    drops_seq = encoding is CDR and name == HEADER
-    write_fields = _fields_writer(listed[1:] if drops_seq else listed, encoding)
+def _preparation(name: str, encoding: Encoding) -> _Change:
+    """Return what makes the values of a message those that rosbags writes by their names."""
+    kind = message_class(name)
+    changes = [(k, change) for k, field in enumerate(fields(name)) if (change := _prepared(field, encoding))]
+    is_empty = encoding is CDR and not fields(name)
 
-    def write(parts: list[bytes], at: int, message: Message) -> int:
+    def prepare(message: Message) -> Any:
         if type(message) is not kind:
             raise TypeError(f"{type(message).__name__} in place of {name}")
-        return write_fields(parts, at, message[1:] if drops_seq else message)
+        if is_empty:
+            return _Empty()
+        values = list(message)
+        for k, change in changes:
+            values[k] = change(values[k])
+        return kind._make(values)
 
-    return write
-
-
-@cache
-def _fields_writer(listed: tuple[Field, ...], encoding: Encoding) -> _Write:
-    """Return what writes a tuple of fields' values, one after the other, numbers that follow one another at once."""
-    if not listed:
-        return _placeholder if encoding is CDR else lambda parts, at, values: at
-    steps: list[_Write] = []
-    first = 0
-    for are_numbers, grouped in groupby(listed, _is_number):
-        run = tuple(grouped)
-        if are_numbers:
-            steps.append(_numbers_writer(run, first, len(listed), encoding))
-        else:
-            steps += [_at_place(first + k, _value_writer(field, encoding)) for k, field in enumerate(run)]
-        first += len(run)
-    if len(steps) == 1:
-        return steps[0]
-
-    def write(parts: list[bytes], at: int, values: Any) -> int:
-        for step in steps:
-            at = step(parts, at, values)
-        return at
-
-    return write
+    return prepare
 
 
-def _placeholder(parts: list[bytes], at: int, values: Any) -> int:
-    """Write ROS 2's member of a type that has none."""
-    parts.append(b"\0")
-    return at + 1
-
-
-def _at_place(place: int, write: _Write) -> _Write:
-    return lambda parts, at, values: write(parts, at, values[place])
-
-
-def _is_number(field: Field) -> bool:
-    return field.length is None and (field.type in NUMBERS or field.type in TIMES)
-
-
-def _numbers_writer(run: tuple[Field, ...], first: int, whole: int, encoding: Encoding) -> _Write:
-    """Return what writes numbers and times that follow one another, from `first` on in a tuple of `whole` values."""
-    packed = [struct.Struct(_layout(run, encoding, at)) for at in range(encoding.align)]
-    times = [k for k, field in enumerate(run) if field.type in TIMES]
-    is_all, last, align = len(run) == whole, first + len(run), encoding.align
-
-    def write(parts: list[bytes], at: int, values: Any) -> int:
-        numbers = values if is_all else values[first:last]
-        if times:
-            numbers = list(numbers)
-            for k in reversed(times):
-                numbers[k : k + 1] = divmod(numbers[k], SECOND)
-        one = packed[at % align]
-        parts.append(one.pack(*numbers))
-        return at + one.size
-
-    return write
-
-
-def _layout(run: tuple[Field, ...], encoding: Encoding, at: int) -> str:
-    """Return the letters of `struct` for numbers and times that begin at a place, with the gaps before them."""
-    letters, place = "<", at
-    for field in run:
-        kind = None if field.type in TIMES else np.dtype(NUMBERS[field.type])
-        size = 4 if kind is None else kind.itemsize
-        gap = -place % min(size, encoding.align)
-        letters += "x" * gap + (getattr(encoding, field.type) if kind is None else kind.char.translate(_EIGHT_BYTES))
-        place += gap + (_TIME if kind is None else size)
-    return letters
-
-
-def _value_writer(field: Field, encoding: Encoding) -> _Write:
-    """Return what writes the value of a field that is neither a number nor a time."""
-    if field.length is not None:
-        return _array_writer(field, encoding) if field.type in NUMBERS else _sequence_writer(field, encoding)
-    if field.type != "string":
-        return _message_writer(field.type, encoding)
-    return lambda parts, at, text: _write_text(parts, at, text, encoding)
-
-
-def _write_text(parts: list[bytes], at: int, text: str, encoding: Encoding) -> int:
-    data = text.encode() + encoding.end
-    at = _write_count(parts, at, len(data), encoding)
-    parts.append(data)
-    return at + len(data)
-
-
-def _write_count(parts: list[bytes], at: int, count: int, encoding: Encoding) -> int:
-    parts.append(_ZEROS[-at % min(_COUNT.size, encoding.align)] + _COUNT.pack(count))
-    return at + len(parts[-1])
-
-
-@lru_cache(maxsize=256)
-def _texts(texts: tuple[str, ...], at: int, encoding: Encoding) -> bytes:
-    """Return a sequence of texts that begins `at` bytes behind a multiple of four: names of joints are the same."""
-    parts: list[bytes] = []
-    at = _write_count(parts, at, len(texts), encoding)
-    for text in texts:
-        at = _write_text(parts, at, text, encoding)
-    return b"".join(parts)
-
-
-def _array_writer(field: Field, encoding: Encoding) -> _Write:
-    """Return what writes an array of numbers."""
-    kind, length = np.dtype(NUMBERS[field.type]), field.length
-    is_whole, size = kind.kind in "iu", min(kind.itemsize, encoding.align)
-
-    def write(parts: list[bytes], at: int, value: Any) -> int:
-        array = value if type(value) is np.ndarray else np.asarray(value)
-        if array.ndim != 1:
-            raise ValueError(f"{array.ndim} dimensions")
-        count = len(array)
-        if length and count != length:
-            raise ValueError(f"{count} in place of {length}")
-        if array.dtype is not kind and array.dtype != kind and count:
-            if array.dtype.kind not in ("iub" if is_whole else "iuf"):
-                raise TypeError(f"NumPy type {array.dtype}")  # NumPy would convert it without a word
-            if is_whole and not np.array_equal(array.astype(kind), array):
-                raise OverflowError(f"out of the range of {kind}")
-            array = array.astype(kind)
-        if not length:
-            at = _write_count(parts, at, count, encoding)
-        if not count:
-            return at
-        gap = -at % size
-        if gap:
-            parts.append(_ZEROS[gap])
-        parts.append(array.tobytes())
-        return at + gap + len(parts[-1])
-
-    return write
-
-
-def _sequence_writer(field: Field, encoding: Encoding) -> _Write:
-    """Return what writes an array of texts, times or messages."""
+def _prepared(field: Field, encoding: Encoding) -> _Change | None:
+    """Return what makes a field's value rosbags'; None where it is as it is."""
     length = field.length
-    single = _fields_writer((field._replace(length=None),), encoding)
+    if field.type in NUMBERS:
+        return None if length is None else lambda value: _array(value, np.dtype(NUMBERS[field.type]), length)
+    if length is None:
+        if field.type in TIMES:
+            return _unsigned if encoding is ROS1 and field.type == "time" else _seconds
+        return None if field.type == "string" else _preparation(field.type, encoding)
+    single = _prepared(field._replace(length=None), encoding)
 
-    def write(parts: list[bytes], at: int, values: Any) -> int:
+    def prepare(values: Any) -> tuple[Any, ...]:
         if isinstance(values, str | bytes):
             raise TypeError("a single text")
         values = tuple(values)
         if length and len(values) != length:
             raise ValueError(f"{len(values)} in place of {length}")
-        if field.type == "string" and not length:
-            parts.append(_texts(values, at % 4, encoding))
-            return at + len(parts[-1])
-        if not length:
-            at = _write_count(parts, at, len(values), encoding)
-        for value in values:
-            at = single(parts, at, (value,))
-        return at
+        return values if single is None else tuple(map(single, values))
 
-    return write
+    return prepare
+
+
+def _seconds(time: int) -> _Time:
+    return _Time(*divmod(time, SECOND))
+
+
+def _unsigned(time: int) -> _Time:
+    """Return a time of ROS 1, whose seconds are unsigned (to 2106) where rosbags' are signed: the same bytes."""
+    sec, nanosec = _seconds(time)
+    if not 0 <= sec < 2**32:
+        raise OverflowError("not from 1970 to 2106")
+    return _Time((sec + 2**31) % 2**32 - 2**31, nanosec)
+
+
+def _array(value: Any, kind: "np.dtype[Any]", length: int) -> Any:
+    """Return numbers (length,), or (N,) where it is 0, of a type that holds them."""
+    array = np.asarray(value)
+    if array.ndim != 1:
+        raise ValueError(f"{array.ndim} dimensions")
+    if length and len(array) != length:
+        raise ValueError(f"{len(array)} in place of {length}")
+    if array.dtype != kind and len(array):
+        is_whole = kind.kind in "iu"
+        if array.dtype.kind not in ("iub" if is_whole else "iuf"):
+            raise TypeError(f"NumPy type {array.dtype}")  # NumPy would convert it without a word
+        if is_whole and not np.array_equal(array.astype(kind), array):
+            raise OverflowError(f"out of the range of {kind}")
+    return np.ascontiguousarray(array, kind)
 
 
 @cache
-def _completion(name: str, encoding: Encoding) -> Callable[[Any], Any]:
+def _completion(name: str, encoding: Encoding) -> _Change:
     """Return what makes a message out of rosbags' object of a type, of ROS 1 or 2, whose headers have no `seq`."""
     lacking = (0,) if encoding is CDR and name == HEADER else ()
     kind, parts = message_class(name), fields(name)[len(lacking) :]
@@ -285,7 +192,7 @@ def _completion(name: str, encoding: Encoding) -> Callable[[Any], Any]:
     return complete
 
 
-def _completed(field: Field, encoding: Encoding) -> Callable[[Any], Any] | None:
+def _completed(field: Field, encoding: Encoding) -> _Change | None:
     """Return what makes a field's value out of rosbags'; None where it is as it is."""
     if field.type in NUMBERS:
         return None if field.length is None else np.array  # aligned, and the receiver's own
