@@ -20,6 +20,7 @@ import numpy as np
 
 from catenary import CablePlant, FixedBase, random_sinusoids, run_loop
 from catenary.arrays import Floats
+from catenary.control.controllers import make_controller
 from catenary.control.loop import Tick
 from catenary.control.loop_report import GravityReport, LoopReport
 from catenary.errors import SensorError
@@ -30,7 +31,7 @@ from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSen
 from catenary.trajectories.reference import Rest
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.trials import RAVEN_START, make_controller, with_approach
+from catenary.workflows.gravity.trials import RAVEN_START, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base

@@ -26,12 +26,13 @@ from numpy.typing import ArrayLike
 
 from catenary import CablePlant, gravity_torque, run_loop
 from catenary.arrays import Floats
+from catenary.control.controllers import make_controller, make_hold
 from catenary.control.loop import GravitySource, Tick
 from catenary.control.pd import SplitController
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.trials import make_controller, make_hold, with_approach
+from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import COLORS, LABELS, legend_above, panels
 from papers.gravity.published import FIGURE_7_DEG, LARGEST_BASE_DEG

@@ -22,6 +22,7 @@ import numpy as np
 
 from catenary import CablePlant, go_to, run_loop
 from catenary.arrays import Floats
+from catenary.control.controllers import make_controller
 from catenary.control.loop import GravitySource, Tick
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import Mailbox
@@ -30,7 +31,7 @@ from catenary.simulation.sensors import SimulatedSensor
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.trials import RAVEN_START, make_controller, with_approach
+from catenary.workflows.gravity.trials import RAVEN_START, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, run
 from papers.figures import COLORS, LABELS, panels
 from papers.gravity.raven_base import Z0, TrueAttitude, raven_of_2014, turned_base

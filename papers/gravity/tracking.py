@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from catenary import CablePlant
 from catenary.arrays import Floats, as_array
+from catenary.control.controllers import make_controller
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityLearner
 from catenary.control.loop import GravitySource, Tick
 from catenary.control.pd import Damping, SplitController
@@ -32,7 +33,7 @@ from catenary.spatial import LEVEL, STANDARD_GRAVITY
 from catenary.trajectories.cartesian import CYCLES, CartesianSinusoids
 from catenary.trajectories.reference import SampledTrajectory, Trajectory
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.trials import RAVEN_START, make_controller, track
+from catenary.workflows.gravity.trials import RAVEN_START, track
 from papers.experiment import Result, run
 from papers.gravity.raven_base import ASIDE, SHOWN, TrueAttitude, ideal_sensor, raven_of_2014, rocking_base, turned_base
 

@@ -1,27 +1,29 @@
 """What every controller must do."""
 
+from collections.abc import Callable
 from copy import deepcopy
-from functools import cache
-from typing import Any
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from catenary.arrays import Floats
+from catenary.control.controllers import CONTROLLERS, HOLDS
 from catenary.control.elastic_pd import ElasticPD
-from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold, GravityPD
-from catenary.control.inertia_pd import InertiaPD
+from catenary.control.gains import JointGains
+from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold
 from catenary.control.pd import JointPD, SplitController
 from catenary.errors import InputError
 from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
 from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
 
 N = 3
 KP, KD = np.array([90.0, 50.0, 400.0]), np.array([2.0, 1.0, 8.0])
 ARM = load_robot("raven2")
-LEVEL = (0.0, 0.0, -9.81)
 SPRINGS = np.array([260.0, 500.0, 7e4])
 
 
@@ -30,31 +32,35 @@ def with_estimated_gravity(recursive: bool) -> SplitController:
     return EstimatedGravityPD(KP, KD, learner)
 
 
-CONTROLLERS = {
-    "pd": lambda: JointPD(KP, KD),
+class Arm(NamedTuple):
+    """An arm that has all that a controller may need."""
+
+    model: RobotModel = ARM
+    gains: JointGains = JointGains(KP, KD)
+    motor_inertia: Floats | None = np.eye(3)
+    stiffness: Floats | None = SPRINGS
+
+
+MADE: dict[str, Callable[[], SplitController]] = {
+    **{name: partial(kind.make, Arm()) for name, kind in CONTROLLERS.items()},
+    **{f"{name} alone": partial(kind.make, Arm()) for name, kind in HOLDS.items()},
     "pd, absolute damping": lambda: JointPD(KP, KD, damping="absolute"),
-    "pd and static gravity": lambda: GravityPD(ARM, KP, KD, gravity=LEVEL),
-    "pd and dynamic gravity": lambda: GravityPD(ARM, KP, KD),
     "pd with estimated gravity": lambda: with_estimated_gravity(False),
     "pd with gravity from recursive least squares": lambda: with_estimated_gravity(True),
-    "passive hold": lambda: GravityHold(ARM),
-    "passive hold, static": lambda: GravityHold(ARM, gravity=LEVEL),
-    "inertia": lambda: InertiaPD(ARM, 900.0, 42.0),
-    "inertia with Coriolis": lambda: InertiaPD(ARM, 900.0, 42.0, motor_inertia=np.eye(3), coriolis=True),
-    "elastic, constant": lambda: ElasticPD(ARM, KP, KD, SPRINGS, compensation="constant"),
-    "elastic, online": lambda: ElasticPD(ARM, KP, KD, SPRINGS, compensation="online"),
-    "elastic, biased": lambda: ElasticPD(ARM, KP, KD, SPRINGS),
 }
-BY_THE_MODEL = [name for name in CONTROLLERS if name.startswith(("passive", "inertia", "elastic", "pd and"))]
+SENSING = [
+    *(name for name, kind in CONTROLLERS.items() if kind.gravity == "sensed"),
+    *(f"{name} alone" for name, kind in HOLDS.items() if kind.gravity == "sensed"),
+]
 TURNING = np.array([[0.1, -0.2, 0.3], [1.0, 2.0, -0.5]])  # of the base [rad/s, rad/s2]
 
 
 @cache
 def made(name: str) -> SplitController:
-    return CONTROLLERS[name]()
+    return MADE[name]()
 
 
-@pytest.fixture(params=CONTROLLERS)
+@pytest.fixture(params=MADE)
 def controller(request: pytest.FixtureRequest) -> SplitController:
     return deepcopy(made(request.param))
 
@@ -128,7 +134,7 @@ def test_arrays_of_any_layout_and_read_only_ones_are_taken(controller: SplitCont
     )
 
 
-@pytest.mark.parametrize("controller", [name for name in BY_THE_MODEL if "static" not in name], indirect=True)
+@pytest.mark.parametrize("controller", SENSING, indirect=True)
 def test_a_base_whose_turning_is_not_known_gives_no_torque(controller: SplitController) -> None:
     measured, wanted = tick()
     measured.base_rates[0, 1] = np.nan

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.control.controllers import CONTROLLERS
 from catenary.view.shown import Change
-from catenary.view.simulated import CONTROLLERS, GO_TO, OWN, DrivenArm
+from catenary.view.simulated import GO_TO, OWN, DrivenArm
 from catenary.view.state import ViewState
 
 
@@ -60,11 +61,10 @@ def test_arm_moves_by_itself_and_goes_where_the_sliders_are(raven: DrivenArm) ->
 
 @pytest.mark.slow
 def test_tilted_base_is_compensated_by_sensed_gravity_and_not_by_that_of_a_level_base(raven: DrivenArm) -> None:
-    by_name = {key: label for label, key in CONTROLLERS.items()}
     rest, tilt = (0.1, "motion", "rest"), (0.1, "roll_deg", 60.0)
     shares = {}
     for key in ("sg", "dg"):
-        states = drive(raven, (0.1, "controller", by_name[key]), rest, tilt, (3.0, "", None))
+        states = drive(raven, (0.1, "controller", CONTROLLERS[key].words), rest, tilt, (3.0, "", None))
         last = states[-1]
         assert_allclose(last.actual[1], -9.81 * np.sin(np.pi / 3.0), rtol=1e-6)
         shares[key] = np.abs(last.feedback[0])

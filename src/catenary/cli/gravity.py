@@ -20,6 +20,7 @@ from catenary.cli.robot_options import (
     one_or_each,
 )
 from catenary.cli.terminal import print_notes, print_result
+from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
 from catenary.errors import InputError
 from catenary.reports.page import Column, Table
 from catenary.units import TORQUE_UNIT
@@ -201,9 +202,7 @@ def track(
     description: DescriptionOptions,
     joints: JointOptions,
     robot: str = SIMULATED,
-    controller: str = option(
-        "NAME", "pd, sg, dg, inertia, computed-torque, elastic-constant, elastic-online or elastic-biased.", "dg"
-    ),
+    controller: str = option("NAME", f"{'; '.join(map(str, CONTROLLERS.values()))}.", "dg"),
     motion: str = option("cartesian|random|poses", "Sinusoids of the tip, random, or rests of joint 1.", "cartesian"),
     amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0),
     axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z")),
@@ -222,11 +221,12 @@ def track(
     """
     import numpy as np
 
-    from catenary.workflows.gravity.trials import make_controller, make_motion
+    from catenary.workflows.gravity.trials import make_motion
     from catenary.workflows.gravity.trials import track as run
 
-    if controller in ("inertia", "computed-torque") and (conditions.kp or conditions.kd):
-        raise InputError(f"--kp and --kd: {controller} has gains of accelerations; they go with pd, sg, dg, elastic-*")
+    own = [kind.name for kind in CONTROLLERS.values() if kind.accelerations]
+    if controller in own and (conditions.kp or conditions.kd):
+        raise InputError(f"--kp and --kd: {controller} has gains of accelerations; expected none but {', '.join(own)}")
     arm = conditions.arm(robot, description)
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
@@ -249,7 +249,7 @@ def hold(
     description: DescriptionOptions,
     joints: JointOptions,
     robot: str = SIMULATED,
-    controller: str = option("sg|dg", "Gravity of a level base, or sensed gravity.", "dg"),
+    controller: str = option("|".join(HOLDS), "Gravity of a level base, or sensed gravity.", "dg"),
     seconds: float = option("S", "How long to watch.", 10.0),
     calibrated: bool = option(None, "Use true joint positions instead of those that the robot reports.", False),
     report: Path | None = REPORT,
@@ -261,7 +261,7 @@ def hold(
 
     Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
-    from catenary.workflows.gravity.trials import HOLD_START, make_hold, start_pose
+    from catenary.workflows.gravity.trials import HOLD_START, start_pose
     from catenary.workflows.gravity.trials import hold as run
 
     arm = conditions.arm(robot, description)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from catenary.arrays import Floats, as_array, as_positive
+from catenary.control.controllers import DrivenJoints
 from catenary.control.gravity_pd import GravityPD
 from catenary.control.pd import Damping, gravity_and_rates, nominal_gravity
 from catenary.errors import InputError
@@ -89,6 +90,12 @@ class ElasticPD(GravityPD):
             q = state.q - wind_up if self.compensation == "biased" else state.q
             self.feedforward[:] = self._holding_torque(q, gravity, omega, alpha)
         return feedback + self.feedforward
+
+
+def elastic_pd(arm: DrivenJoints, damping: Damping, compensation: Compensation) -> ElasticPD:
+    """Return the controller of an arm with springs, with its own gains."""
+    stiffness = np.array([]) if arm.stiffness is None else arm.stiffness
+    return ElasticPD(arm.model, *arm.gains, stiffness, compensation=compensation, damping=damping)
 
 
 class StiffnessMargin(NamedTuple):

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
+from catenary.control.controllers import DrivenJoints
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
 from catenary.errors import InputError
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
+from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Reference
 
 
@@ -97,3 +99,13 @@ class EstimatedGravityPD:
         feedback = self.pd.torque(state, reference)
         self.feedforward[:] = self.estimator.follow(state, reference.q)
         return feedback + self.feedforward
+
+
+def gravity_pd(arm: DrivenJoints, damping: Damping, *, level: bool) -> GravityPD:
+    """Return PD+SG of an arm, by the gravity of a level base, or PD+DG, by sensed gravity."""
+    return GravityPD(arm.model, *arm.gains, gravity=LEVEL if level else None, damping=damping)
+
+
+def gravity_hold(arm: DrivenJoints, damping: Damping, *, level: bool) -> GravityHold:
+    """Return gravity compensation alone, likewise; it has no damping."""
+    return GravityHold(arm.model, gravity=LEVEL if level else None)

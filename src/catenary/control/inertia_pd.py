@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, one_for_all
-from catenary.control.pd import JointPD, gravity_and_rates, nominal_gravity
+from catenary.control.controllers import DrivenJoints
+from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ
+from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.errors import InputError
 from catenary.plant import JointState
@@ -68,3 +70,9 @@ class InertiaPD:
         self.feedback[:] = inertia @ correction
         self.feedforward[:] = inertia @ reference.qdd + bias
         return self.feedback + self.feedforward
+
+
+def inertia_pd(arm: DrivenJoints, damping: Damping, *, coriolis: bool) -> InertiaPD:
+    """Return the controller of an arm, all of whose errors decay at FREQUENCY_HZ and DAMPING_RATIO."""
+    w = 2.0 * np.pi * FREQUENCY_HZ
+    return InertiaPD(arm.model, w * w, 2.0 * DAMPING_RATIO * w, motor_inertia=arm.motor_inertia, coriolis=coriolis)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_not_negative
+from catenary.control.controllers import DrivenJoints
 from catenary.errors import InputError
 from catenary.plant import AT_REST, JointState
 from catenary.trajectories.reference import Reference
@@ -82,3 +83,8 @@ class JointPD:
         velocity_error = reference.qd - state.qd if self.damping == "relative" else -state.qd
         self.feedback[:] = self.kp * (reference.q - state.q) + self.kd * velocity_error
         return self.feedback.copy()
+
+
+def joint_pd(arm: DrivenJoints, damping: Damping) -> JointPD:
+    """Return the PD law of an arm, with its own gains."""
+    return JointPD(*arm.gains, damping=damping)

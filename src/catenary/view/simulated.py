@@ -11,9 +11,9 @@ from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model
+from catenary.control.controllers import CONTROLLERS, make_hold
 from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import LoopReport
-from catenary.control.pd import SplitController
 from catenary.errors import CatenaryError
 from catenary.gravity.payload import Payload
 from catenary.gravity.torque import gravity_torque
@@ -36,7 +36,6 @@ from catenary.view.shown import Change, Control, ControlTab, Shown, Value, finit
 from catenary.view.state import ViewState
 from catenary.view.watched import operating_in_words, view_state
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
-from catenary.workflows.gravity.trials import make_controller, make_hold
 
 # of the sensor, by what the page calls them
 FAULTS = {
@@ -55,13 +54,7 @@ GOTO = "goto:"  # begins the name of a joint's slider
 MOTIONS = REST, GO_TO, RANDOM, ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
 ENABLE, PAUSE, HOME = LEVELS = ("enable", "pause", "home")
 OWN = "the robot's own position control"
-CONTROLLERS = {
-    "PD alone": "pd",
-    "PD + gravity of a level base (SG)": "sg",
-    "PD + sensed gravity (DG)": "dg",
-    "gravity compensation alone": "hold",
-    OWN: "own",
-}
+HOLD = "gravity compensation alone"
 
 
 class PlantBase(NamedTuple):
@@ -134,7 +127,7 @@ class Surroundings:
 
 
 def driving_tabs(
-    limits: Bounded, q: Floats, *, motion: str, controller: str, has_cables: bool, has_model: bool
+    limits: Bounded, q: Floats, *, motion: str, controllers: tuple[str, ...], has_cables: bool, has_model: bool
 ) -> tuple[ControlTab, ...]:
     """Return the tabs of an arm at q (n,) [rad|m]: motion and controller, picked as given, surroundings, model."""
     drive = ControlTab(
@@ -142,7 +135,7 @@ def driving_tabs(
         (
             Control("buttons", "level", "run level", None, LEVELS, "Home: against the stops, as a real RAVEN-II does."),
             Control("choice", "motion", "motion", motion, MOTIONS if has_cables else MOTIONS[:3]),
-            Control("choice", "controller", "controller", controller, tuple(CONTROLLERS)),
+            Control("choice", "controller", "controller", controllers[0], controllers),
             *joint_sliders(limits, q),
         ),
     )
@@ -212,10 +205,12 @@ class DrivenArm:
         self._rng = rng
         self._n = self.arm.model.n
         self._corrector = None if loaded is None else self._switched(loaded)
-        self._controllers: dict[str, SplitController] = {k: make_controller(k, self.arm) for k in ("pd", "sg", "dg")}
-        self._controllers["hold"] = make_hold("dg", self.arm)
-        self._controller = self._controllers["dg"]
-        self.control = OWN if model is not None else "PD + sensed gravity (DG)"
+        self._kinds = {kind.words: kind for kind in CONTROLLERS.values() if kind.fits(self.arm)}
+        self._controllers = {words: kind.make(self.arm) for words, kind in self._kinds.items()}
+        self._controllers[HOLD] = make_hold("dg", self.arm)
+        usual = CONTROLLERS["dg"].words
+        self._controller = self._controllers[usual]
+        self.control = OWN if model is not None else usual
         self._goal = np.array(self._plant.measured_js().q)
         self.motion = RANDOM
         self._recipe: steering.Motion | None = None
@@ -230,8 +225,9 @@ class DrivenArm:
         legend = {"reported": "reported", "true": "true"}
         if self._corrector is not None:
             legend["calibrated"] = "calibrated"
+        others = [one for one in (*self._controllers, OWN) if one != self.control]
         tabs = driving_tabs(
-            self._plant, self._goal, motion=self.motion, controller=self.control,
+            self._plant, self._goal, motion=self.motion, controllers=(self.control, *others),
             has_cables=self.surroundings.has_cables, has_model=self._corrector is not None,
         )  # fmt: skip
         shapes, why = shapes_of(self._robot, self.arm.model)
@@ -280,7 +276,7 @@ class DrivenArm:
             self._listen(in_loop=True)
         if tick.number % SHOW_EVERY == 0:
             setpoint = tick.reference.q
-            if self.control == "gravity compensation alone":
+            if self.control == HOLD:
                 setpoint = np.full(self._n, np.nan)
                 self._trajectory.rest_at(tick.state.q)
             feedback = None if self.control == OWN else self._controller.feedback.copy()
@@ -325,10 +321,11 @@ class DrivenArm:
         if now - self._said[0] < SAID:
             notes.insert(0, self._said[1])
         doing = f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else ""
-        assumed = {"PD + gravity of a level base (SG)": LEVEL, "PD + sensed gravity (DG)": gravity}
+        kind = self._kinds.get(self.control)
+        assumed = {"level": LEVEL, "sensed": gravity}.get(kind.gravity or "") if kind else None
         return view_state(
             snapshot, self._n, 1.0 / plant.period, feedback=state.tau if feedback is None else feedback, notes=notes,
-            assumed=assumed.get(self.control), actual=world.actual(), mode=operating_in_words(operating) + doing,
+            assumed=assumed, actual=world.actual(), mode=operating_in_words(operating) + doing,
             values=self._values,
         )  # fmt: skip
 
@@ -351,7 +348,7 @@ class DrivenArm:
             self._go_to(name.removeprefix(GOTO), float(value))
         elif name == "motion" and str(value) in MOTIONS:
             self._choose_motion(str(value))
-        elif name == "controller" and str(value) in CONTROLLERS:
+        elif name == "controller" and str(value) in (OWN, *self._controllers):
             self._choose_controller(str(value), in_loop=in_loop)
         elif name == "model" and self._corrector is not None:
             self._corrector.is_on = bool(value)
@@ -382,7 +379,7 @@ class DrivenArm:
     def _choose_controller(self, control: str, *, in_loop: bool) -> None:
         before, self.control = self.control, control
         if control != OWN:
-            self._controller = self._controllers[CONTROLLERS[control]]
+            self._controller = self._controllers[control]
         self._values["controller"] = control
         if in_loop and OWN in (before, control) and before != control:
             raise LeaveLoop(ENABLE)

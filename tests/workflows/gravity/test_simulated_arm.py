@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from catenary.control.controllers import make_controller
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import Frame
@@ -13,7 +14,7 @@ from catenary.simulation.base_motion import SwayingBase, Wave
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.simulated_arm import base_sensor, rigid_arm, simulated_arm, with_gains
-from catenary.workflows.gravity.trials import make_controller, track
+from catenary.workflows.gravity.trials import track
 
 UR5E = "examples/ur5e.urdf"
 DECK = SwayingBase(

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
+from catenary.control.controllers import make_controller, make_hold
 from catenary.control.loop_report import Holding
 from catenary.control.pd import Controller
 from catenary.errors import InputError, LimitError
@@ -17,15 +18,7 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.reference import Reference, Rest
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, raven_arm, simulated_arm
-from catenary.workflows.gravity.trials import (
-    HOLD_START,
-    hold,
-    make_controller,
-    make_hold,
-    make_motion,
-    poses_along,
-    track,
-)
+from catenary.workflows.gravity.trials import HOLD_START, hold, make_motion, poses_along, track
 
 AT = np.array([0.2, np.pi / 2, 0.40])
 

@@ -1,4 +1,4 @@
-"""What gravity compensation is tried by on a simulated arm: controllers and motions by name, followed or held.
+"""What gravity compensation is tried by on a simulated arm: motions by name, followed or held.
 
 [Holding: Lewis, Hannaford 2014, section V: with the sensed vector "the robot passively held any new position manually
 imposed", upside down too; with the static one it drifts once "tipped more than a few degrees"]
@@ -13,17 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.control.elastic_pd import Compensation, ElasticPD
-from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ
-from catenary.control.gravity_pd import GravityHold, GravityPD
-from catenary.control.inertia_pd import InertiaPD
+from catenary.control.gravity_pd import GravityPD
 from catenary.control.loop import Flags, GravitySource, Observer, Tick, run_loop
 from catenary.control.loop_report import Holding, Tracking
-from catenary.control.pd import Controller, Damping, JointPD, SplitController
+from catenary.control.pd import Controller, SplitController
 from catenary.errors import InputError
 from catenary.plant import Bounded, JointState
 from catenary.robots.model import RobotModel
-from catenary.spatial import LEVEL
 from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
@@ -101,50 +97,6 @@ def start_pose(model: RobotModel, limits: Bounded, raven: tuple[float, ...] = RA
         return np.array(raven)
     lower, upper = range_of(limits, "; give --q")
     return 0.5 * (lower + upper)
-
-
-CONTROLLERS: dict[str, str] = {
-    "pd": "PD alone",
-    "sg": "PD and gravity of a level base (PD+SG)",
-    "dg": "PD and sensed gravity (PD+DG)",
-    "inertia": "PD through the mass matrix, and sensed gravity",
-    "computed-torque": "the same with the velocity terms",
-    "elastic-constant": "PD on motors, gravity at the reference",
-    "elastic-online": "PD on motors, gravity at the motors",
-    "elastic-biased": "PD on motors, gravity at the motors less the springs' wind-up",
-}
-HOLDS = ("sg", "dg")  # those that gravity compensation is also tried of alone
-
-
-def make_controller(name: str, arm: SimulatedArm, *, damping: Damping = "relative") -> SplitController:
-    """Return one of CONTROLLERS for an arm, with the arm's own gains.
-
-    Damping "absolute" leaves the reference's velocity out, as RAVEN-II's firmware does.
-    """
-    if name not in CONTROLLERS:
-        raise InputError(f'controller "{name}": expected one of {", ".join(CONTROLLERS)}')
-    kp, kd = arm.gains
-    if name == "pd":
-        return JointPD(kp, kd, damping=damping)
-    if name in HOLDS:
-        return GravityPD(arm.model, kp, kd, gravity=LEVEL if name == "sg" else None, damping=damping)
-    if name in ("inertia", "computed-torque"):
-        if damping != "relative":
-            raise InputError(f'controller "{name}": follows velocities, expected damping relative')
-        w = 2.0 * np.pi * FREQUENCY_HZ
-        gains, coriolis = (w * w, 2.0 * DAMPING_RATIO * w), name == "computed-torque"
-        return InertiaPD(arm.model, *gains, motor_inertia=arm.motor_inertia, coriolis=coriolis)
-    if arm.stiffness is None:
-        raise InputError(f'controller "{name}": robot "{arm.model.name}" has no springs at its joints')
-    compensation: Compensation = name.removeprefix("elastic-")  # type: ignore[assignment]
-    return ElasticPD(arm.model, kp, kd, arm.stiffness, compensation=compensation, damping=damping)
-
-
-def make_hold(name: str, arm: SimulatedArm) -> GravityHold:
-    """Return gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg)."""
-    if name not in HOLDS:
-        raise InputError(f'controller "{name}": expected one of {", ".join(HOLDS)}')
-    return GravityHold(arm.model, gravity=LEVEL if name == "sg" else None)
 
 
 SETTLE = 1.0  # [s] at the start of a motion, before it begins

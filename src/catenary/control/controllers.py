@@ -1,0 +1,121 @@
+"""The controllers by name, one record each: what help, view and tests say of it, and which file makes it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+from catenary.errors import InputError
+
+if TYPE_CHECKING:  # help reads these records, and starts without NumPy
+    from catenary.arrays import Floats
+    from catenary.control.gains import JointGains
+    from catenary.control.pd import Damping, SplitController
+    from catenary.robots.model import RobotModel
+
+
+class DrivenJoints(Protocol):
+    """What a controller is made for: an arm's model, gains at its joints, motors and springs."""
+
+    @property
+    def model(self) -> "RobotModel":
+        """The robot."""
+
+    @property
+    def gains(self) -> "JointGains":
+        """Stiffness and damping of its joints' PD, (n,) each."""
+
+    @property
+    def motor_inertia(self) -> "Floats | None":
+        """What motors add to the mass matrix (n, n), if known."""
+
+    @property
+    def stiffness(self) -> "Floats | None":
+        """Stiffness (n,) of elastic joints [Nm/rad|N/m]; None for stiff ones."""
+
+
+@dataclass(frozen=True)
+class ControllerKind:
+    """A controller by name.
+
+    Args:
+        name: As it is typed.
+        words: What it is, in the words of help and view.
+        made_by: `module:function` of this room; the function takes (DrivenJoints, Damping, **settings).
+        settings: Further arguments of that function.
+        gravity: What it takes gravity to be; None where it compensates none.
+        springs: It is for elastic joints alone.
+        accelerations: Its gains are of accelerations, its own, and it follows velocities (damping relative).
+    """
+
+    name: str
+    words: str
+    made_by: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    gravity: Literal["level", "sensed"] | None = "sensed"
+    springs: bool = False
+    accelerations: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.words}"
+
+    def fits(self, arm: DrivenJoints) -> bool:
+        """Return whether the arm has what it needs."""
+        return arm.stiffness is not None or not self.springs
+
+    def make(self, arm: DrivenJoints, *, damping: "Damping" = "relative") -> "SplitController":
+        """Return the controller of an arm, compiled; damping "absolute" leaves the reference's velocity out.
+
+        Raises:
+            InputError: The arm has no springs, or the controller follows velocities.
+        """
+        if not self.fits(arm):
+            raise InputError(f'controller "{self.name}": robot "{arm.model.name}" has no springs at its joints')
+        if self.accelerations and damping != "relative":
+            raise InputError(f'controller "{self.name}": follows velocities, expected damping relative')
+        module, _, function = self.made_by.partition(":")
+        make: Callable[..., SplitController] = getattr(import_module(f"catenary.control.{module}"), function)
+        return make(arm, damping, **self.settings)
+
+
+_GRAVITY, _INERTIA, _ELASTIC = "gravity_pd:gravity_pd", "inertia_pd:inertia_pd", "elastic_pd:elastic_pd"
+_KINDS = (
+    ControllerKind("pd", "PD alone", "pd:joint_pd", gravity=None),
+    ControllerKind("sg", "PD + gravity of a level base (SG)", _GRAVITY, {"level": True}, "level"),
+    ControllerKind("dg", "PD + sensed gravity (DG)", _GRAVITY, {"level": False}),
+    ControllerKind("inertia", "PD through the mass matrix", _INERTIA, {"coriolis": False}, accelerations=True),
+    ControllerKind("computed-torque", "with velocity terms too", _INERTIA, {"coriolis": True}, accelerations=True),
+    ControllerKind(
+        "elastic-constant",
+        "PD on motors, gravity at the reference",
+        _ELASTIC,
+        {"compensation": "constant"},
+        springs=True,
+    ),
+    ControllerKind("elastic-online", "PD on motors, gravity there", _ELASTIC, {"compensation": "online"}, springs=True),
+    ControllerKind(
+        "elastic-biased", "PD on motors, gravity at the links", _ELASTIC, {"compensation": "biased"}, springs=True
+    ),
+)
+_HOLDS = (
+    ControllerKind("sg", "gravity of a level base alone", "gravity_pd:gravity_hold", {"level": True}, "level"),
+    ControllerKind("dg", "sensed gravity alone", "gravity_pd:gravity_hold", {"level": False}),
+)
+CONTROLLERS = {kind.name: kind for kind in _KINDS}
+HOLDS = {kind.name: kind for kind in _HOLDS}  # gravity compensation alone
+
+
+def make_controller(name: str, arm: DrivenJoints, *, damping: "Damping" = "relative") -> "SplitController":
+    """Return one of CONTROLLERS for an arm, with the arm's own gains; see `ControllerKind.make`."""
+    return _kind(name, CONTROLLERS).make(arm, damping=damping)
+
+
+def make_hold(name: str, arm: DrivenJoints) -> "SplitController":
+    """Return gravity compensation alone, one of HOLDS, for an arm."""
+    return _kind(name, HOLDS).make(arm)
+
+
+def _kind(name: str, kinds: Mapping[str, ControllerKind]) -> ControllerKind:
+    if name not in kinds:
+        raise InputError(f'controller "{name}": expected one of {", ".join(kinds)}')
+    return kinds[name]
