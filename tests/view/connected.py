@@ -9,7 +9,7 @@ from typing import Any, Self
 from catenary.robots.catalog import load_robot
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import arm_shapes
-from catenary.view.shown import HOLD_HZ, Shown
+from catenary.view.shown import Shown
 from catenary.view.simulated import driving_tabs
 from oracles.ideal_plant import IdealPlant
 from patience import PATIENCE
@@ -21,10 +21,10 @@ CAMERA = {  # a browser is one that looks once it has said where its camera stan
 
 
 def shown_arm() -> Shown:
-    """An arm with all kinds of controls but held ones."""
+    """An arm with all kinds of controls."""
     model, plant = load_robot("raven2"), IdealPlant([0.8, 1.5, 0.4])
     tabs = driving_tabs(
-        plant, plant.measured_js().q, motion="rest", controller="PD alone", has_cables=True, has_model=True
+        plant, plant.measured_js().q, motion="rest", controllers=("PD alone", "own"), has_cables=True, has_model=True
     )
     return Shown("test", model, arm_shapes(model), tabs)
 
@@ -101,7 +101,3 @@ class Connected:
     def set(self, label: str, value: object) -> None:
         """Set a control to whatever value."""
         self._send({"type": "GuiUpdateMessage", "uuid": self.controls[label], "updates": {"value": value}})
-
-    def hold(self, label: str) -> None:
-        """Say once that a button is held."""
-        self._send({"type": "GuiButtonHoldMessage", "uuid": self.controls[label], "frequency": HOLD_HZ})

@@ -1,6 +1,5 @@
-"""The page in a real browser: what is seen, what controls and held buttons do, and what other pages get."""
+"""The page in a real browser: what is seen, what controls do, and what other pages get."""
 
-import re
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -10,83 +9,11 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from catenary.crtk.inbox import Subscription
-from catenary.crtk.topic_names import JOINT_STATE, find_topic
-from dds import Network
-from patience import until
-from ros import COMMAND, PATIENT_COMMAND, Program
 from view.browser import PATIENCE, SIZE, LookedAtPage, looked_at, looked_at_empty
 from view.command import model_of_positions, view
 from view.connected import page_of_an_arm
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
-
-# those with a browser of their own come first: Playwright runs once at a time
-RATE = "100"  # Hz at which its state comes; a browser drawn in software is no real-time system
-SERVE = ("serve", "--ros", "2", "--homed", "--start", "--rate", RATE, "--json")
-CONTROL = ("view", "raven2", "--ros", "2", "--port", "18300", "--no-notes", "--control", "--simulated")
-
-
-def taken(commands: Subscription) -> list[np.ndarray]:
-    return [np.array(received.message.position) for received in commands.take()]
-
-
-def hold(looked: LookedAtPage, label: str) -> None:
-    """Press the mouse's button on one of the page's, and keep it down."""
-    button = looked.page.get_by_role("button", name=label, exact=True)
-    button.scroll_into_view_if_needed(timeout=PATIENCE)
-    box = button.bounding_box()
-    looked.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-    looked.page.mouse.down()
-
-
-def test_a_held_button_moves_a_robot_on_ros_2_and_letting_go_or_leaving_stops_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    from catenary.crtk.dds.transport import DdsTransport
-
-    network = Network()
-    for name in ("CYCLONEDDS_URI", "ROS_DOMAIN_ID"):
-        monkeypatch.setenv(name, network.environment[name])
-    state = find_topic("raven", "operating_state", "gold").name
-    with Program(network, COMMAND, *SERVE) as server, DdsTransport("planner", settle=0.05) as listener:
-        server.line()
-        commands = listener.subscribe(find_topic("raven", "servo_jp", "gold").name, JOINT_STATE, depth=100_000)
-        with Program(network, PATIENT_COMMAND, *CONTROL) as program:
-            while not (found := re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.line())):
-                pass
-            with looked_at(found[0]) as looked:
-                start = looked.joint("shoulder")
-                hold(looked, "shoulder +")
-                looked.page.locator("text=does not move: the robot is PAUSED").wait_for(timeout=PATIENCE)
-                looked.page.mouse.up()
-                assert taken(commands) == []
-                looked.press("resume")
-                looked.wait_for_text("ENABLED, homed")
-                hold(looked, "shoulder +")
-                until(lambda: looked.joint("shoulder") > start + 0.5, every=0.2)
-                looked.page.mouse.up()
-                until(lambda: at_rest(looked, commands))
-                sent = taken(commands)
-                # a page that gets no time lets go for a moment, and begins again where the arm is
-                assert (np.diff([goal[0] for goal in sent]) >= -1e-3).all()
-                hold(looked, "shoulder -")
-                until(lambda: len(commands) > 20)
-            # the browser is gone while the button was held
-            states = listener.subscribe(state, "crtk_msgs/OperatingState")
-            until(lambda: any(received.message.state == "PAUSED" for received in states.take()))
-            taken(commands)
-            listener.sleep(1.0)
-            assert taken(commands) == []
-            program.interrupt()
-            program.finish()
-
-
-def at_rest(looked: LookedAtPage, commands: Subscription) -> bool:
-    before = len(commands), looked.joint("shoulder")
-    looked.page.wait_for_timeout(1000)
-    return len(commands) == before[0] and abs(looked.joint("shoulder") - before[1]) < 0.05
-
 
 EVIL = "--host-resolver-rules=MAP evil.example 127.0.0.1"
 # what a page gets that opens a WebSocket there as viser's own page does: "open" or "refused"

@@ -7,7 +7,7 @@ from catenary.view.shown import Control, accepted
 
 SLIDER = Control("slider", "s", "s", 0.0, (-2.0, 3.0, 0.1))
 CHOICE, BUTTONS = Control("choice", "c", "c", "a", ("a", "b")), Control("buttons", "b", "b", None, ("a", "b"))
-SWITCHES = (Control("switch", "t", "t", False), Control("held", "h", "h"))
+SWITCH = Control("switch", "t", "t", False)
 
 
 @pytest.mark.parametrize(("value", "expected"), [(1, 1.0), (-2.0, -2.0), (1e9, 3.0), (-1e300, -2.0)])
@@ -18,7 +18,7 @@ def test_number_is_kept_within_a_sliders_ends(value: float, expected: float) -> 
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, "1", "", None, [1.0], {}, b"1", 1j])
-@pytest.mark.parametrize("control", [SLIDER, CHOICE, BUTTONS, *SWITCHES])
+@pytest.mark.parametrize("control", [SLIDER, CHOICE, BUTTONS, SWITCH])
 def test_what_no_control_has_is_refused(control: Control, value: object) -> None:
     assert accepted(control, value) is None
 
@@ -29,7 +29,6 @@ def test_one_of_its_options_is_taken_and_nothing_else(control: Control) -> None:
     assert [accepted(control, option) for option in ("c", "A", "a ", 0, True)] == [None] * 5
 
 
-@pytest.mark.parametrize("control", SWITCHES)
-def test_switch_is_on_or_off(control: Control) -> None:
-    assert [accepted(control, value) for value in (True, False)] == [True, False]
-    assert [accepted(control, value) for value in (1, 0.0, "on")] == [None] * 3
+def test_switch_is_on_or_off() -> None:
+    assert [accepted(SWITCH, value) for value in (True, False)] == [True, False]
+    assert [accepted(SWITCH, value) for value in (1, 0.0, "on")] == [None] * 3

@@ -13,7 +13,7 @@ import catenary
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, option
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_options import MovedRobot, RobotPlace, WatchedRobot, chosen_robot
+from catenary.cli.robot_options import RobotPlace, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 from catenary.teleop.terminal import RawTerminal
@@ -35,8 +35,6 @@ def view(
     model: Path | None = option("MODEL", "Calibration model: also show the calibrated arm."),
     log: Path | None = option("LOG", "Show a recording; other formats with --map.", not_with=("ros", "robot_seed")),
     gravity: str | None = GRAVITY_TOPIC,
-    control: bool = option(None, "With --ros: buttons that move the robot while held.", False, goes_with="ros"),
-    yes: bool = option(None, "With --control: the workspace is clear; do not ask.", False, goes_with="control"),
     port: int = option(None, "Port on 127.0.0.1, or the next free one; from another machine use ssh -L.", 8080),
     browser: bool | None = option(None, "Open it in a browser. [default: on a screen]", flag="--open/--no-open"),
     seconds: float | None = option(None, "Duration. [default: until Ctrl-C]"),
@@ -65,8 +63,7 @@ def view(
                 announce(f"{page.url}: reading the recording ...")
                 title, runs = _recording(what, log, model, recordings)
             elif place.ros is not None:
-                named: dict[str, Any] = {**vars(place), "robot": what or "raven2"}
-                robot = MovedRobot(**named, yes=yes) if control else WatchedRobot(**named)
+                robot = WatchedRobot(**{**vars(place), "robot": what or "raven2"})
                 title, runs = _on_ros(stack, robot, model, gravity)
             else:
                 announce(f"{page.url}: preparing the robot ...")
@@ -94,14 +91,12 @@ _Titled = tuple[str, Any]  # of the page; what has `shown` and `run`
 
 
 def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: str | None) -> _Titled:
-    """Return a robot on ROS, which is only read unless the options are those of one that is moved."""
+    """Return a robot on ROS, which is only read."""
     from catenary.view.shapes import shapes_of
-    from catenary.view.watched import ControlledArm, WatchedArm
+    from catenary.view.watched import WatchedArm
 
-    moved = isinstance(robot, MovedRobot)
-    opened = stack.enter_context(chosen_robot(robot, "view", moves=moved, gravity=gravity))
-    arm = (ControlledArm if moved else WatchedArm)(opened, shapes_of(robot.robot, opened.model)[0], model)
-    return robot.robot, arm
+    opened = stack.enter_context(chosen_robot(robot, "view", moves=False, gravity=gravity))
+    return robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model)
 
 
 def _recording(what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions) -> _Titled:

@@ -27,20 +27,15 @@ class Change(NamedTuple):
 class Control(NamedTuple):
     """Something to press, pull or choose.
 
-    Of buttons in a row the one that is pressed is the change's value; a held button changes something for as long as it
-    is held: a change comes HOLD_HZ times a second.
+    Of buttons in a row the one that is pressed is the change's value.
     """
 
-    kind: Literal["slider", "choice", "switch", "buttons", "held"]
+    kind: Literal["slider", "choice", "switch", "buttons"]
     name: str
     label: str  # with its unit
     value: Value | None = None  # none of buttons
     options: tuple[Any, ...] = ()  # what may be chosen; a slider's low and high end, and its step
     hint: str = ""
-
-
-HOLD_HZ = 20.0  # as terminals repeat a key; a dead man's switch lets go at three that are missing
-NOBODY = Change("looked at", False)  # told when the last browser is gone
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ def accepted(control: Control, value: object) -> Value | None:
         low, high, _ = control.options
         finite = isinstance(value, int | float) and math.isfinite(value)
         return min(max(float(value), low), high) if finite else None  # type: ignore[arg-type]
-    if control.kind in ("switch", "held"):
+    if control.kind == "switch":
         return value if isinstance(value, bool) else None
     return str(value) if value in control.options else None
 

@@ -21,7 +21,7 @@ from catenary.spatial import angle_between
 from catenary.units import DISPLAY
 from catenary.view.curves import Curves, Plot
 from catenary.view.shapes import grown
-from catenary.view.shown import HOLD_HZ, NOBODY, Change, Control, Shown, accepted, extent_of
+from catenary.view.shown import Change, Control, Shown, accepted, extent_of
 from catenary.view.state import ARMS, Scene, TipPaths, ViewState, scene_of
 
 OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
@@ -174,7 +174,6 @@ class ViserPage:
         self._wanted = dict.fromkeys(ARMS, True)
         self._build_scene()
         self._build_panels()
-        self._server.on_client_disconnect(lambda _: None if self.clients else self._tell(NOBODY))
 
     @property
     def clients(self) -> int:
@@ -371,10 +370,6 @@ class ViserPage:
                 self._values[name] = value
                 self._tell(Change(name, value))
 
-        if control.kind == "held":
-            handle = gui.add_button(control.label, hint=hint)
-            handle.on_hold(lambda _: self._tell(Change(name, True)), callback_hz=HOLD_HZ)
-            return handle
         if control.kind == "slider":
             handle = gui.add_slider(control.label, *control.options, initial_value=control.value, hint=hint)
         elif control.kind == "choice":

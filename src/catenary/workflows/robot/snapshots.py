@@ -87,7 +87,7 @@ def watch_robot(
     *,
     model: Path | None = None,
     every: float = EVERY,
-    tick: Callable[[], None] = lambda: None,
+    tick: Callable[[], object] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Snapshot]:
     """Yield a snapshot `every` so often [s]; `tick` is called after each tick of the robot's, which is only read."""
