@@ -103,7 +103,7 @@ TABLES = {
         "table 'messages'",
     ),
     "a trigger": ("CREATE TRIGGER t AFTER DELETE ON topics BEGIN SELECT 1; END", "trigger 't'"),
-    "no tables": ("DROP TABLE messages", "cannot be read as SQLite"),
+    "no tables": ("DROP TABLE messages", "cannot be read as SQLite to its end"),
     "bytes in place of a name": ("UPDATE topics SET name = x'ff'", "expected texts"),
     "a number in place of a message": ("UPDATE messages SET data = 3 WHERE id = 3", "a message without its bytes"),
 }

@@ -66,10 +66,9 @@ def recover(
     found = recover_recording(recording, out)
     columns: list[Column] = ["topic", "kept", ("lost, about", "lost"), ("without messages [s]", "seconds:.2f")]
     table = Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s")
-    early = "cut off: the last 0.5 s or so before the end are lost"
     lines = ["whole: nothing to recover, nothing written"]
     if found.written is not None:
-        lines = [*([early] if found.rescue.ends_early else []), f"written: {found.written}"]
+        lines = [*found.rescue.stretches(), f"written: {found.written}"]
     print_result(as_json, found.as_data(), table, *lines, notes=found.problems)
 
 

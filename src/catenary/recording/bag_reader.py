@@ -5,7 +5,10 @@ A journal or a bag may be whole, torn by a crash, or damaged; what is whole is r
 
 import contextlib
 import re
+import shutil
 import sqlite3
+import tempfile
+import weakref
 from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
@@ -24,7 +27,7 @@ from catenary.recording.layout import ABOUT_TOPIC
 from catenary.topics import SECOND
 
 AT_ONCE = 2048  # messages that are in memory at once
-_ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
+_ROWS = "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id"
 
 
 class SqliteBag(Source):
@@ -35,8 +38,7 @@ class SqliteBag(Source):
         super().__init__(path)
         counts = Counter[str]()
         with reading(path, "SQLite", (sqlite3.Error, *DAMAGE)):
-            self._size = path.stat().st_size
-            self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
+            self._database, self._size = _opened(path, self)
             self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
             self._database.execute("PRAGMA writable_schema = ON")  # else one that was cut off is not opened at all
             self._database.execute("PRAGMA trusted_schema = OFF")
@@ -73,59 +75,57 @@ class SqliteBag(Source):
                 yield name, np.array([stamp for stamp, _ in own]), Block.of([data for _, data in own])
 
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes, but for a page around damage, which may be there in part."""
-        read, unpacking = self._database.execute, Unpacking(self.path)
-        (page,) = read("PRAGMA page_size").fetchone()
-        left, seen, skipped = self._size, -1, 0
-        waiting, held = deque[tuple[int, int, bytes]](), 0  # rows within a page of here, and their bytes
+        """Yield topic, arrival stamp [ns] and bytes as SQLite reads them; of damage, but a page of those before it."""
+        unpacking, seen, left = Unpacking(self.path), -1, self._size
+        (page,) = self._database.execute("PRAGMA page_size").fetchone()
+        waiting, held, why = deque[tuple[int, int, bytes]](), 0, ""  # rows within a page of here, and their bytes
         self.last, self.holes, self.damage, self.ends_early = None, [], [], False
+        try:
+            for place, number, stamp, data in self._database.execute(_ROWS):
+                if place <= seen or not isinstance(data, bytes) or not isinstance(stamp, int):
+                    why = "a message without its bytes, or out of its place"
+                    break
+                seen, left = place, left - len(data)
+                if left < 0:
+                    why = "its messages take more bytes than the file has"
+                    break
+                waiting.append((number, stamp, data))
+                held += len(data)
+                while held - len(waiting[0][2]) >= page:
+                    held -= len(waiting[0][2])
+                    yield from self._message(unpacking, *waiting.popleft())
+        except sqlite3.Error as error:
+            why = str(error)
+        if why:
+            self.holes, self.ends_early = [(self.last, None)], True
+            self.damage.append(f"{self.path}: cannot be read as SQLite to its end: {why}; what is before that was read")
+            return
+        for row in waiting:
+            yield from self._message(unpacking, *row)
 
-        def message(row: tuple[int, int, bytes]) -> Iterator[tuple[str, int, bytes]]:
-            self.last = row[1]
-            if row[0] in self._names:
-                yield self._names[row[0]], row[1], unpacking.message(row[2])
+    def _message(self, unpacking: Unpacking, number: int, stamp: int, data: bytes) -> Iterator[tuple[str, int, bytes]]:
+        self.last = stamp
+        if number in self._names:
+            yield self._names[number], stamp, unpacking.message(data)
 
-        for _ in range(2):
-            try:
-                for place, number, stamp, data in read(_ROWS, (seen,)):
-                    seen, is_whole = place, isinstance(data, bytes) and isinstance(stamp, int)
-                    size = len(data) if is_whole else 0
-                    left, skipped = left - size, max(0, skipped - size - 1)
-                    if left < 0:
-                        self.damage.append(f"{self.path}: its messages take more bytes than the file has")
-                        return
-                    if not is_whole:
-                        skipped, held = page, 0
-                        waiting.clear()
-                        self._hole("a message without its bytes")
-                    elif not skipped:
-                        waiting.append((number, stamp, data))
-                        held += size
-                        while held - len(waiting[0][2]) >= page:
-                            held -= len(waiting[0][2])
-                            yield from message(waiting.popleft())
-                for row in waiting:
-                    yield from message(row)
-                return
-            except sqlite3.Error as error:
-                if self.last is None and not waiting and seen < 0:
-                    raise
-                self._hole(error)
-            waiting.clear()
-            behind, skipped, held = seen, page, 0
-            with contextlib.suppress(sqlite3.Error):
-                for (place,) in read("SELECT id FROM messages WHERE id > ? ORDER BY id DESC", (seen,)):
-                    behind = place
-            self.ends_early = behind == seen
-            seen = behind - 1
 
-    def _hole(self, why: object) -> None:
-        self.holes.append((self.last, None))
-        self.damage.append(f"{self.path}: cannot be read as SQLite: {why}; it was read around the damage")
+def _opened(path: Path, reader: SqliteBag) -> tuple[sqlite3.Connection, int]:
+    """Open a database as SQLite does, with the changes that wait beside it, in a copy; return it and all bytes."""
+    beside = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
+    files = [path, *(file for file in beside if file.is_file())]
+    size = sum(file.stat().st_size for file in files)
+    if len(files) == 1:
+        return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True), size
+    folder = Path(tempfile.mkdtemp(prefix="catenary-"))
+    weakref.finalize(reader, shutil.rmtree, folder, ignore_errors=True)
+    for file in files:
+        shutil.copyfile(file, folder / file.name)
+    return sqlite3.connect(folder / path.name), size
 
 
 METADATA = "metadata.yaml"
 FILES = (".mcap", ".db3")  # that a ROS 2 bag consists of
+_TOLD_GAP = 0.05  # [s] without messages
 _MOST_YAML = 2**18  # [B] of metadata.yaml; that of 500 topics has 200 kB
 _LISTED = re.compile(r"""(?m)^\s*-\s+(?:&\w+\s+)?["']?([^\s"']+\.(?:mcap|db3)(?:\.zstd)?)["']?\s*$""")
 _COUNTED = re.compile(r"(?m)^  message_count:\s*(\d+)\s*$")
@@ -146,37 +146,52 @@ class Rescue(NamedTuple):
     topics: tuple[TopicLoss, ...]
     seconds: float  # from the first message to the last
     ends_early: bool  # it was cut off: its end is missing
+    gaps: tuple[tuple[float, float], ...] = ()  # [s] from its first message: without any, where it is damaged
 
     @classmethod
-    def of(cls, arrivals: Mapping[str, Integers], holes: Sequence[Hole], *, ends_early: bool) -> Self:
-        """Compare topics, which arrived (M,) [ns]: each lost in holes what comes at its usual rate, the median."""
-        there = [a for a in arrivals.values() if len(a)]
-        span = max(int(a[-1]) for a in there) - min(int(a[0]) for a in there) if there else 0
+    def of(
+        cls, arrivals: Mapping[str, Integers], holes: Sequence[Hole], *, ends_early: bool, until: int | None = None
+    ) -> Self:
+        """Compare topics, which arrived (M,) [ns]: each lost in holes what comes at its usual rate, the median.
+
+        `until` is when the last message arrived that is lost behind all others, where that is known.
+        """
+        every = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *arrivals.values()]))
+        first, end = (int(every[0]), max(int(every[-1]), until or 0)) if len(every) else (0, 0)
+        places = sorted({int(np.searchsorted(every, at, side="right")) for at, _ in holes if at is not None} - {0})
+        gaps = [(int(every[p - 1]), int(every[p]) if p < len(every) else end) for p in places]
         found = []
         for topic, arrival in arrivals.items():
             usual = int(np.median(np.diff(arrival))) if len(arrival) > 1 else 0
             lost, without = 0, 0
-            places = {int(np.searchsorted(arrival, at, side="right")) for at, _ in holes if at is not None} - {0}
-            for place in places if usual > 0 else ():
-                following = int(arrival[place]) if place < len(arrival) else max(int(a[-1]) for a in there)
-                gap = following - int(arrival[place - 1])
-                lost += max(0, round(gap / usual) - (place < len(arrival)))
+            spots = {int(np.searchsorted(arrival, at, side="right")) for at, _ in gaps} - {0}
+            for spot in spots if usual > 0 else ():
+                gap = (int(arrival[spot]) if spot < len(arrival) else end) - int(arrival[spot - 1])
+                lost += max(0, round(gap / usual) - (spot < len(arrival)))
                 without += max(0, gap - usual)
             found.append(TopicLoss(topic, len(arrival), lost, without / SECOND))
-        return cls(tuple(found), span / SECOND, ends_early)
+        span = int(every[-1]) - first if len(every) else 0
+        without_any = tuple(((a - first) / SECOND, (b - first) / SECOND) for a, b in gaps if b > a)
+        return cls(tuple(found), span / SECOND, ends_early, without_any)
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
         topics = [one._asdict() | {"seconds": round(one.seconds, 3)} for one in self.topics]
-        return {"seconds": round(self.seconds, 3), "ends_early": self.ends_early, "topics": topics}
+        gaps = [[round(begin, 3), round(end, 3)] for begin, end in self.gaps]
+        return {"seconds": round(self.seconds, 3), "ends_early": self.ends_early, "gaps": gaps, "topics": topics}
 
     def text(self) -> str:
         """Return this in words."""
         kept = ", ".join(f"{one.kept} messages of {one.topic}" for one in self.topics) or "nothing"
         lost = [f"about {one.lost} of {one.topic} ({one.seconds:.2f} s)" for one in self.topics if one.lost]
-        if self.ends_early:
-            lost.append("what came in the last 0.5 s before it was cut off, and all behind that")
-        return f"kept {self.seconds:.1f} s: {kept}; lost: {', '.join(lost) or 'no message'}"
+        return "; ".join(
+            [f"kept {self.seconds:.1f} s: {kept}", f"lost: {', '.join(lost) or 'none'}", *self.stretches()]
+        )
+
+    def stretches(self) -> list[str]:
+        """Return in words which stretches of time have no messages."""
+        said = [f"no message for {b - a:.1f} s, from {a:.1f} to {b:.1f} s" for a, b in self.gaps if b - a >= _TOLD_GAP]
+        return said + [f"cut off at {self.seconds:.1f} s: all that came behind that is lost"] * self.ends_early
 
 
 def is_journal(path: Path) -> bool:
@@ -279,7 +294,7 @@ class JournalReader(FilesInARow):
         for part in self.parts:
             part.follow(following, last)
             yield part
-            self.ends_early, last = not part.is_last, part.last
+            self.ends_early, last, self.until = not part.is_last, part.last, part.until
             self.lost += part.lost
             self.holes += part.holes
             self.damage += part.damage
@@ -340,6 +355,7 @@ class BagFolder(FilesInARow):
         self.holes = []
         for part in self.parts:
             yield part
+            self.until = part.until
             self.holes += [*part.holes, *([(part.last, None)] if self.damage else [])]
 
 
@@ -410,4 +426,5 @@ def rescue_of(sources: Sequence[Source]) -> Rescue:
             arrivals[topic].append(arrived)
     holes = [hole for source in sources for hole in source.holes]
     each = {topic: np.concatenate(there) for topic, there in arrivals.items()}
-    return Rescue.of(each, holes, ends_early=any(source.ends_early for source in sources))
+    until = max((source.until for source in sources if source.until is not None), default=None)
+    return Rescue.of(each, holes, ends_early=any(source.ends_early for source in sources), until=until)

@@ -2,7 +2,7 @@
 
 import contextlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Container, Iterator
 from functools import cached_property
 from pathlib import Path
 from struct import Struct
@@ -36,7 +36,7 @@ from catenary.recording.bag_records import (
     whole_fields,
 )
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS, About, JournalTopic, is_journal_name
-from catenary.recording.layout import ABOUT_TOPIC, Encoding
+from catenary.recording.layout import ABOUT_TOPIC, Encoding, decodable, fields_by_definition
 from catenary.recording.messages import current_name
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -49,9 +49,18 @@ _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS = 1000  # that are told one by one
 _AT_ONCE = 8192  # records that are Python's numbers at a time
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
+_IN_CHUNKS = ((_MESSAGE, _CONNECTION), (_SCHEMA, _CHANNEL, _MCAP_MESSAGE))  # kinds of records, of a ROS 1 bag and MCAP
+# kinds of records that may stand behind a chunk; in a ROS 1 bag 4 is its index
+_BEHIND_CHUNKS, _BEHIND_MCAP_CHUNKS = (4, _CHUNK, _CHUNK_INFO, _CONNECTION), (_SCHEMA, _CHANNEL, *range(6, 16))
+_ANY_RECORD = b"\3" + bytes(8)  # stands behind messages for whichever record did
+_SPAN = Struct("<QQ")  # [ns] of a chunk
+_LONGEST_CHUNK = 3600 * 10**9  # [ns]; a longer one is damaged
+_PADDING = 2**20  # [B] behind a torn chunk, so that the head of its last record is read
+_RUN = 2**16  # [B] of messages outside of chunks that are read at a time
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
 
 Read = TypeVar("Read")
+_Chunk = tuple[bytes, Records, bool]  # a chunk, the records of its messages, whether something vouches for them
 # [ns] arrivals of the last message before what could not be read and of the first behind it; None at an end
 Hole = tuple[int | None, int | None]
 
@@ -79,6 +88,7 @@ class Source:
         self.about: About | None = None
         self.first: int | None = None  # [ns] arrival of the first message
         self.last: int | None = None  # of the last one that was read
+        self.until: int | None = None  # about when the last one arrived that is lost behind it, where that is known
 
     @property
     def topics(self) -> tuple[JournalTopic, ...]:
@@ -146,6 +156,7 @@ class BagStream(Source):
         self._shared: dict[str, int] | None = None  # the same of all files of a journal
         self._before: int | None = None  # [ns] arrival of the last message of the file before
         self.is_ros1 = begin == ROS1_MAGIC
+        self._is_closed = False  # MCAP's own mark is its end
         if not self.is_ros1 and not begin.startswith(MAGIC) and not is_journal_name(path):
             raise FileFormatError(
                 f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; nothing in it can be saved"
@@ -186,9 +197,12 @@ class BagStream(Source):
         self.remarks.clear()
         self._following = {} if self._shared is None else self._shared
         self.ends_early, self.last, self.lost, self.is_last = False, self._before, 0, False
+        self.until, self._latest, self._held, self._seen = None, dict[int, int](), 0, set[int]()
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
             self._unpacking = Unpacking(self.path)
+            file.seek(max(0, size - len(MAGIC)))
+            self._is_closed = file.read() == MAGIC
             file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MAGIC))
             try:
                 yield from read(file, size)
@@ -201,16 +215,68 @@ class BagStream(Source):
     def _cut_off(self, left: int) -> None:
         self.ends_early = True
         self.damage.append(f"{self.path}: is cut off within its last {left} bytes")
+        self._hole()
 
     def _damaged(self, where: object) -> None:
         """Keep what is damaged, and that messages are missing there."""
         if len(self.damage) < _MOST_PROBLEMS:
             self.damage.append(f"{self.path}: damaged {where}")
+        self._hole()
+
+    def _hole(self) -> None:
         if not self.holes or self.holes[-1][0] != self.last:
             self.holes.append((self.last, None))
 
-    def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
-        """Yield the chunks of a ROS 1 bag."""
+    def _lose(self, size: int) -> None:
+        """Tell until when messages are lost that took so many bytes: they came at the rate of those before them."""
+        if self.first is not None and self.last is not None and self._held:
+            self.until = self.last + (self.last - self.first) * size // self._held
+
+    def _is_followed(self, file: BinaryIO, size: int, kinds: Container[int]) -> bool:
+        """Return whether a whole record of these kinds begins here, or MCAP's mark; the place is kept."""
+        place, head, kind, length = file.tell(), file.read(9), 0, size
+        if self.is_ros1:
+            file.seek(place)
+            kind = (whole_fields(sized(file, size) or b"").get(b"op") or b"\0")[0]
+            head = file.read(4)
+            length = _U32.unpack(head)[0] if len(head) == 4 else size
+        elif len(head) == 9:
+            kind, length = head[0], _U64.unpack_from(head, 1)[0]
+        is_so = (kind in kinds and length <= size - file.tell()) or head.startswith(MAGIC)
+        file.seek(place)
+        return is_so
+
+    def _proven(self, chunk: bytes, span: tuple[int, int] = (0, 2**63 - 1)) -> Records:
+        """Return the proven records of a chunk for which neither a checksum nor what follows it vouches.
+
+        A tail of zeros or old bytes may begin within a message, whose own head then is sound. So a record is proven by
+        the head of the next one: of a known kind and whole length, in `span` [ns], later than all of its topic before.
+        """
+        records = chunk_records(chunk + bytes(_PADDING), is_ros1=self.is_ros1)
+        kinds = _IN_CHUNKS[not self.is_ros1]
+        times, message = records[:, TIME], _MESSAGE if self.is_ros1 else _MCAP_MESSAGE
+        good = np.isin(records[:, KIND], kinds)
+        good &= (records[:, KIND] != message) | ((times >= span[0]) & (times <= span[1]))
+        end = int(np.argmin(good)) if not good.all() else len(good)
+        for channel in np.unique(records[:end, CONNECTION]).tolist():
+            own = np.flatnonzero((records[:end, CONNECTION] == channel) & (records[:end, KIND] == message))
+            before = np.maximum.accumulate(np.append(self._latest.get(channel, -1), times[own]))[:-1]
+            end = min([end, *own[times[own] <= before].tolist()])
+        return records[: max(0, end - 1)]
+
+    def _decoding(self, chunk: bytes, messages: Records) -> Records:
+        """Return those messages, of known topics, that decode as their types say."""
+        good = np.ones(len(messages), dtype=bool)
+        for number in np.unique(messages[:, CONNECTION]).tolist():
+            rows, found = np.flatnonzero(messages[:, CONNECTION] == number), self.connections[self._names[number]]
+            with contextlib.suppress(FileFormatError):  # of a type that nobody knows
+                fields_of = fields_by_definition(str(self.path), found.type, found.definition, self.encoding)
+                block = Block.of([self._plain(chunk[row[DATA] : row[END]]) for row in messages[rows].tolist()])
+                good[rows] = decodable(current_name(found.type), block, self.encoding, fields_of)
+        return messages[good]
+
+    def _unpacked(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, bool]]:
+        """Yield the chunks of a ROS 1 bag, and whether a record follows each as it must."""
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
@@ -224,7 +290,9 @@ class BagStream(Source):
                 if values.get(b"compression") == b"none":
                     file.seek(start)
                     sized(file, size)
-                    yield file.read(end - file.tell())[4:]
+                    yield file.read(end - file.tell())[4:], False
+                else:
+                    self._lose(end - start)
                 if following is None and data is None:
                     self._cut_off(size - start)
                     return
@@ -242,41 +310,64 @@ class BagStream(Source):
                 if kind == _BAG_HEADER and _U64.unpack(field_of(values, b"index_pos", 8))[0]:
                     counts = (field_of(values, key, 4) for key in (b"conn_count", b"chunk_count"))
                     missing = sum(_U32.unpack(count)[0] for count in counts)
-                elif kind == _CONNECTION:  # it says again what stands before its messages
+                elif kind == _CONNECTION and self._is_followed(file, size, _BEHIND_CHUNKS):
+                    # it says again what stands before its messages
                     self._connection(_U32.unpack(field_of(values, b"conn", 4))[0], values, data)
                 elif kind == _CHUNK:
                     packing = field_of(values, b"compression").decode(errors="replace")
                     stated = 0 if packing == "none" else _U32.unpack(field_of(values, b"size", 4))[0]
                     chunk = self._unpacking.chunk(data, packing, stated)
             if chunk is not None:
-                yield chunk
+                yield chunk, self._is_followed(file, size, _BEHIND_CHUNKS)
+            elif kind == _CHUNK:
+                self._lose(len(data))
         if missing != 0:
             self.ends_early = True
             self.damage.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
-    def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
-        """Yield every chunk with the records of its messages; of one that is damaged those before the damage."""
-        for chunk in self._unpacked(file, size):
-            records = chunk_records(chunk, is_ros1=True)
-            damaged = np.flatnonzero(records[:, KIND] < 0)
-            whole = records[: damaged[0]] if len(damaged) else records
+    def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[_Chunk]:
+        """Yield every chunk with the records of its messages; of one that is damaged, or the last, those proven."""
+        for chunk, is_followed in self._unpacked(file, size):
+            whole = chunk_records(chunk, is_ros1=True)
+            is_sound = is_followed and len(chunk) == (int(whole[-1, END]) if len(whole) else 0)
+            is_sound = is_sound and bool(np.isin(whole[:, KIND], _IN_CHUNKS[0]).all())
+            whole = whole if is_sound else self._proven(chunk)
             for row in whole[whole[:, KIND] == _CONNECTION].tolist():
                 with self._damage_told(f"before byte {file.tell()}"):
                     head = header_fields(chunk[row[HEADER] : row[DATA] - 4])
                     self._connection(row[CONNECTION], head, chunk[row[DATA] : row[END]])
-            yield chunk, whole[whole[:, KIND] == _MESSAGE]
-            left = len(chunk) - (int(whole[-1, END]) if len(whole) else 0)
-            if left and not self.ends_early:
+            yield chunk, whole[whole[:, KIND] == _MESSAGE], is_sound
+            if not is_sound:
+                left = len(chunk) - (int(whole[-1, END]) if len(whole) else 0)
+                self._lose(left)
                 self._damaged(f"before byte {file.tell()}: the last {left} bytes of a chunk")
 
     def _chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk with the records of the messages of known topics in it."""
-        for chunk, messages in (self._bag_chunks if self.is_ros1 else self._mcap_chunks)(file, size):
+        for chunk, messages, is_sound in (self._bag_chunks if self.is_ros1 else self._mcap_chunks)(file, size):
             known = np.isin(messages[:, CONNECTION], list(self._names))
             strange = ~known & ~np.isin(messages[:, CONNECTION], list(self._unread))
             if strange.any():
                 self._damaged(f"before byte {file.tell()}: {strange.sum()} messages of no known topic")
             messages = messages if known.all() else messages[known]
+            if not is_sound:
+                messages = self._decoding(chunk, messages)
+            summed = crc32(chunk)
+            if summed in self._seen:  # what the disk held before, right behind a chunk
+                self._damaged(f"before byte {file.tell()}: a chunk out of order, or again")
+                continue
+            self._seen.add(summed)
+            channels = dict.fromkeys(messages[:, CONNECTION].tolist())
+            if self.holes and self.holes[-1][1] is None:  # what the disk held before may lie behind damage
+                before = {channel: self._latest.get(channel, -1) for channel in channels}
+                again = messages[:, TIME] <= np.array([before[channel] for channel in messages[:, CONNECTION].tolist()])
+                if again.any():
+                    self._damaged(f"before byte {file.tell()}: {again.sum()} messages older than those before them")
+                    messages = messages[~again]
+            self._held += int(messages[-1, END]) if len(messages) else 0
+            for channel in channels:
+                own = messages[messages[:, CONNECTION] == channel, TIME]
+                self._latest[channel] = int(own.max(initial=self._latest.get(channel, -1)))
             if self.is_journal:
                 self._numbered(chunk, messages)
             if len(messages):
@@ -311,10 +402,11 @@ class BagStream(Source):
         text = field_of(about, b"message_definition").decode(errors="replace")
         self._keep(number, BagConnection(topic.decode(), kind, md5, text))
 
-    def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
-        """Yield every chunk of MCAP with the records of its messages."""
+    def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[_Chunk]:
+        """Yield every chunk of MCAP with the records of its messages; of one that is damaged or torn those proven."""
         schemas: dict[int, tuple[str, str]] = {}
         is_over = is_closed = False  # what follows the data says again which topics there are
+        run = b""  # messages outside of chunks; the last one waits for what follows
         while len(head := file.read(9)) == 9:
             start, length = file.tell() - 9, _U64.unpack_from(head, 1)[0]
             here = f"in the record that begins at byte {start}"
@@ -327,33 +419,52 @@ class BagStream(Source):
                 data, is_whole = data[: max(0, following - start - 9)], False
             is_over |= kind == _DATA_END
             is_closed |= kind == _FOOTER and is_whole
+            is_single = kind == _MCAP_MESSAGE and is_whole and not is_over
+            if run and (not is_single or len(run) > _RUN):
+                is_record = is_whole and 0 < kind <= _LAST_KIND
+                yield from self._run(run, head + data if is_single else _ANY_RECORD if is_record else b"")
+                run = b""
             if kind == _MCAP_CHUNK and (is_whole or len(data) > _CHUNK_HEAD):
+                span, is_sound = _SPAN.unpack_from(data.ljust(_SPAN.size, b"\0")), False
                 with self._damage_told(here):
-                    is_hit = following is not None and self.is_journal
-                    inside = self._mcap_contents(data, is_whole=is_whole, is_hit=is_hit)
-                    records = chunk_records(inside, is_ros1=False)
+                    is_followed = is_whole and self._is_followed(file, size, _BEHIND_MCAP_CHUNKS)
+                    inside, is_sound = self._mcap_contents(data, is_whole=is_whole, is_followed=is_followed)
+                    records = chunk_records(inside, is_ros1=False) if is_sound else self._proven(inside, span)
                     for row in records[np.isin(records[:, KIND], (_SCHEMA, _CHANNEL))].tolist():
                         with self._damage_told(here):
                             self._mcap_record(row[KIND], inside[row[HEADER] : row[END]], schemas)
-                    yield inside, records[records[:, KIND] == _MCAP_MESSAGE]
+                    yield inside, records[records[:, KIND] == _MCAP_MESSAGE], is_sound
                     if is_whole and len(inside) != (records[-1, END] if len(records) else 0):
                         raise ValueError("its records do not fill it")
-            elif kind == _MCAP_MESSAGE and is_whole and not is_over:
-                yield head + data, chunk_records(head + data, is_ros1=False)
+                if not is_sound and self.last is not None and self.last <= span[1] < self.last + _LONGEST_CHUNK:
+                    self.until = span[1]
+            elif is_single:
+                run += head + data
             elif is_whole and (not is_over or kind in (_SCHEMA, _CHANNEL)):
                 with self._damage_told(here):
-                    self._mcap_record(kind, data, schemas)
+                    if file.tell() == size or self._is_followed(file, size, range(1, 16)):
+                        self._mcap_record(kind, data, schemas)
             if following is not None:
                 self._damaged(f"from byte {start} to {following}")
                 file.seek(following)
             elif not is_whole and not is_over:
                 self._cut_off(9 + len(data))
+        if run:
+            yield from self._run(run, b"")
         self.ends_early |= not is_over
         if not is_closed:
             self.damage.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
-    def _mcap_contents(self, data: bytes, *, is_whole: bool, is_hit: bool) -> bytes:
-        """Return a chunk's records; none of one hit in its middle, not cut off, unless its checksum is right."""
+    def _run(self, run: bytes, following: bytes) -> Iterator[_Chunk]:
+        """Yield messages outside of chunks; in a file that was cut off, those that are proven by what follows them."""
+        every = chunk_records(run, is_ros1=False)
+        records = every if self._is_closed else self._proven(run + following)
+        yield run, records, len(records) == len(every)
+        if len(records) < len(every):
+            self._damaged(f"in its messages outside of chunks, of which {len(every) - len(records)} are not sound")
+
+    def _mcap_contents(self, data: bytes, *, is_whole: bool, is_followed: bool) -> tuple[bytes, bool]:
+        """Return a chunk's records, and whether its checksum vouches for them, or what follows it where it has none."""
         compression, position = text_at(data, 28)
         inside, checksum, stated = data[position + 8 :], _U32.unpack_from(data, 24)[0], _U64.unpack_from(data, 16)[0]
         taken = _U64.unpack_from(data, position)[0]
@@ -361,10 +472,13 @@ class BagStream(Source):
             raise ValueError(f"a chunk of {len(inside)} bytes states {taken}, unpacked {stated}")
         if compression:
             inside = self._unpacking.chunk(inside, compression, stated) if is_whole else b""
-        inside = inside[:stated] if is_hit else inside
-        if (is_hit or (is_whole and checksum)) and crc32(inside) != checksum:
+        inside = inside[:stated]
+        if not checksum or len(inside) < stated:
+            return inside, is_followed
+        is_sound = crc32(inside) == checksum
+        if is_followed and not is_sound:
             raise ValueError("its checksum is another: none of it is read")
-        return inside
+        return inside, is_sound
 
     def _numbered(self, chunk: bytes, messages: Records) -> None:
         """Notice a journal's numbers that are missing, or come again, and when they arrived."""

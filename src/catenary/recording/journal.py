@@ -40,6 +40,7 @@ MAX_PENDING = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends
 MAX_RECORD = 64 * 2**20  # [B]; a longer message is refused
 _RECORD, _U32, _TIMES = Struct("<BQ"), Struct("<I"), Struct("<QQ")
 _MESSAGE_HEAD = Struct("<BQHIQQ")  # kind, length, channel, number, arrival, publication
+_PROOF = 23  # [B] of a message's head, to its arrival: what proves the message before it in a chunk that is cut off
 
 log = logging.getLogger(__name__)
 
@@ -350,7 +351,8 @@ class JournalWriter:
                 self._counts[channel] += len(places)
         written = self._write(block) if block else 0
         for begin, chunk in zip(begins, chunks, strict=True):
-            self._safe_messages += bisect_right(chunk.ends, written - begin)
+            there = written - begin - (_PROOF if written - begin < len(chunk.data) else 0)
+            self._safe_messages += bisect_right(chunk.ends, there)
 
     def _write(self, block: bytes | bytearray) -> int:
         """Write bytes at the end of the file, and return how many are there; keeps an error for the next append."""

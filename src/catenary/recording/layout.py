@@ -5,19 +5,21 @@ And topics by their names: thousands of messages of one from its columns in SI.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, get_typestore
 
-from catenary.arrays import Floats, Integers, as_array
+from catenary.arrays import Flags, Floats, Integers, as_array
 from catenary.documents import cut
 from catenary.dvrk_psm import psm_topic_named
 from catenary.errors import FileFormatError, InputError
 from catenary.raven2.topics import RAVEN_TOPICS
 from catenary.recording.bag_records import Block
-from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields
+from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields, fields_of, ros2_name, types_of
 from catenary.topics import SECOND, Topic
 
 Encoding = Literal["ros1", "cdr"]
@@ -25,6 +27,7 @@ CDR_HEADER = 4  # bytes before the message; alignment counts from behind them
 COUNT = "#"  # before the name of a string or a sequence: the field that holds its length
 DEEPEST = 32  # messages within each other
 MAX_ELEMENTS = 100_000  # of one sequence, and parts of one message; more is taken for damage
+_SAME = {"octet": "uint8"}  # ROS 2's words for ROS 1's
 FieldsOf = Callable[[str], tuple[Field, ...]]  # name of a message type -> its fields
 _INT32 = np.iinfo(np.int32)
 # where a recording's robot, seed and `simulated` travel in a bag, which has no other place for them
@@ -141,6 +144,44 @@ def read_messages(
             same &= records[count] == records[count][0]
         yield same_length[same], records if same.all() else records[same]
         left = left[~np.isin(left, same_length[same])]
+
+
+def decodable(name: str, block: Block, encoding: Encoding, fields_of: FieldsOf) -> Flags:
+    """Return which messages of a topic are whole messages of its type, (N,)."""
+
+    def is_whole(messages: Block) -> bool:
+        try:
+            return all(len(rows) for rows, _ in read_messages(name, messages, encoding, fields_of))
+        except FileFormatError:
+            return False
+
+    if is_whole(block):
+        return np.ones(len(block), dtype=bool)
+    return np.array([is_whole(Block.of([block[i]])) for i in range(len(block))], dtype=bool)
+
+
+def fields_by_definition(where: str, kind: str, definition: str, encoding: Encoding) -> FieldsOf:
+    """Return what gives the fields of a topic's message type and of those within it."""
+    where = f"{where}: type {cut(kind)}"
+    types = _of_ros(encoding)
+    if definition.strip():
+        types = types | types_of(where, kind, definition)
+
+    @cache
+    def fields_in(name: str) -> tuple[Field, ...]:
+        if "/" not in name:
+            raise FileFormatError(f"{where}: has a {cut(name)}, which is not read")
+        if ros2_name(name) not in types:
+            raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
+        own = fields_of(types[ros2_name(name)][1])
+        return tuple(each._replace(type=_SAME.get(each.type, current_name(each.type))) for each in own)
+
+    return fields_in
+
+
+@cache
+def _of_ros(encoding: Encoding) -> Typesdict:
+    return dict(get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE).fielddefs)
 
 
 @lru_cache(maxsize=256)  # its texts are names of joints, which come from files

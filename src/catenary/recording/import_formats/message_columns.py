@@ -7,14 +7,11 @@ elements by name, `jpos[gold_elbow]`: `raven2/topics.py` knows what the robot pu
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces.typing import Typesdict
-from rosbags.typesys import Stores, get_typestore
 
 from catenary.arrays import Integers
 from catenary.documents import cut
@@ -22,10 +19,9 @@ from catenary.errors import FileFormatError
 from catenary.raven2.topics import RAVENSTATE
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_records import Block
-from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
-from catenary.recording.messages import Field, current_name, fields_of, ros2_name, types_of
+from catenary.recording.layout import COUNT, Encoding, FieldsOf, fields_by_definition, read_messages
+from catenary.recording.messages import current_name
 from catenary.recording.parquet_files import MOST_COLUMNS
 from catenary.topics import SECOND
 
@@ -34,7 +30,6 @@ LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images an
 _BATCH = 4096
 _MOST_JOINTS = 1000
 _NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
-_SAME = {"octet": "uint8"}  # ROS 2's words for ROS 1's
 _Blocks = Iterator[tuple[str, Integers, Block]]
 
 
@@ -105,10 +100,9 @@ class Bag:
 
     def _columns(self, topic: str, wanted: Collection[str] | None) -> "_TopicColumns":
         connection = self._reader.connections[topic]
-        key = (connection.type, connection.definition)
+        key, where = (connection.type, connection.definition), f"{self.path}: topic {cut(topic)}"
         if key not in self._parsed:
-            self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
-        where = f"{self.path}: topic {cut(topic)}"
+            self._parsed[key] = fields_by_definition(where, *key, self.encoding)
         return _TopicColumns(topic, connection.type, self.encoding, self._parsed[key], wanted, where)
 
     def _unread(self, name: str, error: FileFormatError) -> Stream:
@@ -280,27 +274,3 @@ def _orders(records: NDArray[np.void], kinds: Mapping[str, Any], names: str) -> 
     found = [(np.flatnonzero(same), texts)]
     found += [(np.array(rows, dtype=np.int64), list(order)) for order, rows in groups.items()]
     return [(rows, [text.rstrip(b"\0").decode(errors="replace") for text in order]) for rows, order in found]
-
-
-def fields_by_definition(path: Path, connection: BagConnection, encoding: Encoding) -> FieldsOf:
-    """Return what gives the fields of a topic's message type and of those within it."""
-    where = f"{path}: topic {cut(connection.topic)}: type {cut(connection.type)}"
-    types = _of_ros(encoding)
-    if connection.definition.strip():
-        types = types | types_of(where, connection.type, connection.definition)
-
-    @cache
-    def fields_in(name: str) -> tuple[Field, ...]:
-        if "/" not in name:
-            raise FileFormatError(f"{where}: has a {cut(name)}, which is not read")
-        if ros2_name(name) not in types:
-            raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
-        own = fields_of(types[ros2_name(name)][1])
-        return tuple(each._replace(type=_SAME.get(each.type, current_name(each.type))) for each in own)
-
-    return fields_in
-
-
-@cache
-def _of_ros(encoding: Encoding) -> Typesdict:
-    return dict(get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE).fielddefs)
