@@ -57,10 +57,7 @@ def external_torque(
     """
     (rows, rates, accelerations, measured), single = motion_rows(model, q, qd=qd, qdd=qdd, tau=tau)
     spread = as_not_negative("deviation", one_for_all(deviation, model.n), (model.n,))
-    expected = inverse_dynamics(model, rows, rates, accelerations, gravity)
-    if loads is not None:
-        expected = expected + loads.torque(rows, rates, accelerations, expected)
-    left = expected - measured
+    left = inverse_dynamics(model, rows, rates, accelerations, gravity, loads=loads) - measured
     return ExternalTorque(left[0] if single else left, IN_95_PERCENT * spread)
 
 

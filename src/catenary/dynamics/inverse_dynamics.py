@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
+from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.lines import inverse_dynamics_line, mass_matrix_line
 from catenary.dynamics.recursion import (
     composite_body_recursion,
@@ -38,24 +39,34 @@ class BaseMotion(NamedTuple):
 
 
 def inverse_dynamics(
-    model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike, base: BaseMotion | None = None
+    model: RobotModel,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    gravity: ArrayLike,
+    base: BaseMotion | None = None,
+    *,
+    loads: ActuationLoads | None = None,
 ) -> Floats:
     """Return the torques of a motion: M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
 
     Recursive Newton-Euler (Luh, Walker, Paul 1980). A moving base loads the joints with
     gravity - a_base - alpha x r - omega x (omega x r) in place of gravity, and with the moments that turn
-    the links along with it. Its motion is the same for every row or one for each; at rest when None.
+    the links along with it. Its motion is the same for every row or one for each; at rest when None. With `loads`, such
+    as `known_loads(model)`, friction, rotors, springs and known torques take part; `forward_dynamics` is the inverse.
 
     For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2], and gravity (3,) or (N, 3), free-fall acceleration
     in base axes, down [m/s2]: (n,) or (N, n) [Nm or N]. Needs inertia.
     """
-    if base is None:
+    if base is None and loads is None:
         quick = _INVERSE_DYNAMICS.of_one(model, (q, qd, qdd, gravity, _AT_REST, _AT_REST))
         if quick is not None:
             return quick
     model.require_inertia()
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
     out = _INVERSE_DYNAMICS.of_rows(model, (*motion, *felt_rows(gravity, base, len(motion[0]))))
+    if loads is not None:
+        out = out + loads.torque(motion[0], motion[1], motion[2], out)
     return out[0] if single else out
 
 
