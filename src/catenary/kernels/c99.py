@@ -58,7 +58,7 @@ _OF_THE_BASE = ("omega", "alpha")  # zero where they are NULL: a base that does 
 
 
 def c_function(prefix: str, name: str, line: Line) -> str:
-    """Write `PREFIX_NAME(INPUT..., out)`, after `c_sines(prefix)`; out is none of the inputs; a base's rates may be NULL."""
+    """Write `PREFIX_NAME(INPUT..., out)`, after `c_sines(prefix)`; out is no input; a base's rates may be NULL."""
     arrays = tuple(widths_of(line))
     arguments = ", ".join([*(f"const double *{array}" for array in arrays), "double *out"])
     text = [f"static inline void {prefix}_{name}({arguments}) {{"]

@@ -22,6 +22,7 @@ from catenary.robots.assembly import (
     Link,
     Mimic,
     assemble,
+    depth_first,
     file_source,
     left_out,
     naming_the_file,
@@ -48,10 +49,11 @@ _KINDS: dict[str, JointKind] = {
 def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a URDF file, or from a xacro file, which xacro expands with its default arguments.
 
-    The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
-    no other, in the file's order; links and frames have the file's link names. A link without any inertia, shape
-    or picture that carries a moving joint where it itself is moved is a step of a joint of several axes, and massless.
-    A mass that the file says is zero is zero, and a doubt where the link is not declared massless.
+    The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic no other,
+    depth first from the base, siblings in the file's order; links and frames have the file's link names. A link
+    without any inertia, shape or picture that carries a moving joint where it itself is moved is a step of a joint of
+    several axes, and massless. A mass that the file says is zero is zero, and a doubt where the link is not declared
+    massless.
     """
     content = read_bounded(path, MOST_XML)
     text = expanded_xacro(path) if path.suffix.lower() == ".xacro" else content
@@ -92,6 +94,11 @@ def parse_urdf(
         raise FileFormatError(f"{where}: no <link>, expected at least one")
     root = _only_root(where, links, joints)
     free, following = _leaders(where, joints)
+    as_listed = [joint.name for joint in joints if joint.name in free]
+    with naming_the_file(where):
+        ordered = depth_first(f'robot "{robot.get("name")}"', [joint.link for joint in joints], root)
+    places = {link.name: place for place, link in enumerate(ordered)}
+    joints.sort(key=lambda joint: places[joint.link.name])
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.link.parent for j in joints if j.link.joint != "fixed" and not j.link.pose.position.any()}
         leaders = {j.name: following.get(j.name, Mimic(j.name, 1.0, 0.0)) for j in joints if j.link.joint != "fixed"}
@@ -120,6 +127,7 @@ def parse_urdf(
             sources=[*sources, *beside],
             notes=[*_notes(robot, joints, following), *rotorless],
             doubts=[f'link "{name}": has no mass, as the file says' for name in weightless if name not in declared],
+            file_order=as_listed,
         )
     return model.with_massless(massless)
 
