@@ -126,6 +126,25 @@ def test_limits_are_read_and_a_continuous_joint_has_no_position_limit():
     assert model.joint_units == ("rad", "m", "rad")
 
 
+@pytest.mark.parametrize("size", [1e-8, 1e200])
+def test_an_axis_of_any_length_is_a_direction(size):
+    axis = f'<axis xyz="0 {3 * size} {4 * size}"/>'
+    assert_allclose(parse_urdf(one_joint(LIMIT + axis)).tree.axis, [[0, 0.6, 0.8]], rtol=1e-14)
+
+
+@pytest.mark.parametrize("text", ["1_000", "\u0661", "\uff11"])
+@pytest.mark.parametrize("where", ['mass value="2"', 'ixx="1"', 'lower="-1"', 'xyz="0 3 4"', "<motorInertia>1"])
+def test_numbers_that_xml_has_not_are_refused(text, where):
+    drive = "<mechanicalReduction>2</mechanicalReduction><motorInertia>1</motorInertia>"
+    robot = one_joint(LIMIT + '<axis xyz="0 3 4"/>').replace(
+        "</robot>",
+        f'<transmission name="t"><joint name="j"/><actuator name="m">{drive}</actuator></transmission></robot>',
+    )
+    parse_urdf(robot)
+    with pytest.raises(FileFormatError, match=r"expected .*number"):
+        parse_urdf(robot.replace(where, re.sub(r"\d", text, where, count=1)))
+
+
 def test_axis_is_x_when_not_given_and_normalised_otherwise():
     assert_array_equal(parse_urdf(one_joint(LIMIT)).tree.axis, [[1, 0, 0]])
     assert_allclose(parse_urdf(one_joint(LIMIT + '<axis xyz="0 3 4"/>')).tree.axis, [[0, 0.6, 0.8]])

@@ -1,5 +1,6 @@
 """Inverse dynamics, Coriolis matrix and mass matrix: the terms of M(q) qdd + C(q, qd) qd + g(q) = tau."""
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +18,15 @@ from catenary.dynamics.recursion import (
     to_tree,
 )
 from catenary.dynamics.robot_kernels import DynamicQuantity
-from catenary.errors import InputError
+from catenary.errors import ImplausibleWarning, InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
+from catenary.robots.plausible import gravity_doubts
 
 _ZERO = (0.0, 0.0, 0.0)
+_FELT_M_S2 = 30.0  # beyond which no base feels gravity and its own acceleration
+_UP_M_S2 = 1.0  # upwards, from which on a base hangs, and is not on a wall with a sensor's noise
+_BEYOND = {"rad": 10.0, "m": 1.0}  # limits: numbers in degrees and millimetres are, wound-up joints less
 _AT_REST = np.zeros(3)  # rates of the base
 
 
@@ -64,6 +69,7 @@ def inverse_dynamics(
             return quick
     model.require_inertia()
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
+    warn_of_motion(model, motion[0], gravity_rows(gravity, len(motion[0])))
     out = _INVERSE_DYNAMICS.of_rows(model, (*motion, *felt_rows(gravity, base, len(motion[0]))))
     if loads is not None:
         out = out + loads.torque(motion[0], motion[1], motion[2], out)
@@ -111,6 +117,18 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     rows, single = as_batch("q", q, model.n)
     out = _MASS_MATRIX.of_rows(model, (rows,))
     return out[0] if single else out
+
+
+def warn_of_motion(model: RobotModel, q: Floats, gravity: Floats) -> None:
+    """Warn the caller's caller of gravity (1 or N, 3) [m/s2] and joints (N, n) that are hardly what was meant."""
+    odd = (gravity[:, 2] > _UP_M_S2) | (np.abs(gravity).max(axis=1) > _FELT_M_S2)
+    said = gravity_doubts(gravity[odd.argmax()]) if odd.any() else []
+    away = np.maximum(model.lower - q, q - model.upper).max(axis=0, initial=0.0)
+    for name, unit, far in zip(model.joint_names, model.joint_units, away.tolist(), strict=True):
+        if far > _BEYOND[unit]:
+            said.append(f"joint {name} is {far:.4g} {unit} beyond its limits; positions are in rad and m")
+    for doubt in said:
+        warnings.warn(f'robot "{model.name}": {doubt}', ImplausibleWarning, stacklevel=4)
 
 
 def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Floats:

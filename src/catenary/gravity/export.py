@@ -73,11 +73,7 @@ def export_function(
         raise InputError(f"loads: only {', '.join(WITH_LOADS)} have them, not {quantity}")
     known = known_loads(model)
     if quantity in OF_LINKS and loads is None and known is not None:
-        _log.warning(
-            'robot "%s": %s is of its links alone; loads=known_loads(model) adds friction and rotors',
-            model.name,
-            quantity,
-        )
+        _log.warning('robot "%s": %s is of its links alone; loads= adds friction and rotors', model.name, quantity)
     loads = known if quantity == "feedforward" and loads is None else loads
     line, shape, result = _traced(model, quantity, frame, loads)
     if to != "c99":

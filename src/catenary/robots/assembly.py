@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Flags, Floats, as_array
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
 from catenary.robots import plausible
 from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.link_inertia import LIGHTEST, NOTHING, LinkInertia, check_inertia, is_negative, unphysical
 from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree, is_base
 from catenary.robots.quarter_turns import quarter_turn_notes
-from catenary.spatial import Pose, as_rotation, identity_pose
+from catenary.spatial import Pose, as_rotation, identity_pose, unit_vector
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
 OFF_AXIS = 1e-12  # [m] more than rounding leaves of a coordinate that is zero
-Flags = NDArray[np.bool_]
 SHOWN = 3  # doubts that a warning names
 _log = logging.getLogger(__name__)
 ANYWHERE = (True, True, True)  # a centre of mass of which nothing is known
@@ -239,7 +237,7 @@ def tree_of(folded: Folded) -> Tree:
         prismatic=np.array([link.joint == "prismatic" for link in folded.moving]),
         rotation=np.array([pose.rotation for pose in folded.poses]),
         origin=np.array([pose.position for pose in folded.poses]),
-        axis=np.array([link.axis / np.linalg.norm(link.axis) for link in folded.moving]),
+        axis=np.array([unit_vector("axis", link.axis) for link in folded.moving]),
         mass=np.array([body.mass for body in folded.inertia]),
         com=np.array([body.com for body in folded.inertia]),
         inertia=np.array([np.zeros((3, 3)) if b.inertia is None else b.inertia for b in folded.inertia]),
@@ -311,7 +309,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
     )
     if link.joint == "fixed" and link.variable:
         raise InputError(f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two")
-    if link.joint != "fixed" and not np.linalg.norm(as_array(f"{what}: axis", link.axis, (3,))) > 1e-9:
+    if link.joint != "fixed" and not np.abs(as_array(f"{what}: axis", link.axis, (3,))).max() > 1e-9:
         raise InputError(f"{what}: axis must not be zero, got {link.axis}")
     for coordinate, factor in link.variable.items():
         if coordinate not in coordinates:

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.documents import MOST_XML, cut, read_bounded, xml_tree
+from catenary.documents import MOST_XML, cut, plain_number, read_bounded, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -95,10 +95,10 @@ def parse_urdf(
     root = _only_root(where, links, joints)
     free, following = _leaders(where, joints)
     as_listed = [joint.name for joint in joints if joint.name in free]
+    carried_by = {joint.link.name: joint for joint in joints}
     with naming_the_file(where):
         ordered = depth_first(f'robot "{robot.get("name")}"', [joint.link for joint in joints], root)
-    places = {link.name: place for place, link in enumerate(ordered)}
-    joints.sort(key=lambda joint: places[joint.link.name])
+    joints = [carried_by[link.name] for link in ordered]
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.link.parent for j in joints if j.link.joint != "fixed" and not j.link.pose.position.any()}
         leaders = {j.name: following.get(j.name, Mimic(j.name, 1.0, 0.0)) for j in joints if j.link.joint != "fixed"}
@@ -347,7 +347,7 @@ def _first(what: str, transmission: Element, tags: tuple[str, ...]) -> float | N
         if element.tag.rpartition(":")[2] in tags:
             text = element.get("value", element.text or "")
             with suppress(ValueError):
-                return float(text)
+                return plain_number(text)
             raise FileFormatError(f"{what}: <{element.tag}> is {text!r}, expected a number")
     return None
 
@@ -376,7 +376,7 @@ def origin_of(what: str, element: Element) -> Pose:
         if "rpy" in origin.attrib:
             raise FileFormatError(f"{what}: has rpy and quat_xyzw, expected one of the two")
         quaternion = numbers_of(what, origin, "quat_xyzw", 4)
-        if not np.linalg.norm(quaternion) > 1e-9:
+        if not np.abs(quaternion).max() > 1e-9:
             raise FileFormatError(f"{what}: quat_xyzw is zero, expected a rotation")
         return Pose(rotation_from_quaternion(np.roll(quaternion, 1)), position)
     rpy = numbers_of(what, origin, "rpy", 3) if "rpy" in origin.attrib else np.zeros(3)
@@ -397,7 +397,7 @@ def numbers_of(what: str, element: Element, key: str, count: int) -> Floats:
     if text is None:
         raise FileFormatError(f"{what}: {key} is missing, expected {expected}")
     try:
-        values = np.array([float(word) for word in text.split()])
+        values = np.array([plain_number(word) for word in text.split()])
     except ValueError as error:
         raise FileFormatError(f'{what}: {key}="{cut(text)}", expected {expected}') from error
     if len(values) != count or not np.isfinite(values).all():
