@@ -32,11 +32,19 @@ def test_as_array_gives_contiguous_floats_of_the_shape_that_was_asked_for():
         ([1, np.nan, np.inf], (3,), r"q\[1\] is nan: expected finite numbers \(2 of 3 values are not\)"),
         ([[0, 0], [0, -np.inf]], (2, 2), r"q\[1, 1\] is -inf"),
         (np.nan, (), "q is nan"),
+        (np.array(["1", 2.0], dtype=object), (2,), "expected numbers"),
+        (np.array(["2026-01-01", "2026-01-02"], dtype="datetime64[D]"), (2,), "expected numbers"),
+        (np.array([1, 2], dtype="timedelta64[s]"), (2,), "expected numbers"),
+        (np.ma.array([1.0, 2.0], mask=[False, True]), (2,), "expected numbers"),
     ],
 )
 def test_as_array_refuses_what_is_not_finite_numbers_of_that_shape(values, shape, said):
     with pytest.raises(InputError, match=said):
         as_array("q", values, shape)
+
+
+def test_as_array_takes_a_masked_array_that_masks_nothing():
+    assert_array_equal(as_array("q", np.ma.array([1.0, 2.0], mask=False), (2,)), [1.0, 2.0])
 
 
 def test_as_array_lets_infinity_through_where_it_is_allowed():

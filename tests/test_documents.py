@@ -12,6 +12,7 @@ from catenary.documents import (
     MOST_TOML,
     json_table,
     json_value,
+    plain_number,
     read_bounded,
     shortened,
     toml_table,
@@ -94,6 +95,17 @@ def test_xml_that_is_refused_names_file_and_reason(text, said):
         xml_tree(raw, "a.xml")
     assert said in str(error.value)
     assert len(str(error.value)) < 500
+
+
+@pytest.mark.parametrize("text", ["1_000", "1e1_0", "\u0661", "\uff11\uff12", "\u00b2", "", "0x10"])
+def test_what_xml_has_for_no_number_is_none(text):
+    with pytest.raises(ValueError):
+        plain_number(text)
+
+
+@pytest.mark.parametrize("text", ["1", "-1.5", "+.5", "5.", "1e-3", "1E+3", " 2 ", "INF", "-INF"])
+def test_what_xml_has_for_a_number_is_one(text):
+    assert plain_number(text) == float(text)
 
 
 def test_what_others_read_is_read_alike():

@@ -72,8 +72,15 @@ def test_rotation_vector_inverts_the_exponential(v):
     assert_allclose(spatial.rotation_vector(expm(cross_matrix(v))), v, atol=1e-8)
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e-200, 1.0, 1e200, 1.7e308])
+def test_a_vector_of_any_length_has_a_direction(size):
+    assert_allclose(spatial.unit_vector("axis", [0.6 * size, 0.0, -0.8 * size]), [0.6, 0.0, -0.8], rtol=1e-14)
+    turned = spatial.rotation_from_quaternion([size, size, 0.0, 0.0])
+    assert_allclose(turned, spatial.rotation_about_x(np.pi / 2.0), atol=1e-15)
+
+
 def test_a_zero_quaternion_is_refused():
-    with pytest.raises(InputError, match=r"quaternion: expected \(w, x, y, z\) of non-zero length"):
+    with pytest.raises(InputError, match=r"quaternion \(w, x, y, z\): expected non-zero length"):
         spatial.rotation_from_quaternion([0, 0, 0, 0])
 
 

@@ -132,13 +132,15 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
-    """Return a C-contiguous float64 array; text and complex numbers, which NumPy would convert, are refused."""
+    """Return a C-contiguous float64 array; what NumPy would convert unasked is refused."""
     if type(values) is np.ndarray and values.dtype is _FLOAT64 and values.flags.carray:
         return values
     try:
         raw = np.asarray(values)
-        if raw.dtype.kind in "SUc":
+        if raw.dtype.kind in "SUcMm" or (raw.dtype.kind == "O" and any(isinstance(x, str | bytes) for x in raw.flat)):
             raise TypeError(f"NumPy type {raw.dtype}")
+        if np.ma.is_masked(values):  # what lies under a mask is no measurement
+            raise TypeError("masked values")
         array = np.asarray(raw, dtype=np.float64, order="C")  # ascontiguousarray would make a scalar (1,)
         # compiled code would be compiled once more for read-only arrays, such as a model's own limits
         return array if array.flags.writeable else array.copy()

@@ -155,6 +155,13 @@ def xml_tree(data: str | bytes, where: str) -> Element:
     return builder.close()
 
 
+def plain_number(text: str) -> float:
+    """Return the number that a text is to XML as well; ValueError of 1_000, and of digits of other scripts."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"{shortened(text)} is no number")
+    return float(text)
+
+
 def xml_root_tag(data: str | bytes, where: str) -> str:
     """Return the name of XML text's root element; what follows it is not read."""
     _refuse_length(data, where, MOST_XML)

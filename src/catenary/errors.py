@@ -68,6 +68,10 @@ class MissingPackageError(CatenaryError, ImportError):
     """An optional package is needed for this and is not installed; the message says how to install it."""
 
 
+class ImplausibleWarning(UserWarning):
+    """Numbers are taken as they are and are hardly what was meant: gravity that points up, insertion of 400 m."""
+
+
 def to_install(extra: str) -> str:
     """Return the command that installs the packages of an extra, wherever this package itself came from."""
     try:

@@ -78,14 +78,17 @@ def rotation_from_rpy(rpy: ArrayLike) -> Floats:
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
     """Return the rotation matrix of a quaternion (w, x, y, z), which is normalised first."""
-    q = as_array("quaternion", quaternion, (4,))
-    largest = float(np.abs(q).max())
+    return _rotation_of(*unit_vector("quaternion (w, x, y, z)", quaternion, 4).tolist())
+
+
+def unit_vector(name: str, vector: ArrayLike, size: int = 3) -> Floats:
+    """Return a vector (size,) at length one, however long or short it is: no square overflows or vanishes."""
+    given = as_array(name, vector, (size,))
+    largest = float(np.abs(given).max())
     if not largest > 0.0:
-        raise InputError(f"quaternion: expected (w, x, y, z) of non-zero length, got {q}")
-    scaled = (q / largest).tolist()  # its square neither overflows nor vanishes
-    length = hypot(*scaled)
-    w, x, y, z = (number / length for number in scaled)
-    return _rotation_of(w, x, y, z)
+        raise InputError(f"{name}: expected non-zero length, got {given}")
+    scaled = given / largest
+    return np.asarray(scaled / hypot(*scaled.tolist()))
 
 
 def _rotation_of(w: float, x: float, y: float, z: float) -> Floats:

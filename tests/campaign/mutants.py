@@ -113,7 +113,7 @@ def _quoted(text: str) -> str:
 
 TEXTS = (
     "", "x", "nan", "inf", "1e999", "1e308", "1e-320", "0", "-1", "0 0 0", "1 2", "nan nan nan", "9" * 5000, "a" * 20_000,
-    "../../etc/passwd", "/dev/zero", "robot.xml", "\x1b", "${x}", "1,2,3", "1 2 3 4 5 6 7", "100000", "1e9", "ball", "base",
+    "../../etc/passwd", "/dev/zero", "robot.xml", "\x1b", "${x}", "1,2,3", "1_000", "\u0661", "1e200 1e200 0", "1 2 3 4 5 6 7", "100000", "1e9", "ball", "base",
 )  # fmt: skip
 BOMB = '<!DOCTYPE a [<!ENTITY a "' + "x" * 1000 + '">' + "".join(
     f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 20}">' for i in range(8)

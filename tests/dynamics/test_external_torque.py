@@ -82,3 +82,6 @@ def test_arguments_that_cannot_be_are_refused():
         external_torque(arm, zero, zero, zero, zero, DOWN, deviation=-1.0)
     with pytest.raises(InputError, match="cutoff_hz"):
         MomentumObserver(arm, cutoff_hz=0.0)
+    for dt in (0.0, -0.001, np.nan):
+        with pytest.raises(InputError, match="dt"):
+            MomentumObserver(arm).update(zero, zero, zero, DOWN, dt)

@@ -63,7 +63,9 @@ def test_with_friction_it_is_the_inverse_of_inverse_dynamics(rng):
     loads = ActuationLoads(6, actuation, terms, rng.uniform(0.05, 0.2, len(terms)))
     q, qd, qdd = rng.normal(size=(3, 20, 6))
     links = inverse_dynamics(model, q, qd, qdd, DOWN)
-    tau = links + loads.torque(q, qd, qdd, links)
+    tau = inverse_dynamics(model, q, qd, qdd, DOWN, loads=loads)
+    assert_allclose(tau, links + loads.torque(q, qd, qdd, links))
+    assert_allclose(forward_dynamics(model, q, qd, links, DOWN), qdd, atol=1e-7)
     assert_allclose(forward_dynamics(model, q, qd, tau, DOWN, loads=loads), qdd, atol=1e-7)
     heavy = loads._replace(
         values=np.array([3.0 if t.kind == "load" else v for t, v in zip(terms, loads.values, strict=True)])

@@ -110,6 +110,9 @@ def test_a_moving_arm_or_a_missing_number_leaves_the_estimate_alone() -> None:
     ):
         assert not learnt(*values, 0.01)
     assert not learnt(rest, rest, off, UPRIGHT, 0.0)
+    for dt in (-0.01, np.nan):
+        with pytest.raises(InputError, match="dt: expected a time of zero or more"):
+            estimator.update(rest, rest, off, UPRIGHT, dt)
     assert not learnt(rest, rest, off, np.zeros(3), 0.01)  # weightless
     assert np.isfinite(estimator.s_hat).all()
 

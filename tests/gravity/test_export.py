@@ -2,6 +2,7 @@ import ctypes
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import partial
 from typing import get_args
 
 import casadi
@@ -11,9 +12,9 @@ import pytest
 import sympy
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation_loads import ActuationLoads
+from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.dynamics.forward_dynamics import forward_dynamics
-from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
+from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
 from catenary.gravity.compact_regressor import compact_regressor
@@ -73,7 +74,7 @@ def by_recursion(model, quantity, arrays):
         "inverse_dynamics": inverse_dynamics,
         "feedforward": inverse_dynamics,
         "forward_dynamics": forward_dynamics,
-        "gravity_regressor": standard_gravity_regressor,
+        "standard_gravity_regressor": standard_gravity_regressor,
         "compact_regressor": lambda model, *arrays: compact_regressor(model).Z(*arrays),
     }[quantity](model, *arrays)
 
@@ -134,6 +135,37 @@ def every_effect(arm, rng):
     )
 
 
+@pytest.mark.parametrize("with_loads", [False, True])
+@pytest.mark.parametrize("quantity", ["inverse_dynamics", "forward_dynamics"])
+def test_a_name_means_in_every_target_what_it_means_in_python(quantity, with_loads, rng, tmp_path):
+    arm = load_robot("raven2")
+    loads = every_effect(arm, rng)
+    arm = replace(arm, actuation=replace(loads.actuation, values=loads.values))
+    given = {"loads": known_loads(arm)} if with_loads else {}
+    arrays = arrays_of(arm, quantity, seed=4)
+    q, qd, third, gravity = arrays
+    M, held = mass_matrix(arm, q), coriolis_matrix(arm, q, qd) @ qd + gravity_torque(arm, q, gravity)
+    added = partial(loads.torque, q[None], qd[None])
+    if quantity == "inverse_dynamics":
+        links = M @ third + held
+        expected = links + (added(third[None], links[None])[0] if with_loads else 0.0)
+    elif with_loads:
+        expected = np.linalg.solve(M + loads.rotors, third - held - added(0.0 * q[None])[0])
+    else:
+        expected = np.linalg.solve(M, third - held)
+    python = {"inverse_dynamics": inverse_dynamics, "forward_dynamics": forward_dynamics}[quantity]
+    made = {to: export_function(arm, quantity, to, **given) for to in ("jax", "casadi", "sympy", "c99")}
+    found = {
+        "Python": python(arm, *arrays, **given),
+        "jax": np.asarray(made["jax"](*arrays)),
+        "casadi": np.array(made["casadi"](*arrays)).ravel(),
+        "sympy": by_sympy(made["sympy"], arrays),
+        "c99": by_c(made["c99"], f"raven2_{quantity}", arrays, 3, tmp_path),
+    }
+    for target, result in found.items():
+        assert_allclose(result, expected, rtol=1e-9, err_msg=target)
+
+
 @pytest.mark.parametrize("quantity", ["feedforward", "forward_dynamics"])
 @pytest.mark.parametrize("smooth", [0.05, 0.0])
 def test_friction_and_drives_are_in_every_target(quantity, smooth, rng, tmp_path):
@@ -173,9 +205,11 @@ def test_a_robot_that_brings_friction_says_which_function_has_it(rng, caplog):
     given = np.array(export_function(load_robot("raven2"), "feedforward", "casadi", loads=loads)(*arrays)).ravel()
     assert_allclose(whole, given)
     assert not caplog.records
-    export_function(arm, "inverse_dynamics", "casadi")
-    assert "inverse_dynamics is of its links alone; feedforward has friction and rotors" in caplog.text
-    with pytest.raises(InputError, match="only feedforward and forward_dynamics have them, not gravity"):
+    for quantity in ("inverse_dynamics", "inverse_dynamics_on_moving_base", "forward_dynamics"):
+        caplog.clear()
+        export_function(arm, quantity, "casadi")
+        assert f"{quantity} is of its links alone; loads= adds friction and rotors" in caplog.text
+    with pytest.raises(InputError, match=r"only inverse_dynamics, .*, feedforward have them, not gravity"):
         export_function(arm, "gravity", "casadi", loads=loads)
 
 

@@ -1,3 +1,4 @@
+import warnings
 from functools import partial
 
 import numpy as np
@@ -5,9 +6,10 @@ import pinocchio
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import catenary
 from catenary.dynamics.robot_kernels import FEW
-from catenary.errors import InputError
-from catenary.gravity.torque import gravity_delta, gravity_torque, potential_energy
+from catenary.errors import ImplausibleWarning, InputError
+from catenary.gravity.torque import center_of_mass_jacobian, gravity_delta, gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL
@@ -111,6 +113,39 @@ def test_from_some_calls_on_the_kernel_gives_the_same_and_checks_as_much(name, r
         gravity_torque(model, np.zeros(3), np.array([np.inf, 0.0, 0.0]))
     with pytest.raises(InputError, match=r"q: expected shape \(3,\) or \(N, 3\), got \(2,\)"):
         gravity_torque(model, np.zeros(2), gravity)
+
+
+@pytest.mark.parametrize(
+    ("q", "gravity", "said"),
+    [
+        ([0.5, 1.5, 0.4], [0.0, 0.0, 9.81], "points up in base axes"),
+        ([0.5, 1.5, 0.4], [0.0, 0.0, -981.0], "has a magnitude of 981 m/s2"),
+        ([0.5, 1.5, 400.0], UPRIGHT, "insertion is 399.4 m beyond its limits; positions are in rad and m"),
+        ([30.0, 1.5, 0.4], UPRIGHT, "shoulder is 28.43 rad beyond its limits"),
+    ],
+)
+def test_what_is_hardly_meant_is_warned_of_where_the_caller_stands(q, gravity, said) -> None:
+    arm, many = load_robot("raven2"), np.tile([0.5, 1.5, 0.4], (9, 1))
+    many[4] = q
+    still = np.zeros(3)
+    for call in (
+        lambda: catenary.gravity_torque(arm, q, gravity),
+        lambda: catenary.gravity_torque(arm, many, gravity),
+        lambda: catenary.inverse_dynamics(arm, q, still, still, gravity),
+    ):
+        with pytest.warns(ImplausibleWarning, match=said) as caught:
+            call()
+        assert caught[0].filename == __file__
+
+
+def test_gravity_on_a_wall_a_moving_base_or_none_is_not_warned_of(rng) -> None:
+    arm, q = load_robot("raven2"), [0.5, 1.5, 0.4]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for gravity in ([9.81, 0.0, 0.1], [3.0, -4.0, -14.0], [0.0, 0.0, 0.0], tilted_gravity(1.0, 0.5)):
+            gravity_torque(arm, q, gravity)
+            gravity_delta(arm, q, gravity)
+        center_of_mass_jacobian(arm, q)
 
 
 def test_firmware_for_a_level_base_plus_the_delta_is_the_whole_gravity_torque(random_robots, rng):

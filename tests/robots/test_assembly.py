@@ -60,13 +60,13 @@ def test_what_is_fixed_to_the_base_has_no_part_in_the_masses():
     assert_array_equal(model.tree.mass, [5.0])
 
 
-def test_links_come_parents_first_and_otherwise_as_given():
+def test_links_come_depth_first_and_siblings_as_given():
     names = ("c", "b"), ("d", "base"), ("b", "a"), ("a", "base")
     model = assemble("r", [link(name, parent) for name, parent in names], Q)
     assert sorted(model.link_names) == ["a", "b", "c", "d"]
     for number, parent in enumerate(model.tree.parent):
         assert parent < number
-    assert assemble("r", [link("x"), link("y"), link("z", "x")], Q).link_names == ("x", "y", "z")
+    assert assemble("r", [link("x"), link("y"), link("z", "x")], Q).link_names == ("x", "z", "y")
 
 
 def test_a_joint_may_move_with_several_coordinates_and_an_offset():

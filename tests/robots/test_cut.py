@@ -10,6 +10,9 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.kinematics import relative_pose
 from catenary.errors import CatenaryError, InputError
 from catenary.gravity.torque import gravity_torque
+from catenary.identification.identification import identify
+from catenary.identification.identification_file import identification_card, save_identification
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.actuation import (
     Actuation,
     KnownTorque,
@@ -24,6 +27,7 @@ from catenary.robots.cut import cut_arm, lock_joints
 from catenary.robots.shapes import load_geometry
 from catenary.robots.urdf_export import urdf_text
 from command_line import catenary
+from moving_arm import recorded
 from oracles.random_trees import random_robot
 
 
@@ -150,6 +154,71 @@ def test_a_table_cuts_an_arm_out_of_its_description(table, rng):
     assert model.joint_names == ("elbow_joint", "wrist_1_joint", "wrist_3_joint")
     q, gravity = rng.normal(size=3), rng.normal(size=3)
     assert_allclose(gravity_torque(model, q, gravity), gravity_torque(arm, q, gravity))
+
+
+KINDS_OF_ORDER = ("urdf", "text", "described", "cut", "locked", "table", "identified", "mjcf", "written again")
+
+
+@pytest.fixture
+def in_another_order(tmp_path):
+    """Return a robot of a kind, whose file lists c_hand, b_elbow, then a_waist, which carries d_other too."""
+    mass = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    places = {"c_hand": ("b", "c"), "d_other": ("a", "d"), "b_elbow": ("a", "b"), "a_waist": ("root", "a")}
+    limit = '<limit lower="-1" upper="1" velocity="1" effort="1"/>'
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>{limit}</joint>'
+        for name, (parent, child) in places.items()
+    )
+    links = "".join(f'<link name="{name}">{mass}</link>' for name in ("root", *"abcd"))
+    text = f'<robot name="r">{links}{joints}</robot>'
+    (tmp_path / "arm.urdf").write_text(text)
+
+    def nested(name, inside):
+        return f'<body><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><joint name="{name}"/>{inside}</body>'
+
+    inside = nested("d_other", "") + nested("b_elbow", nested("c_hand", ""))
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{nested('a_waist', inside)}</worldbody></mujoco>")
+    carriers = {child: name for name, (_, child) in places.items()} | {"root": "base"}
+    rows = [  # hang on rows that come later, but for the last
+        f'[[link]]\nname = "{name}"\njoint = "revolute"\nalpha_deg = 0\na_m = 0\nd_m = 0\ntheta_deg = 0\n'
+        f'parent = "{carriers[parent]}"\n'
+        for name, (parent, _) in places.items()
+    ]
+    (tmp_path / "rows.toml").write_text(f'name = "r"\nconvention = "modified"\nsources = []\n{"".join(rows)}')
+    cut = 'description = "arm.urdf"\nbase = "root"\ntip = "c"\n'
+    (tmp_path / "described.toml").write_text('description = "arm.urdf"\n')
+    (tmp_path / "cut.toml").write_text(cut)
+    (tmp_path / "locked.toml").write_text(f"{cut}locked_deg = {{ a_waist = 0 }}\n")
+
+    def load(kind):
+        if kind == "identified":
+            robot, path = load_robot(tmp_path / "arm.urdf"), tmp_path / "arm.npz"
+            found = identify([recorded(robot, 0)], robot, IdentifyOptions(prior=False, friction=()))
+            save_identification(found, identification_card(found, []), path)
+            return path
+        if kind == "written again":
+            (tmp_path / "again.urdf").write_text(urdf_text(load_robot(tmp_path / "arm.urdf")))
+        files = {"urdf": "arm.urdf", "table": "rows.toml", "mjcf": "arm.xml", "written again": "again.urdf"}
+        return text if kind == "text" else tmp_path / files.get(kind, f"{kind}.toml")
+
+    return load
+
+
+@pytest.mark.parametrize("kind", KINDS_OF_ORDER)
+def test_joints_of_every_kind_of_robot_are_depth_first_and_a_note_says_what_its_file_does_not(
+    kind, in_another_order, caplog
+):
+    source = in_another_order(kind)
+    caplog.clear()
+    model = load_robot(source)
+    order = ("a_waist", "d_other", "b_elbow", "c_hand")
+    order = {"cut": ("a_waist", "b_elbow", "c_hand"), "locked": ("b_elbow", "c_hand")}.get(kind, order)
+    assert model.joint_names == order
+    told = f"its joints are in the order {', '.join(order)}: depth first from the base, not as the file lists them"
+    assert (told in caplog.text) == (kind not in ("mjcf", "written again"))
+    if kind == "urdf":
+        shown = catenary("fk", source, "--q", "0.1,0.2,0.3,0.4")
+        assert told in shown.err.replace("\n", " ")
 
 
 @pytest.mark.parametrize(

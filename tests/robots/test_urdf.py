@@ -3,6 +3,7 @@ import re
 import sys
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -80,13 +81,33 @@ def test_folded_inertias_agree_with_pinocchio(seed):
         assert_allclose(ours.tree.inertia[number], there.inertia, atol=1e-11)
 
 
-def test_coordinates_stand_in_the_files_order_without_mimic_joints():
+def test_coordinates_come_from_base_to_tip_without_mimic_joints():
     text = urdf(
         joint("last", "b", "c"),
         joint("follower", "a", "b", inside='<mimic joint="last"/>' + LIMIT),
         joint("first", "root", "a"),
     )
-    assert parse_urdf(text).joint_names == ("last", "first")
+    assert parse_urdf(text).joint_names == ("first", "last")
+    assert parse_urdf(text).file_order == ("last", "first")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_joints_of_a_file_in_any_order_stand_as_mujoco_orders_them(seed):
+    rng = np.random.default_rng(seed)
+    written = random_urdf(rng, kinds=("revolute", "prismatic"))
+    parts = re.findall(r'<link name="root"/>|<link .*?</link>|<joint .*?</joint>', written)
+    text = f"<robot name='r'>{''.join(rng.permutation(parts))}</robot>"
+    theirs = mujoco.MjModel.from_xml_string(text)
+    ours = parse_urdf(text)
+    assert ours.joint_names == tuple(theirs.joint(k).name for k in range(theirs.njnt))
+    assert ours.file_order == tuple(re.findall(r'<joint name="(\w+)"', text))
+    assert ours.link_names == tuple(name.replace("joint", "link") for name in ours.joint_names)
+
+
+def test_joints_of_a_chain_in_any_order_stand_as_pinocchio_orders_them(rng):
+    rows = [joint(f"j{k}", f"l{k}", f"l{k + 1}") for k in rng.permutation(8)]  # it sorts siblings by the alphabet
+    text = urdf(*rows, links=[f"l{k}" for k in rng.permutation(9)])
+    assert parse_urdf(text).joint_names == tuple(pin.buildModelFromXML(text).names)[1:]
 
 
 def test_limits_are_read_and_a_continuous_joint_has_no_position_limit():
@@ -103,6 +124,25 @@ def test_limits_are_read_and_a_continuous_joint_has_no_position_limit():
     assert_array_equal(model.velocity_limit, [3, 1, 5])
     assert_array_equal(model.effort_limit, [4, 2, 6])
     assert model.joint_units == ("rad", "m", "rad")
+
+
+@pytest.mark.parametrize("size", [1e-8, 1e200])
+def test_an_axis_of_any_length_is_a_direction(size):
+    axis = f'<axis xyz="0 {3 * size} {4 * size}"/>'
+    assert_allclose(parse_urdf(one_joint(LIMIT + axis)).tree.axis, [[0, 0.6, 0.8]], rtol=1e-14)
+
+
+@pytest.mark.parametrize("text", ["1_000", "\u0661", "\uff11"])
+@pytest.mark.parametrize("where", ['mass value="2"', 'ixx="1"', 'lower="-1"', 'xyz="0 3 4"', "<motorInertia>1"])
+def test_numbers_that_xml_has_not_are_refused(text, where):
+    drive = "<mechanicalReduction>2</mechanicalReduction><motorInertia>1</motorInertia>"
+    robot = one_joint(LIMIT + '<axis xyz="0 3 4"/>').replace(
+        "</robot>",
+        f'<transmission name="t"><joint name="j"/><actuator name="m">{drive}</actuator></transmission></robot>',
+    )
+    parse_urdf(robot)
+    with pytest.raises(FileFormatError, match=r"expected .*number"):
+        parse_urdf(robot.replace(where, re.sub(r"\d", text, where, count=1)))
 
 
 def test_axis_is_x_when_not_given_and_normalised_otherwise():

@@ -8,16 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
-from catenary.sensing.vector import (
-    FixedGravity,
-    Kind,
-    Mailbox,
-    ReadingStatus,
-    gravity_doubts,
-    tilt_angle,
-    tilt_of,
-    tilted_gravity,
-)
+from catenary.robots.plausible import gravity_doubts
+from catenary.sensing.vector import FixedGravity, Kind, Mailbox, ReadingStatus, tilt_angle, tilt_of, tilted_gravity
 
 
 def test_samples_are_taken_in_the_order_in_which_they_came():

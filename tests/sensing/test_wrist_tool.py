@@ -55,6 +55,14 @@ def test_deviations_are_those_of_repeated_fits():
         assert_allclose(found.std(axis=0), said, rtol=0.2)  # 300 fits tell a deviation to 4 %
 
 
+@pytest.mark.parametrize(("of_force", "of_torque"), [(1e3, 1.0), (1.0, 1e3), (1e-3, 1.0), (1e3, 1e3)])
+def test_readings_in_other_units_are_refused(of_force, of_torque):
+    down = poses(12)
+    force, torque = readings(down, 0.1)
+    with pytest.raises(InputError, match=r"forces are in N \(not mN or kN\), torques in Nm"):
+        fit_wrist_tool(of_force * force, of_torque * torque, down)
+
+
 def test_what_acts_on_the_tool_is_what_the_readings_hold_beyond_it():
     down = poses(10)
     tool = fit_wrist_tool(*readings(down), down)

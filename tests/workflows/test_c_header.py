@@ -24,6 +24,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mas
 from catenary.dynamics.lines import inverse_dynamics_line
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact_regressor import compact_regressor
+from catenary.gravity.export import ExportedQuantity, export_function
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import identify
 from catenary.identification.identification_file import identification_card, load_identification, save_identification
@@ -160,7 +161,7 @@ def test_on_a_moving_base_torques_are_what_a_floating_base_has_in_mujoco_and_pin
 def test_links_without_possible_inertia_leave_gravity_and_say_so() -> None:
     arm = load_robot("two_link")
     bare = c_header(replace(arm, missing_tensor=("link2",)))
-    assert bare.functions == ("two_link_gravity", "two_link_gravity_regressor", "two_link_compact_regressor")
+    assert bare.functions == ("two_link_gravity", "two_link_standard_gravity_regressor", "two_link_compact_regressor")
     assert "no possible inertia for link2, so gravity and its regressors alone" in bare.notes[0]
     assert "_inverse_dynamics(" not in bare.text
 
@@ -205,6 +206,27 @@ def torques_in_c(model: RobotModel, loads: ActuationLoads, rows: np.ndarray, fol
         f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, NULL, NULL, t);\n" + puts(f=n, d=n, t=n)
     )
     return np.split(output_of(header, body, rows, folder, language), 3, axis=1)
+
+
+@pytest.mark.parametrize("language", COMPILERS)
+def test_rates_of_a_base_at_rest_may_be_null_in_every_function_of_the_header_and_of_exports(
+    language: str, tmp_path: Path
+) -> None:
+    header, n = c_header(ARM).text, ARM.n
+    quantities: tuple[ExportedQuantity, ...] = ("holding", "inverse_dynamics_on_moving_base")
+    alone = "".join(export_function(replace(ARM, name="alone"), quantity, "c99") for quantity in quantities)
+    takes = re.findall(r"static inline void (\w+)\(([^)]*)\bomega\b[^)]*\)", header + alone)
+    assert len(takes) == 5  # holding, inverse_dynamics and feedforward; both exports
+    given, body = motions(ARM, 3, rows=5), f"  double t[{n}];\nLOOP"
+    at = {name: f"r + {k}" for name, k in zip(("q", "qd", "qdd", "gravity"), np.cumsum([0, n, n, n]), strict=True)}
+    for function, before in takes:
+        arrays = ", ".join(at[name] for name in re.findall(r"\*(\w+)", before))
+        body += f"  {function}({arrays}, NULL, NULL, t);\n{puts(t=n)}"
+    found = np.split(output_of(header + alone, body, np.hstack(given), tmp_path, language), 5, axis=1)
+    q, qd, qdd, gravity = given[:4]
+    for (function, _), torques in zip(takes, found, strict=True):
+        rates = (0 * q, 0 * q) if "holding" in function else (qd, qdd)
+        assert_close(torques, inverse_dynamics(ARM, q, *rates, gravity))
 
 
 def assert_are_pythons(seed: int, folder: Path, language: str) -> None:
@@ -299,7 +321,7 @@ STATES = 4_000
 GRAVITY_OF = [*map(load_robot, ("raven2", "raven2_full_right")), *(random_robot(seed).model for seed in (8, 17))]
 
 
-GRAVITY = ("gravity", "gravity_regressor", "compact_regressor")
+GRAVITY = ("gravity", "standard_gravity_regressor", "compact_regressor")
 MOTION = ("mass_matrix", "holding", "inverse_dynamics", "feedforward")
 
 
@@ -315,7 +337,7 @@ def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: st
     name = prefix_of(header)
     body = (
         f"  double tau[{n}], Z[{n * p}], C[{n * s}];\nLOOP  {name}_gravity(r, r + {n}, tau);\n"
-        f"  {name}_gravity_regressor(r, r + {n}, Z);\n  {name}_compact_regressor(r, r + {n}, C);\n"
+        f"  {name}_standard_gravity_regressor(r, r + {n}, Z);\n  {name}_compact_regressor(r, r + {n}, C);\n"
         + puts(tau=n, Z=n * p, C=n * s)
     )
     rng = np.random.default_rng(1)

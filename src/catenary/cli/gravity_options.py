@@ -80,7 +80,7 @@ class GivenGravity(StatedGravity):
 
     def doubts(self, gravity: "Floats") -> list[str]:
         """Return in words why this gravity may not be the one that was meant."""
-        from catenary.sensing.vector import gravity_doubts
+        from catenary.robots.plausible import gravity_doubts
 
         return gravity_doubts(gravity, hanging=self.base_tilt_deg is not None)
 

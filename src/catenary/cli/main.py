@@ -5,6 +5,7 @@ import io
 import logging
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any, NoReturn, TextIO, cast
@@ -16,7 +17,7 @@ from catenary import __version__
 from catenary.cli.options import as_typed
 from catenary.cli.signals import exit_code, signals_interrupt
 from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
-from catenary.errors import CatenaryError
+from catenary.errors import CatenaryError, ImplausibleWarning
 from catenary.visible import ClosedOutput, VisibleStream
 
 # groups in the order in which `catenary --help` lists them; of each command the module with its function
@@ -171,6 +172,7 @@ def _run() -> None:
     logging.getLogger("matplotlib").addFilter(is_for_people)
     try:
         try:
+            warnings.simplefilter("ignore", ImplausibleWarning)  # commands have notes of their own
             app(prog_name="catenary")
         finally:
             sys.stdout.flush()

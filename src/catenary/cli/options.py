@@ -212,10 +212,12 @@ def require_one(**given: Any) -> None:
 
 def numbers(text: str, count: int | None = None) -> Numbers:
     """Read numbers separated by commas or spaces, as many as `count` says."""
+    from catenary.documents import plain_number
+
     values = []
     for word in text.replace(",", " ").split():
         try:
-            values.append(float(word))
+            values.append(plain_number(word))
         except ValueError:
             raise typer.BadParameter(f"expected numbers separated by commas, got {word!r} in {text!r}") from None
     if not values or len(values) != (count or len(values)):

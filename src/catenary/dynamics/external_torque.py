@@ -57,10 +57,7 @@ def external_torque(
     """
     (rows, rates, accelerations, measured), single = motion_rows(model, q, qd=qd, qdd=qdd, tau=tau)
     spread = as_not_negative("deviation", one_for_all(deviation, model.n), (model.n,))
-    expected = inverse_dynamics(model, rows, rates, accelerations, gravity)
-    if loads is not None:
-        expected = expected + loads.torque(rows, rates, accelerations, expected)
-    left = expected - measured
+    left = inverse_dynamics(model, rows, rates, accelerations, gravity, loads=loads) - measured
     return ExternalTorque(left[0] if single else left, IN_95_PERCENT * spread)
 
 
@@ -111,6 +108,7 @@ class MomentumObserver:
 
     def update(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, gravity: ArrayLike, dt: float) -> Floats:
         """Return the external torques (n,) [Nm or N] at q, qd, tau (n,), some dt [s] after the last ones."""
+        step = float(as_positive("dt", dt))
         (rows, rates, torques), _ = motion_rows(self.model, as_array("q", q, (self.model.n,)), qd=qd, tau=tau)
         momentum = (mass_matrix(self.model, rows[0]) + self._rotors) @ rates[0]
         still = np.zeros_like(rows)
@@ -120,7 +118,6 @@ class MomentumObserver:
             pushed -= self.loads.torque(rows, rates, still)[0]
         if self._before is not None:
             # p' = pushed + tau_ext, and r' = K (tau_ext - r): both over one step, r by its exact exponential
-            step = float(as_positive("dt", dt, ()))
             mean = (momentum - self._before[0]) / step - 0.5 * (pushed + self._before[1])
             self.torque = self.torque + (1.0 - np.exp(-self.gain * step)) * (mean - self.torque)
         self._before = np.array([momentum, pushed])

@@ -1,4 +1,4 @@
-"""Forward dynamics: accelerations by torques, the inverse of M(q) qdd + C(q, qd) qd + g(q) + friction = tau."""
+"""Forward dynamics: accelerations by torques, the inverse of `inverse_dynamics`."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,8 +27,9 @@ def forward_dynamics(
     """Return the accelerations that torques give a robot at q, qd.
 
     M(q) qdd = tau - C(q, qd) qd - g(q). With `loads`, such as `known_loads(model)`, friction, rotors, springs and known
-    torques take part: friction as in sliding, and none at rest where it has the sign of the speed, so that no joint
-    sticks. Friction that grows with the load depends on the accelerations, and is found by iteration.
+    torques take part as in `inverse_dynamics`: friction as in sliding, and none at rest where it has the sign of the
+    speed, so that no joint sticks. Friction that grows with the load depends on the accelerations, and is found by
+    iteration.
 
     For q, qd and tau (n,) or (N, n) [rad or m, and per s; Nm or N], gravity and base as of `inverse_dynamics`: (n,) or
     (N, n) [rad/s2 or m/s2].

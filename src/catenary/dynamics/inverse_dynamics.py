@@ -1,11 +1,13 @@
 """Inverse dynamics, Coriolis matrix and mass matrix: the terms of M(q) qdd + C(q, qd) qd + g(q) = tau."""
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
+from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.lines import inverse_dynamics_line, mass_matrix_line
 from catenary.dynamics.recursion import (
     composite_body_recursion,
@@ -16,11 +18,15 @@ from catenary.dynamics.recursion import (
     to_tree,
 )
 from catenary.dynamics.robot_kernels import DynamicQuantity
-from catenary.errors import InputError
+from catenary.errors import ImplausibleWarning, InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
+from catenary.robots.plausible import gravity_doubts
 
 _ZERO = (0.0, 0.0, 0.0)
+_FELT_M_S2 = 30.0  # beyond which no base feels gravity and its own acceleration
+_UP_M_S2 = 1.0  # upwards, from which on a base hangs, and is not on a wall with a sensor's noise
+_BEYOND = {"rad": 10.0, "m": 1.0}  # limits: numbers in degrees and millimetres are, wound-up joints less
 _AT_REST = np.zeros(3)  # rates of the base
 
 
@@ -38,24 +44,35 @@ class BaseMotion(NamedTuple):
 
 
 def inverse_dynamics(
-    model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike, base: BaseMotion | None = None
+    model: RobotModel,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    gravity: ArrayLike,
+    base: BaseMotion | None = None,
+    *,
+    loads: ActuationLoads | None = None,
 ) -> Floats:
     """Return the torques of a motion: M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
 
     Recursive Newton-Euler (Luh, Walker, Paul 1980). A moving base loads the joints with
     gravity - a_base - alpha x r - omega x (omega x r) in place of gravity, and with the moments that turn
-    the links along with it. Its motion is the same for every row or one for each; at rest when None.
+    the links along with it. Its motion is the same for every row or one for each; at rest when None. With `loads`, such
+    as `known_loads(model)`, friction, rotors, springs and known torques take part; `forward_dynamics` is the inverse.
 
     For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2], and gravity (3,) or (N, 3), free-fall acceleration
     in base axes, down [m/s2]: (n,) or (N, n) [Nm or N]. Needs inertia.
     """
-    if base is None:
+    if base is None and loads is None:
         quick = _INVERSE_DYNAMICS.of_one(model, (q, qd, qdd, gravity, _AT_REST, _AT_REST))
         if quick is not None:
             return quick
     model.require_inertia()
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
+    warn_of_motion(model, motion[0], gravity_rows(gravity, len(motion[0])))
     out = _INVERSE_DYNAMICS.of_rows(model, (*motion, *felt_rows(gravity, base, len(motion[0]))))
+    if loads is not None:
+        out = out + loads.torque(motion[0], motion[1], motion[2], out)
     return out[0] if single else out
 
 
@@ -100,6 +117,18 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     rows, single = as_batch("q", q, model.n)
     out = _MASS_MATRIX.of_rows(model, (rows,))
     return out[0] if single else out
+
+
+def warn_of_motion(model: RobotModel, q: Floats, gravity: Floats) -> None:
+    """Warn the caller's caller of gravity (1 or N, 3) [m/s2] and joints (N, n) that are hardly what was meant."""
+    odd = (gravity[:, 2] > _UP_M_S2) | (np.abs(gravity).max(axis=1) > _FELT_M_S2)
+    said = gravity_doubts(gravity[odd.argmax()]) if odd.any() else []
+    away = np.maximum(model.lower - q, q - model.upper).max(axis=0, initial=0.0)
+    for name, unit, far in zip(model.joint_names, model.joint_units, away.tolist(), strict=True):
+        if far > _BEYOND[unit]:
+            said.append(f"joint {name} is {far:.4g} {unit} beyond its limits; positions are in rad and m")
+    for doubt in said:
+        warnings.warn(f'robot "{model.name}": {doubt}', ImplausibleWarning, stacklevel=4)
 
 
 def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Floats:

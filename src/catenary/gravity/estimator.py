@@ -132,8 +132,10 @@ class GravityEstimator(EstimatedGravity):
     def update(self, q: Floats, qd: Floats, q_desired: Floats, gravity: Floats, dt: float) -> Floats:
         """Let dt [s] pass at a measured state, and return the gravity torque (n,) [Nm|N] now estimated there.
 
-        Arrays are float64 and of the robot's size; NaN stops the law for the tick, and gives NaN.
+        Arrays are float64 and of the robot's size; NaN, or no time, stops the law for the tick; NaN gives NaN.
         """
+        if not 0.0 <= dt < np.inf:
+            raise InputError(f"dt: expected a time of zero or more, got {dt} s")
         self._require_sizes(q, qd, q_desired)
         Z = self._kernel(q, gravity)
         if self._at_rest(Z, qd, dt) and np.isfinite(q).all() and np.isfinite(q_desired).all():

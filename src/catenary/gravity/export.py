@@ -14,9 +14,10 @@ from catenary.robots.model import RobotModel
 
 ExportedQuantity = Literal[
     "gravity", "holding", "mass_matrix", "inverse_dynamics", "inverse_dynamics_on_moving_base", "feedforward",
-    "forward_dynamics", "forward_kinematics", "gravity_regressor", "compact_regressor",
+    "forward_dynamics", "forward_kinematics", "standard_gravity_regressor", "compact_regressor",
 ]  # fmt: skip
-WITH_LOADS = ("feedforward", "forward_dynamics")
+OF_LINKS = ("inverse_dynamics", "inverse_dynamics_on_moving_base", "forward_dynamics")  # alone, but for `loads`
+WITH_LOADS = (*OF_LINKS, "feedforward")
 ExportTarget = Literal["jax", "casadi", "sympy", "c99"]
 _log = logging.getLogger(__name__)
 
@@ -38,10 +39,10 @@ def export_function(
     | mass_matrix | q | (n, n) |
     | inverse_dynamics | q, qd, qdd (n,), gravity | torques (n,) of a motion on a base at rest |
     | inverse_dynamics_on_moving_base | q, qd, qdd, gravity, omega, alpha | the same on a base that turns |
-    | feedforward | q, qd, qdd, gravity | inverse_dynamics with friction, rotors, springs and known torques |
-    | forward_dynamics | q, qd, tau (n,), gravity | accelerations (n,) by torques, friction and rotors included |
+    | feedforward | q, qd, qdd, gravity | inverse_dynamics with the loads that the robot brings, as an identified one |
+    | forward_dynamics | q, qd, tau (n,), gravity | accelerations (n,) by torques, as `forward_dynamics` |
     | forward_kinematics | q | rows of (R_base_frame, origin), (3, 4) |
-    | gravity_regressor | q, gravity | (n, 4 n_links), columns m, mx, my, mz, as `standard_gravity_regressor` |
+    | standard_gravity_regressor | q, gravity | (n, 4 n_links), columns m, mx, my, mz |
     | compact_regressor | q, gravity | (n, p), as `compact_regressor(model).Z` |
 
     On a moving base `gravity` is free-fall acceleration less that of the base's origin; all three are in base axes.
@@ -53,8 +54,8 @@ def export_function(
             "sympy": a `SymbolicFunction`, expressions that print as LaTeX.
             "c99": the text of a header with one function, NAME_QUANTITY(inputs..., out), also C++.
         frame: Frame of the forward kinematics; the tip when None.
-        loads: Friction, rotors, springs and known torques of feedforward and forward_dynamics; those that the robot
-            brings, as an identified one does, when None. Presliding friction is as in steady sliding.
+        loads: Friction, rotors, springs and known torques of the four dynamics; when None feedforward has those that
+            the robot brings, the others are of its links alone. Presliding friction is as in steady sliding.
 
     Raises:
         InputError: No such quantity, target or frame.
@@ -69,13 +70,12 @@ def export_function(
     if frame is not None and quantity != "forward_kinematics":
         raise InputError(f'frame "{frame}": only forward_kinematics has one, not {quantity}')
     if loads is not None and quantity not in WITH_LOADS:
-        raise InputError(f"loads: only {' and '.join(WITH_LOADS)} have them, not {quantity}")
+        raise InputError(f"loads: only {', '.join(WITH_LOADS)} have them, not {quantity}")
     known = known_loads(model)
-    if quantity == "inverse_dynamics" and known is not None:
-        _log.warning(
-            'robot "%s": inverse_dynamics is of its links alone; feedforward has friction and rotors', model.name
-        )
-    line, shape, result = _traced(model, quantity, frame, known if loads is None else loads)
+    if quantity in OF_LINKS and loads is None and known is not None:
+        _log.warning('robot "%s": %s is of its links alone; loads= adds friction and rotors', model.name, quantity)
+    loads = known if quantity == "feedforward" and loads is None else loads
+    line, shape, result = _traced(model, quantity, frame, loads)
     if to != "c99":
         from catenary.kernels.jax_casadi_sympy import casadi_function, jax_function, sympy_function
 
@@ -98,16 +98,17 @@ def _traced(
     if quantity == "compact_regressor":
         regressor = compact_regressor(model)
         return regressor.line(), (n, len(regressor.labels)), "Z"
+    torques = partial(lines.inverse_dynamics_line, loads=loads)
     table: dict[str, tuple[Callable[[RobotModel], Line], tuple[int, ...], str]] = {
         "gravity": (lines.gravity_line, (n,), "tau"),
         "holding": (lines.holding_line, (n,), "tau"),
         "mass_matrix": (lines.mass_matrix_line, (n, n), "M"),
-        "inverse_dynamics": (partial(lines.inverse_dynamics_line, moving_base=False), (n,), "tau"),
-        "inverse_dynamics_on_moving_base": (lines.inverse_dynamics_line, (n,), "tau"),
-        "feedforward": (partial(lines.inverse_dynamics_line, loads=loads, moving_base=False), (n,), "tau"),
+        "inverse_dynamics": (partial(torques, moving_base=False), (n,), "tau"),
+        "inverse_dynamics_on_moving_base": (torques, (n,), "tau"),
+        "feedforward": (partial(torques, moving_base=False), (n,), "tau"),
         "forward_dynamics": (partial(lines.forward_dynamics_line, loads=loads), (n,), "qdd"),
         "forward_kinematics": (partial(lines.forward_kinematics_line, frame=frame), (3, 4), "pose"),
-        "gravity_regressor": (lines.gravity_regressor_line, (n, 4 * links), "Z"),
+        "standard_gravity_regressor": (lines.gravity_regressor_line, (n, 4 * links), "Z"),
     }
     traced, shape, result = table[quantity]
     return traced(model), shape, result

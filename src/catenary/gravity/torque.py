@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.inverse_dynamics import gravity_rows, warn_of_motion
 from catenary.dynamics.kinematics import link_poses
 from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import gravity_recursion, place_tree, to_robot
@@ -34,7 +34,9 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
         return quick
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
-    out = _GRAVITY.of_rows(model, (rows, gravity_rows(gravity, len(rows))))
+    down = gravity_rows(gravity, len(rows))
+    warn_of_motion(model, rows, down)
+    out = _GRAVITY.of_rows(model, (rows, down))
     return out[0] if single else out
 
 
@@ -45,9 +47,10 @@ def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     true gravity (3,) or (N, 3) in base axes [m/s2]; the model is the robot as the firmware knows it, payloads it was
     told of included.
     """
-    rows, single = as_batch("gravity", gravity, 3)
-    beyond = rows - LEVEL
-    return gravity_torque(model, q, beyond[0] if single else beyond)
+    model.require_masses()
+    rows, single = as_batch("q", q, model.n)
+    out = _GRAVITY.of_rows(model, (rows, gravity_rows(gravity, len(rows)) - LEVEL))
+    return out[0] if single else out
 
 
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:

@@ -54,11 +54,16 @@ static inline void {prefix}_sines(int count, const double *x, double *sine, doub
 """
 
 
+_OF_THE_BASE = ("omega", "alpha")  # zero where they are NULL: a base that does not turn
+
+
 def c_function(prefix: str, name: str, line: Line) -> str:
-    """Write `PREFIX_NAME(INPUT..., out)`, after `c_sines(prefix)`; out is none of the inputs."""
+    """Write `PREFIX_NAME(INPUT..., out)`, after `c_sines(prefix)`; out is no input; a base's rates may be NULL."""
     arrays = tuple(widths_of(line))
     arguments = ", ".join([*(f"const double *{array}" for array in arrays), "double *out"])
     text = [f"static inline void {prefix}_{name}({arguments}) {{"]
+    if rates := [array for array in arrays if array in _OF_THE_BASE]:
+        text += ["  static const double still[3] = {0.0, 0.0, 0.0};", *(f"  if (!{a}) {a} = still;" for a in rates)]
     angles = sorted({step.a for step in line.steps if step.kind in ANGLES})
     before = needed(line, angles, stop=())
     text += [_statement(line, number) for number in before]

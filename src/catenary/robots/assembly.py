@@ -1,4 +1,4 @@
-"""From a list of links, as files describe them, to a RobotModel: fixed links folded in, parents first; mimic joints."""
+"""From a list of links, as files describe them, to a RobotModel: fixed links folded in, depth first; mimic joints."""
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Flags, Floats, as_array
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
 from catenary.robots import plausible
 from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.link_inertia import LIGHTEST, NOTHING, LinkInertia, check_inertia, is_negative, unphysical
 from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree, is_base
 from catenary.robots.quarter_turns import quarter_turn_notes
-from catenary.spatial import Pose, as_rotation, identity_pose
+from catenary.spatial import Pose, as_rotation, identity_pose, unit_vector
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
 OFF_AXIS = 1e-12  # [m] more than rounding leaves of a coordinate that is zero
-Flags = NDArray[np.bool_]
 SHOWN = 3  # doubts that a warning names
 _log = logging.getLogger(__name__)
 ANYWHERE = (True, True, True)  # a centre of mass of which nothing is known
@@ -77,8 +75,9 @@ def assemble(
     sources: Sequence[str] = (),
     notes: Sequence[str] = (),
     doubts: Sequence[str] = (),
+    file_order: Sequence[str] = (),
 ) -> RobotModel:
-    """Fold fixed links into those that carry them and order the rest parents first.
+    """Fold fixed links into those that carry them and order the rest depth first.
 
     Inertias that no body has are doubts, and logged; what needs them (mass matrix, inverse dynamics) is refused where a
     moving link as a whole has no possible one and more than a gram. Gravity never needs them.
@@ -89,6 +88,7 @@ def assemble(
         frames: Further named frames: link they are fixed to, pose in it.
         root: What everything hangs on; it is called "base" too, unless a link or frame is.
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
+        file_order: Names of the coordinates as the description lists them, where that may be another order.
     """
     plausible.check_names("robot", [name])
     where = f'robot "{name}"'
@@ -96,7 +96,7 @@ def assemble(
         raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {plausible.MOST_LINKS}")
     plausible.check_names(f"{where}: link", [link.name for link in links])
     plausible.check_names(f"{where}: frame", frames or {})
-    ordered = _parents_first(where, links, root)
+    ordered = depth_first(where, links, root)
     _check_coordinates(where, coordinates)
     for link in ordered:
         _check_link(where, link, [c.name for c in coordinates])
@@ -159,6 +159,7 @@ def assemble(
         sources=tuple(sources),
         notes=(*notes, *quarter_turn_notes(tuple(link.name for link in folded.moving), tree, offset)),
         doubts=tuple(doubted),
+        file_order=tuple(file_order),
     ).with_massless(massless)
 
 
@@ -236,7 +237,7 @@ def tree_of(folded: Folded) -> Tree:
         prismatic=np.array([link.joint == "prismatic" for link in folded.moving]),
         rotation=np.array([pose.rotation for pose in folded.poses]),
         origin=np.array([pose.position for pose in folded.poses]),
-        axis=np.array([link.axis / np.linalg.norm(link.axis) for link in folded.moving]),
+        axis=np.array([unit_vector("axis", link.axis) for link in folded.moving]),
         mass=np.array([body.mass for body in folded.inertia]),
         com=np.array([body.com for body in folded.inertia]),
         inertia=np.array([np.zeros((3, 3)) if b.inertia is None else b.inertia for b in folded.inertia]),
@@ -256,29 +257,31 @@ def _all_frames(where: str, carrier: Mapping[str, Frame], further: Mapping[str, 
     return frames
 
 
-def _parents_first(where: str, links: Sequence[Link], root: str) -> list[Link]:
-    """Order links so that each comes after its parent, otherwise as given."""
+def depth_first(where: str, links: Sequence[Link], root: str) -> list[Link]:
+    """Order links from the root on, each with all that it carries before the next; siblings as given."""
     by_name: dict[str, Link] = {}
+    carried: dict[str, list[Link]] = {}
     for link in links:
         if link.name == root:
             raise InputError(f'{where}: a link is named "{root}", which is the name of what everything hangs on')
         if link.name in by_name:
             raise InputError(f'{where}: two links are named "{link.name}"')
         by_name[link.name] = link
+        carried.setdefault(link.parent, []).append(link)
     for link in links:
         if link.parent != root and link.parent not in by_name:
             raise InputError(
                 f'{where}: link "{link.name}" hangs on unknown link "{link.parent}"; '
                 f"links: {', '.join([root, *by_name])}"
             )
-    ordered, waiting = dict[str, Link](), dict(by_name)
+    ordered, waiting = list[Link](), carried.get(root, [])[::-1]
     while waiting:
-        # one at a time where the given order already works, so that q keeps the file's order
-        ready = next((link for link in waiting.values() if link.parent == root or link.parent in ordered), None)
-        if ready is None:
-            raise UnsupportedModelError(f"{where}: the parents of links {', '.join(waiting)} form a loop")
-        ordered[ready.name] = waiting.pop(ready.name)
-    return list(ordered.values())
+        ordered.append(waiting.pop())
+        waiting += reversed(carried.get(ordered[-1].name, []))
+    if len(ordered) < len(links):
+        looped = ", ".join(name for name in by_name if name not in {link.name for link in ordered})
+        raise UnsupportedModelError(f"{where}: the parents of links {looped} form a loop")
+    return ordered
 
 
 def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
@@ -306,7 +309,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
     )
     if link.joint == "fixed" and link.variable:
         raise InputError(f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two")
-    if link.joint != "fixed" and not np.linalg.norm(as_array(f"{what}: axis", link.axis, (3,))) > 1e-9:
+    if link.joint != "fixed" and not np.abs(as_array(f"{what}: axis", link.axis, (3,))).max() > 1e-9:
         raise InputError(f"{what}: axis must not be zero, got {link.axis}")
     for coordinate, factor in link.variable.items():
         if coordinate not in coordinates:

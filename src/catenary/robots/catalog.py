@@ -1,5 +1,6 @@
 """Robots by name, or from a file: TOML tables, URDF, MJCF, and what was identified."""
 
+import logging
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.resources import as_file, files
@@ -16,6 +17,7 @@ READERS = {
     ".json": ("dvrk_files", "load_dvrk"), ".xacro": ("urdf", "load_urdf"),
     "<robot>": ("urdf", "load_urdf"), "<mujoco>": ("mjcf", "load_mjcf"),
 }  # fmt: skip
+_log = logging.getLogger(__name__)
 _DATA = files("catenary.robots") / "data"
 RAVEN_SIDES = {"raven2": "left", "raven2_right": "right"}  # which arm of a RAVEN-II a robot is
 
@@ -63,6 +65,9 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
             f'robot "{cut(name)}": neither a file nor in the catalogue{hint}; '
             f"the catalogue has {', '.join(robot_names())}"
         )
+    if model.file_order not in ((), model.joint_names):  # unnamed numbers would land on other joints
+        order = "depth first from the base, not as the file lists them"
+        _log.warning('robot "%s": its joints are in the order %s: %s', model.name, ", ".join(model.joint_names), order)
     if strict and model.doubts:
         raise InputError(f'robot "{model.name}": {"; ".join(model.doubts)}')
     return model

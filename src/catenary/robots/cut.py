@@ -84,6 +84,7 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
         actuation=None if model.actuation is None else held_actuation(where, model.actuation, free, held),
         unseen=(),
         without_payload=None,
+        file_order=tuple(name for name in model.file_order if name not in locked),
         notes=(*model.notes, *([f"locked: {', '.join(f'{n} at {v:g}' for n, v in locked.items())}"] if locked else [])),
     )
 

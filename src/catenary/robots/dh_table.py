@@ -15,7 +15,7 @@ from pydantic import Field, JsonValue
 from catenary.config import Settings, load_toml, parse_settings
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation
-from catenary.robots.assembly import Coordinate, Link, assemble
+from catenary.robots.assembly import Coordinate, Link, assemble, depth_first
 from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.model import BASE, Massless, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
@@ -114,11 +114,6 @@ def load_table(path: Path, *, massless: Massless = ()) -> RobotModel:
 
 def robot_of_table(where: str, table: RobotTable, massless: Massless = ()) -> RobotModel:
     """Return the robot of a table; `where` opens what is said of its keys."""
-    coordinates = _coordinates(where, table)
-    actuation = None
-    if table.actuation is not None:
-        names = [c.name for c in coordinates]
-        actuation = parse_settings(table.actuation, Actuation, f"{where}: actuation", context=names)
     base = Pose(np.array(table.base_rotation, dtype=float), np.array(table.base_position_m))
     links: list[Link] = []
     for row in table.link:
@@ -140,6 +135,15 @@ def robot_of_table(where: str, table: RobotTable, massless: Massless = ()) -> Ro
                 axes_of_com=("x" in row.axes_of_com, "y" in row.axes_of_com, "z" in row.axes_of_com),
             )
         )
+    coordinates = _coordinates(where, table)
+    as_listed = [c.name for c in coordinates]
+    if table.coordinate is None:
+        places = [link.name for link in depth_first(f'robot "{table.name}"', links, table.root)]
+        coordinates.sort(key=lambda coordinate: places.index(coordinate.name))
+    actuation = None
+    if table.actuation is not None:
+        names = [c.name for c in coordinates]
+        actuation = parse_settings(table.actuation, Actuation, f"{where}: actuation", context=names)
     return assemble(
         table.name,
         links,
@@ -151,11 +155,12 @@ def robot_of_table(where: str, table: RobotTable, massless: Massless = ()) -> Ro
         closed_form=table.closed_form,
         actuation=actuation,
         sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
+        file_order=as_listed,
     )
 
 
 def _coordinates(where: str, table: RobotTable) -> list[Coordinate]:
-    """Return a table's coordinates; where it lists none, those of rows that move with their own names."""
+    """Return a table's coordinates as it lists them, else those of rows that move with their own names."""
     listed = None
     if table.coordinate is not None:
         listed = [_coordinate(where, c.name, c.unit, c) for c in table.coordinate]

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.documents import MOST_XML, XML_COMMENT, read_bounded, shortened, xml_tree
+from catenary.documents import MOST_XML, XML_COMMENT, plain_number, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError, imported
 from catenary.robots.actuation import StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -399,7 +399,7 @@ def _product(words: list[str]) -> float:
     product = 1.0
     for word in words:
         try:
-            product *= max(1.0, float(word))
+            product *= max(1.0, plain_number(word))
         except ValueError:
             continue
     return product

@@ -92,6 +92,7 @@ class RobotModel:
     sources: tuple[str, ...] = ()  # where the numbers come from
     notes: tuple[str, ...] = ()  # what the description holds and the model leaves out
     doubts: tuple[str, ...] = ()  # what is doubtful about its numbers
+    file_order: tuple[str, ...] = ()  # joint_names as its file lists them, where it does
 
     def __post_init__(self) -> None:
         for name in ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit"):

@@ -17,6 +17,7 @@ MOST_INERTIA = MOST_MASS * FARTHEST**2  # [kg m2]
 FAR = 10.0  # [m] from a joint to the next or to a centre of mass: no arm is so long, numbers in mm are
 MOST_FACTOR = 1e6  # of a coordinate in a joint's: gear ratios in both directions
 HEAVY = 10.0  # times an arm's own mass
+EARTH = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
 LONGEST_NAME = 500
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
@@ -46,3 +47,21 @@ def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
 def check_length(what: str, vector: ArrayLike) -> None:
     """Refuse a vector (3,) [m] that is longer in any direction than a robot is."""
     check_within(what, as_array(what, vector, (3,)), FARTHEST, "m")
+
+
+def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
+    """Return in words why a vector, (3,) [m/s2] in base axes, may not be the gravity that was meant: length, sign."""
+    vector = as_array("gravity", gravity, (3,))
+    length, shown = float(np.linalg.norm(vector)), ", ".join(f"{v:.4g}" for v in vector)
+    doubts = []
+    if not EARTH[0] <= length <= EARTH[1]:
+        doubts.append(
+            f"gravity ({shown}) has a magnitude of {length:.4g} m/s2, on Earth it is {EARTH[0]} to {EARTH[1]}: right "
+            "for another planet or a base that accelerates only"
+        )
+    if vector[2] > 0.0 and not hanging:
+        doubts.append(
+            f"gravity ({shown}) points up in base axes: right for a base that hangs only; gravity is the acceleration "
+            "of free fall, down, where an accelerometer at rest reads its opposite"
+        )
+    return doubts

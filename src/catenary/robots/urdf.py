@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.documents import MOST_XML, cut, read_bounded, xml_tree
+from catenary.documents import MOST_XML, cut, plain_number, read_bounded, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -22,6 +22,7 @@ from catenary.robots.assembly import (
     Link,
     Mimic,
     assemble,
+    depth_first,
     file_source,
     left_out,
     naming_the_file,
@@ -48,10 +49,11 @@ _KINDS: dict[str, JointKind] = {
 def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a URDF file, or from a xacro file, which xacro expands with its default arguments.
 
-    The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
-    no other, in the file's order; links and frames have the file's link names. A link without any inertia, shape
-    or picture that carries a moving joint where it itself is moved is a step of a joint of several axes, and massless.
-    A mass that the file says is zero is zero, and a doubt where the link is not declared massless.
+    The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic no other,
+    depth first from the base, siblings in the file's order; links and frames have the file's link names. A link
+    without any inertia, shape or picture that carries a moving joint where it itself is moved is a step of a joint of
+    several axes, and massless. A mass that the file says is zero is zero, and a doubt where the link is not declared
+    massless.
     """
     content = read_bounded(path, MOST_XML)
     text = expanded_xacro(path) if path.suffix.lower() == ".xacro" else content
@@ -92,6 +94,11 @@ def parse_urdf(
         raise FileFormatError(f"{where}: no <link>, expected at least one")
     root = _only_root(where, links, joints)
     free, following = _leaders(where, joints)
+    as_listed = [joint.name for joint in joints if joint.name in free]
+    carried_by = {joint.link.name: joint for joint in joints}
+    with naming_the_file(where):
+        ordered = depth_first(f'robot "{robot.get("name")}"', [joint.link for joint in joints], root)
+    joints = [carried_by[link.name] for link in ordered]
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.link.parent for j in joints if j.link.joint != "fixed" and not j.link.pose.position.any()}
         leaders = {j.name: following.get(j.name, Mimic(j.name, 1.0, 0.0)) for j in joints if j.link.joint != "fixed"}
@@ -120,6 +127,7 @@ def parse_urdf(
             sources=[*sources, *beside],
             notes=[*_notes(robot, joints, following), *rotorless],
             doubts=[f'link "{name}": has no mass, as the file says' for name in weightless if name not in declared],
+            file_order=as_listed,
         )
     return model.with_massless(massless)
 
@@ -339,7 +347,7 @@ def _first(what: str, transmission: Element, tags: tuple[str, ...]) -> float | N
         if element.tag.rpartition(":")[2] in tags:
             text = element.get("value", element.text or "")
             with suppress(ValueError):
-                return float(text)
+                return plain_number(text)
             raise FileFormatError(f"{what}: <{element.tag}> is {text!r}, expected a number")
     return None
 
@@ -368,7 +376,7 @@ def origin_of(what: str, element: Element) -> Pose:
         if "rpy" in origin.attrib:
             raise FileFormatError(f"{what}: has rpy and quat_xyzw, expected one of the two")
         quaternion = numbers_of(what, origin, "quat_xyzw", 4)
-        if not np.linalg.norm(quaternion) > 1e-9:
+        if not np.abs(quaternion).max() > 1e-9:
             raise FileFormatError(f"{what}: quat_xyzw is zero, expected a rotation")
         return Pose(rotation_from_quaternion(np.roll(quaternion, 1)), position)
     rpy = numbers_of(what, origin, "rpy", 3) if "rpy" in origin.attrib else np.zeros(3)
@@ -389,7 +397,7 @@ def numbers_of(what: str, element: Element, key: str, count: int) -> Floats:
     if text is None:
         raise FileFormatError(f"{what}: {key} is missing, expected {expected}")
     try:
-        values = np.array([float(word) for word in text.split()])
+        values = np.array([plain_number(word) for word in text.split()])
     except ValueError as error:
         raise FileFormatError(f'{what}: {key}="{cut(text)}", expected {expected}') from error
     if len(values) != count or not np.isfinite(values).all():

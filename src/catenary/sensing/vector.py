@@ -8,6 +8,7 @@ import logging
 from collections import deque
 from collections.abc import Sequence
 from enum import Enum
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError
 from catenary.plant import AT_REST
+from catenary.robots.plausible import gravity_doubts
 from catenary.sensing.checks import Fault
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
@@ -95,7 +97,6 @@ def convention_of(units: Sequence[str] = (), axes: Sequence[str] = (), driver: s
 
 
 MAILBOX = 1024  # samples; 5 s of an accelerometer at 200 Hz
-EARTH = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
 _log = logging.getLogger(__name__)
 
 
@@ -177,24 +178,6 @@ class FixedGravity:
         return GravityReading(self.gravity.copy(), np.inf, AT_REST, ReadingStatus.NOMINAL, Fault.NONE)
 
 
-def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
-    """Return in words why a vector, (3,) [m/s2] in base axes, may not be the gravity that was meant: length, sign."""
-    vector = as_array("gravity", gravity, (3,))
-    length, shown = float(np.linalg.norm(vector)), ", ".join(f"{v:.4g}" for v in vector)
-    doubts = []
-    if not EARTH[0] <= length <= EARTH[1]:
-        doubts.append(
-            f"gravity ({shown}) has a magnitude of {length:.4g} m/s2, on Earth it is {EARTH[0]} to {EARTH[1]}: right "
-            "for another planet or a base that accelerates only"
-        )
-    if vector[2] > 0.0 and not hanging:
-        doubts.append(
-            f"gravity ({shown}) points up in base axes: right for a base that hangs only; gravity is the acceleration "
-            "of free fall, down, where an accelerometer at rest reads its opposite"
-        )
-    return doubts
-
-
 def tilted_gravity(roll: float, pitch: float) -> Floats:
     """Return R_world_base^T (0, 0, -g) (3,) [m/s2] of a base rolled about x, then pitched about its own y [rad]."""
     r, p = as_array("roll and pitch", [roll, pitch], (2,))
@@ -204,7 +187,7 @@ def tilted_gravity(roll: float, pitch: float) -> Floats:
 def tilt_of(gravity: ArrayLike) -> tuple[float, float]:
     """Return roll about x, within 90 degrees, then pitch about the base's y [rad]; the vertical's turns are unseen."""
     x, y, z = as_array("gravity", gravity, (3,))
-    length = float(np.sqrt(x * x + y * y + z * z))
+    length = hypot(x, y, z)
     if length == 0.0:
         raise InputError("gravity: expected a vector that is not zero")
     return float(np.arcsin(np.clip(-y / length, -1.0, 1.0))), float(np.arctan2(x, -z))

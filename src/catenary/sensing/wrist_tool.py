@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.errors import ExcitationError, InputError
+from catenary.robots.plausible import FAR
 from catenary.spatial import angle_between
 from catenary.verdict.finding import Finding
 
@@ -18,6 +19,7 @@ FEWEST = 4  # poses
 FEWEST_DOUBTED = 6  # poses, from which on what is left tells another cause
 MUCH_BETTER = 0.25  # of what is left, squared, by degree of freedom
 TURNED, GAIN = 0.05, 0.05  # [rad] of gravity, and of the sensor's axes: less is not worth a doubt
+_HEAVIEST_KG = 500.0  # few arms with a force sensor at the wrist lift more; grams taken for kilograms are beyond
 TILTED = 0.2  # least share of gravity that its directions must differ by along every axis, RMS
 
 
@@ -84,6 +86,11 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
     if not mass > 0.0:
         raise InputError(f"wrist tool: mass {mass:.3g} kg: the sensor counts forces the other way, or has other axes")
     center = moment / mass
+    if mass > _HEAVIEST_KG or np.linalg.norm(center) > FAR:
+        raise InputError(
+            f"wrist tool: mass {mass:.4g} kg, centre of mass {np.linalg.norm(center):.4g} m away: expected at most "
+            f"{_HEAVIEST_KG:g} kg and {FAR:g} m; forces are in N (not mN or kN), torques in Nm, gravity in m/s2"
+        )
     deviation = np.sqrt(np.diag(covariance))
     of_center = np.hypot(deviation[1:4], center * deviation[0]) / mass
     return WristTool(

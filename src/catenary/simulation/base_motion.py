@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array, as_not_negative
-from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross, rotation_about_x, rotation_about_y
+from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross, rotation_about_x, rotation_about_y, unit_vector
 
 
 class BaseSamples(NamedTuple):
@@ -57,8 +57,7 @@ class RockingBase:
     def sample(self, times: Floats) -> BaseSamples:
         """Return gravity in base axes, and the accelerations of rocking."""
         t = as_array("times", times, (None,))
-        axis = as_array("axis", self.axis, (3,))
-        axis = axis / np.linalg.norm(axis)
+        axis = unit_vector("axis", self.axis)
         w = 2.0 * np.pi * self.frequency
         angle = self.mean + self.amplitude * np.sin(w * t)
         rate = self.amplitude * w * np.cos(w * t)
@@ -82,8 +81,7 @@ class Wave:
 
     def along(self) -> Floats:
         """Return the amplitude along the axis (3,)."""
-        axis = as_array("axis", self.axis, (3,))
-        return np.asarray(self.amplitude * axis / np.linalg.norm(axis))
+        return self.amplitude * unit_vector("axis", self.axis)
 
     def angle(self, times: Floats) -> Floats:
         """Return the argument of the sine at times (N,), (N, 1) [rad]."""

@@ -21,7 +21,7 @@
 /* Regressor out[{{ n }} x {{ 4 * links | length }}], row by row: torques = out s; s holds, for each link, its mass
    [kg] and first moment about the origin of its frame [kg m]: m, mx, my, mz. Links:
    {{ links | map("comment") | join(", ") }}. {{ regressor.operations }} sums and products. */
-{{ function("gravity_regressor", regressor) }}
+{{ function("standard_gravity_regressor", regressor) }}
 {% endif %}
 {% if compact %}
 #define {{ name | upper }}_COMPACT_PARAMETERS {{ compact.labels | length }}
@@ -39,7 +39,7 @@
 {{ function("mass_matrix", mass) }}
 /* On a base that moves, all in its axes: omega[3] and alpha[3], its angular velocity and acceleration
    [rad/s, rad/s2]; gravity[3] is then free fall less the acceleration of the base's origin: what an
-   accelerometer there reads, negated. */
+   accelerometer there reads, negated. omega and alpha may be NULL on a base that does not turn; no other array may. */
 
 /* Torques out[{{ n }}] [Nm, N] that hold the arm still on such a base: the term of gravity, and of its turning.
    {{ holding.operations }} sums and products. */
@@ -59,16 +59,15 @@
    {{ effects | comment }}. */
 {{ function("drives", drives) }}
 {% endif %}
-/* The whole law in one call: the torques out [Nm, N] that a wanted motion q, qd, qdd asks of the actuators. omega and
-   alpha may be NULL on a base that does not turn. {{ "Friction and drives are in it." if loads else "No friction is known of this robot." }} */
+/* The whole law in one call: the torques out [Nm, N] that a wanted motion q, qd, qdd asks of the actuators.
+   {{ "Friction and drives are in it." if loads else "No friction is known of this robot." }} */
 static inline void {{ name }}_feedforward(const double *q, const double *qd, const double *qdd, const double *gravity,
     const double *omega, const double *alpha, double *out) {
-  const double still[3] = {0.0, 0.0, 0.0};
 {% if loads %}
   double friction[{{ n }}], drives[{{ n }}];
   int k;
 {% endif %}
-  {{ name }}_inverse_dynamics(q, qd, qdd, gravity, omega ? omega : still, alpha ? alpha : still, out);
+  {{ name }}_inverse_dynamics(q, qd, qdd, gravity, omega, alpha, out);
 {% if loads %}
   {{ name }}_drives(q, qdd, drives);
   for (k = 0; k < {{ n }}; ++k) out[k] += drives[k];

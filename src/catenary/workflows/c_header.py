@@ -71,7 +71,7 @@ def c_header(
             )
         else:
             told |= _gravity(model, name)
-            functions += ["gravity", "gravity_regressor", *(["compact_regressor"] if "compact" in told else [])]
+            functions += ["gravity", "standard_gravity_regressor", *["compact_regressor"] * ("compact" in told)]
         if model.missing_tensor and not model.missing_inertia:
             notes.append(
                 f'robot "{model.name}": no possible inertia for {", ".join(model.missing_tensor)}, so gravity and '

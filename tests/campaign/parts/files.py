@@ -190,6 +190,8 @@ def _use(path: Path) -> None:
     from catenary.robots.catalog import load_robot
 
     model = load_robot(path)
+    if not np.allclose(np.linalg.norm(model.tree.axis, axis=1), 1.0):
+        raise Fell("an axis is not of length one")
     q = np.clip(np.zeros(model.n), model.lower, model.upper)
     if np.isfinite(q).all() and not np.isfinite(forward_kinematics(model, q).position).all():
         raise Fell("a pose is not finite")

@@ -19,7 +19,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from catenary.documents import cut, reading
+from catenary.documents import cut, plain_number, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.journal import About
@@ -161,8 +161,8 @@ class TextDialect(NamedTuple):
     def is_value(self, cell: str) -> bool:
         """Return whether a cell may stand in a column of numbers, an empty one too; 20260311_235958 may not."""
         with suppress(ValueError):
-            float(cell.replace(",", ".") if self.decimal == "," else cell)
-            return "_" not in cell
+            plain_number(cell.replace(",", ".") if self.decimal == "," else cell)
+            return True
         return cell in NOTHING
 
 
