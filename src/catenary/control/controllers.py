@@ -3,35 +3,13 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 from catenary.errors import InputError
 
 if TYPE_CHECKING:  # help reads these records, and starts without NumPy
-    from catenary.arrays import Floats
-    from catenary.control.gains import JointGains
+    from catenary.control.gains import DrivenJoints
     from catenary.control.pd import Damping, SplitController
-    from catenary.robots.model import RobotModel
-
-
-class DrivenJoints(Protocol):
-    """What a controller is made for: an arm's model, gains at its joints, motors and springs."""
-
-    @property
-    def model(self) -> "RobotModel":
-        """The robot."""
-
-    @property
-    def gains(self) -> "JointGains":
-        """Stiffness and damping of its joints' PD, (n,) each."""
-
-    @property
-    def motor_inertia(self) -> "Floats | None":
-        """What motors add to the mass matrix (n, n), if known."""
-
-    @property
-    def stiffness(self) -> "Floats | None":
-        """Stiffness (n,) of elastic joints [Nm/rad|N/m]; None for stiff ones."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +37,11 @@ class ControllerKind:
     def __str__(self) -> str:
         return f"{self.name}: {self.words}"
 
-    def fits(self, arm: DrivenJoints) -> bool:
+    def fits(self, arm: "DrivenJoints") -> bool:
         """Return whether the arm has what it needs."""
         return arm.stiffness is not None or not self.springs
 
-    def make(self, arm: DrivenJoints, *, damping: "Damping" = "relative") -> "SplitController":
+    def make(self, arm: "DrivenJoints", *, damping: "Damping" = "relative") -> "SplitController":
         """Return the controller of an arm, compiled; damping "absolute" leaves the reference's velocity out.
 
         Raises:
@@ -105,12 +83,12 @@ CONTROLLERS = {kind.name: kind for kind in _KINDS}
 HOLDS = {kind.name: kind for kind in _HOLDS}  # gravity compensation alone
 
 
-def make_controller(name: str, arm: DrivenJoints, *, damping: "Damping" = "relative") -> "SplitController":
+def make_controller(name: str, arm: "DrivenJoints", *, damping: "Damping" = "relative") -> "SplitController":
     """Return one of CONTROLLERS for an arm, with the arm's own gains; see `ControllerKind.make`."""
     return _kind(name, CONTROLLERS).make(arm, damping=damping)
 
 
-def make_hold(name: str, arm: DrivenJoints) -> "SplitController":
+def make_hold(name: str, arm: "DrivenJoints") -> "SplitController":
     """Return gravity compensation alone, one of HOLDS, for an arm."""
     return _kind(name, HOLDS).make(arm)
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from catenary.arrays import Floats, as_array, as_positive
-from catenary.control.controllers import DrivenJoints
+from catenary.control.gains import DrivenJoints
 from catenary.control.gravity_pd import GravityPD
 from catenary.control.pd import Damping, gravity_and_rates, nominal_gravity
 from catenary.errors import InputError

@@ -7,7 +7,7 @@ Coupling between the cables is left out of the gains. Seen from the joints the f
 with RAVEN-II's coupling its other entries are at most a seventh of the geometric mean of the diagonal ones beside them.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +35,26 @@ class JointGains(NamedTuple):
 
     kp: Floats  # (n,) [Nm/rad|N/m]
     kd: Floats  # (n,) [Nms/rad|Ns/m]
+
+
+class DrivenJoints(Protocol):
+    """What a controller is made for: an arm's model, gains at its joints, motors and springs."""
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot."""
+
+    @property
+    def gains(self) -> JointGains:
+        """Stiffness and damping of its joints' PD, (n,) each."""
+
+    @property
+    def motor_inertia(self) -> Floats | None:
+        """What motors add to the mass matrix (n, n), if known."""
+
+    @property
+    def stiffness(self) -> Floats | None:
+        """Stiffness (n,) of elastic joints [Nm/rad|N/m]; None for stiff ones."""
 
 
 def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: ArrayLike) -> JointGains:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.control.controllers import DrivenJoints
+from catenary.control.gains import DrivenJoints
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
 from catenary.errors import InputError

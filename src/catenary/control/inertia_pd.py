@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, one_for_all
-from catenary.control.controllers import DrivenJoints
-from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ
+from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, DrivenJoints
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.errors import InputError

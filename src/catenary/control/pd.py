@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_not_negative
-from catenary.control.controllers import DrivenJoints
+from catenary.control.gains import DrivenJoints
 from catenary.errors import InputError
 from catenary.plant import AT_REST, JointState
 from catenary.trajectories.reference import Reference
