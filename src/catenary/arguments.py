@@ -46,7 +46,9 @@ def _explained(function: Callable[..., Any]) -> Callable[..., Any]:
             return function(*args, **named)
         except CatenaryError:
             raise
-        except _RAW as error:
+        except Exception as error:
+            if not (isinstance(error, _RAW) or type(error).__module__.startswith("numba.")):
+                raise
             if (told := _wrong_argument(function, args, named)) is None:
                 raise
             raise InputError(told) from error
@@ -148,6 +150,8 @@ def fits(value: Any, hint: Any) -> bool:
         return isinstance(value, _NUMBERS) and not isinstance(value, bool)
     if hint is int:
         return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if origin is np.ndarray and np.float64 in get_args(parts[-1]):
+        return isinstance(value, np.ndarray) and _is_array(value)
     if origin is not None and isinstance(origin, type):
         return _fits_container(value, origin, parts)
     if not isinstance(hint, type):

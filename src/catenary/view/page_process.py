@@ -129,7 +129,7 @@ def _run_page(pipe: Connection, port: int) -> None:
             pipe.send((False, ""))
     except EOFError:
         return
-    except Exception as error:
+    except (CatenaryError, OSError, RuntimeError, ImportError) as error:
         pipe.send((True, f"the view's page cannot be opened: {error}"))
         return
     with contextlib.suppress(EOFError, OSError):
