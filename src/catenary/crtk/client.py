@@ -68,11 +68,7 @@ class CrtkClient(CrtkReader):
         self._others = kept(closing(OtherCommanders(self.transport, self.dialect, self.arm, self.namespace)))
 
     def require_free(self) -> None:
-        """Listen a third of a second whether another program moves the arm; raise RobotHeldError, by its name.
-
-        Raises:
-            TransportError: Two robots of one name are there, each of which would obey.
-        """
+        """Listen a third of a second: refuse an arm that another program moves, or two robots of one name."""
         self._others.listen()
         self._require_one_robot()
 

@@ -1,7 +1,6 @@
 """One program at a time moves an arm: a client hears others, a server refuses the second and misses the first.
 
-And an arm is one robot's: where two publish its joints, each would obey what is meant for the other. The second one is
-not served, and while two are there, none is moved.
+An arm is one robot's: where two publish its joints, each would obey what is meant for the other, so none is moved.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -202,8 +201,7 @@ def require_one_robot(transport: Transport, joints: Latest) -> None:
     lately = frozenset(process for process, time in tuple(joints.senders.items()) if 0 <= now - time < UNDER_WAY)
     if "" in lately:  # the transport does not tell
         lately = transport.other_publishers(joints.topic)
-    robots = {
-        process.rpartition(" ")[2]: process for process in sorted(lately, reverse=True)
-    }  # DDS may learn a name late
+    # by address: DDS may learn a name late
+    robots = {process.rpartition(" ")[2]: process for process in sorted(lately, reverse=True)}
     if len(robots) > 1:
         raise TransportError(_two_robots(joints.topic, robots.values()))

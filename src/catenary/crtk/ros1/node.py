@@ -179,7 +179,8 @@ class Node:
     def _connect_again(self) -> None:
         """Connect again to publishers whose connections broke while they lived on; rospy alone gives them up."""
         listed = self.listed = self.master.publisher_names()
-        self._others = {topic: self._living(topic) for topic in tuple(self._others)}
+        for name in tuple(self._others):
+            self._others[name] = self._living(name)
         incomplete = frozenset(
             topic
             for topic, heard in list(self._topics.items())

@@ -128,11 +128,7 @@ class Server:
         publish_every: int = 1,
         encoders: ServedEncoders | None = None,
     ) -> None:
-        """Publish and subscribe; nothing moves before `tick`, and each `publish_every` of these is published.
-
-        Raises:
-            TransportError: Another robot publishes the joints of one of the arms.
-        """
+        """Publish and subscribe; nothing moves before `tick`, and each `publish_every` of these is published."""
         self._joints = tuple(topic.name for topic in dialect.topics if topic.verb == "measured_js")
         require_no_other_robot(transport, self._joints)
         self.transport, self.arms, self.reports = transport, arms, reports
