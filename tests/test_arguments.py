@@ -1,5 +1,6 @@
 """Wrong arguments of everything that `import catenary` offers are told by name."""
 
+import functools
 import inspect
 import pickle
 import re
@@ -15,6 +16,7 @@ import catenary
 from catenary.arguments import expected, explained, fits
 from catenary.calibration.calibration import MotionArrays
 from catenary.errors import CatenaryError, InputError
+from catenary.plant import Plant
 from catenary.robots.model import RobotModel
 from recordings import recording
 
@@ -102,7 +104,8 @@ RIGHT = {
 }  # fmt: skip
 WRONG = [
     None, "abc", b"x", 1j, True, 0, -1, 1.5, np.nan, np.inf, [], (), [1.0], ["a"], [np.nan] * 3, [[1.0, 2.0], [3.0]], {"a": 1},
-    {1}, np.zeros((2, 2, 2)), np.array(["a"]), object(), print,
+    {1}, np.zeros((2, 2, 2)), np.array(["a"]), object(), print, "a\0b", Path("a\0b.npz"), np.array(["a", "b"]),
+    np.array([None, 1.0], dtype=object), np.array([1, 2], dtype="M8[s]"), np.full(2, 1e16), np.full(3, 1e300),
 ]  # fmt: skip
 
 
@@ -156,6 +159,48 @@ def test_the_message_says_which_argument_what_it_was_and_what_was_expected() -> 
     ]:  # fmt: skip
         with pytest.raises(InputError, match=words):
             call()
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_mistake_of_ours_is_no_argument_that_was_right(name: str) -> None:
+    public = getattr(catenary, name)
+    arguments: dict[str, Any] = dict(CALLS[name])
+    if name == "record_simulated":
+        arguments["plant"] = catenary.CablePlant(side="left", seed=1)
+    if isinstance(public, type):
+        if "__init__" not in vars(public):
+            return  # what makes a named tuple is Python's
+        public, arguments = public.__init__, {**arguments, "self": object()}
+
+    @functools.wraps(inspect.unwrap(public))
+    def fails(*_: Any, **__: Any) -> None:
+        raise AttributeError("ours")
+
+    with pytest.raises(AttributeError, match="ours"):
+        explained(fails)(**arguments)
+
+
+def test_a_mistake_of_ours_in_a_kernel_is_none_of_its_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = catenary.gravity_kernel(ARM)
+
+    def fails(*_: Any) -> None:
+        raise AttributeError("ours")
+
+    monkeypatch.setitem(vars(kernel), "_single", fails)
+    with pytest.raises(AttributeError, match="ours"):
+        kernel(Q, np.array(DOWN))
+    with pytest.raises(InputError, match="q: expected"):
+        kernel("abc", DOWN)
+
+
+def test_a_robot_whose_property_fails_is_a_robot_still() -> None:
+    class Breaks(catenary.MujocoPlant):
+        @property
+        def period(self) -> float:
+            raise AttributeError("ours")
+
+    assert fits(Breaks(ARM, start=Q), Plant)
+    assert not fits(ARM, Plant)
 
 
 def test_an_error_that_no_argument_explains_stays_as_it_is() -> None:

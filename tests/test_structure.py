@@ -1,5 +1,6 @@
 """What a reader may rely on in every room: names once, short files, a page that knows them all."""
 
+import ast
 import pkgutil
 import re
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import rooms
+from catenary import errors
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "catenary"
@@ -26,6 +28,45 @@ def test_no_class_name_is_used_twice() -> None:
 def test_no_file_is_longer_than_a_concept() -> None:
     lengths = {str(path.relative_to(PACKAGE)): len(path.read_text().splitlines()) for path in FILES}
     assert {name: length for name, length in lengths.items() if length > 600} == {}
+
+
+TREES = {str(path.relative_to(PACKAGE)): ast.parse(path.read_text("utf-8")) for path in FILES}
+
+
+def test_every_file_of_text_is_read_and_written_in_utf8() -> None:
+    """Not in the locale's encoding, which LC_ALL=C makes ASCII."""
+    found = []
+    for name, tree in TREES.items():
+        for call in [node for node in ast.walk(tree) if isinstance(node, ast.Call)]:
+            told = getattr(call.func, "attr", getattr(call.func, "id", ""))
+            words = [one.value for one in call.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
+            is_text = told in ("read_text", "write_text") or (
+                told == "open" and (words[-1:] or ["r" * (not call.args)])[0] in ("r", "w", "a", "x", "r+", "w+")
+            )
+            if is_text and "utf-8" not in words and "encoding" not in {one.arg for one in call.keywords}:
+                found.append(f"{name}:{call.lineno}")
+    assert found == []
+
+
+def test_no_error_within_our_own_code_is_told_as_one_of_the_users() -> None:
+    """What may hide a mistake of ours, such as AttributeError, is caught around others' code or a user's alone."""
+    hiding, ours = {"Exception", "AttributeError", "TypeError"}, set(vars(errors))
+    found = []
+    for name, tree in TREES.items():
+        nodes = list(ast.walk(tree))
+        own = {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+        imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and "catenary" in str(node.module)]
+        own |= {one.asname or one.name for node in imports for one in node.names}
+        for node in [node for node in nodes if isinstance(node, ast.Try)]:
+            called = {call.func.id for part in node.body for call in ast.walk(part)
+                      if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)}  # fmt: skip
+            for handler in node.handlers:
+                caught = {one.id for one in ast.walk(handler.type or handler) if isinstance(one, ast.Name)}
+                raised = {one.func.id for one in ast.walk(handler)
+                          if isinstance(one, ast.Call) and isinstance(one.func, ast.Name)}  # fmt: skip
+                if caught & hiding and raised & ours and called & own - {"TypeError"}:
+                    found.append(f"{name}:{handler.lineno}: {', '.join(sorted(called & own))}")
+    assert found == []
 
 
 def test_index_of_files_is_made_from_their_docstrings() -> None:

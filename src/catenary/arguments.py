@@ -46,7 +46,9 @@ def _explained(function: Callable[..., Any]) -> Callable[..., Any]:
             return function(*args, **named)
         except CatenaryError:
             raise
-        except _RAW as error:
+        except Exception as error:
+            if not (isinstance(error, _RAW) or type(error).__module__.startswith("numba.")):
+                raise
             if (told := _wrong_argument(function, args, named)) is None:
                 raise
             raise InputError(told) from error
@@ -99,15 +101,17 @@ def _members_of_union(parts: tuple[Any, ...]) -> tuple[bool, list[Any]]:
 
 def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: Mapping[str, Any]) -> str | None:
     """Say which argument is not what its annotation says; None where none is, or some are missing."""
+    signature, hints = inspect.signature(function), _hints(function)
     try:
-        given = inspect.signature(function).bind(*args, **named).arguments
+        given = signature.bind(*args, **named).arguments
     except TypeError:
         return None
-    hints = _hints(function)
-    for name, hint in list(hints.items()):
-        if get_origin(hint) is Unpack:  # **options: each is an argument of its own
-            given |= given.pop(name, {})
-            hints |= get_type_hints(get_args(hint)[0], include_extras=True)
+    for name, one in signature.parameters.items():  # of *arrays and **options each is an argument of its own
+        if one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD) and name in given:
+            several, hint = given.pop(name), hints.pop(name, Any)
+            several = several if isinstance(several, dict) else {f"{name}[{k}]": v for k, v in enumerate(several)}
+            of_a_table = get_type_hints(get_args(hint)[0], include_extras=True) if get_origin(hint) is Unpack else None
+            given, hints = given | several, hints | (of_a_table or dict.fromkeys(several, hint))
     for name, value in given.items():
         is_negative_seed = name == "seed" and isinstance(value, int | np.integer) and value < 0
         if name in hints and (is_negative_seed or not fits(value, hints[name])):
@@ -146,12 +150,15 @@ def fits(value: Any, hint: Any) -> bool:
         return isinstance(value, _NUMBERS) and not isinstance(value, bool)
     if hint is int:
         return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if origin is np.ndarray and np.float64 in get_args(parts[-1]):
+        return isinstance(value, np.ndarray) and _is_array(value)
     if origin is not None and isinstance(origin, type):
         return _fits_container(value, origin, parts)
     if not isinstance(hint, type):
         return True
     if getattr(hint, "_is_protocol", False):
-        return all(hasattr(value, name) for name in _members(hint))
+        # a property that fails is there
+        return all(hasattr(type(value), name) or hasattr(value, name) for name in _members(hint))
     return isinstance(value, hint)
 
 

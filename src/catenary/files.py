@@ -31,6 +31,8 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
     stays as it was; links in the folder's own name are followed. A device, a pipe and the links to them in /dev and
     /proc, such as /dev/stdout, are written to directly. What processes that were killed left in the folder is deleted.
     """
+    if "\0" in str(path):
+        raise FileFormatError(f"{path}: cannot be written: no file's name holds a zero byte")
     partial = path.parent / _partial_name()
     try:
         if _is_stream(path):

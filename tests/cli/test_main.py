@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from catenary import __version__
+from catenary.cli import main as main_module
 from catenary.cli.main import GROUPS, Commands
 from catenary.visible import ClosedOutput, VisibleStream
-from command_line import catenary
+from command_line import catenary, in_its_own_process
 
 COMMANDS = [name for names in GROUPS.values() for name in names]
 HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")
@@ -179,3 +180,31 @@ def test_a_connection_that_ends_is_not_taken_for_a_reader_that_goes_away(monkeyp
     monkeypatch.setattr("catenary.robots.catalog.robot_names", lost)
     outcome = catenary("robots")
     assert (outcome.code, outcome.err) == (2, "catenary: a connection was closed from the other side\n")
+
+
+@pytest.mark.parametrize(
+    "locale",
+    [{"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"}],
+    ids=["C", "ascii"],
+)
+@pytest.mark.parametrize("command", ["--help", "check run.csv", "import run.csv", "regressor two_link"])
+def test_a_locale_of_ascii_keeps_no_command_from_its_work(monkeypatch, tmp_path, locale, command) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{k / 30:.3f},{k % 90},{k % 90 + 0.1}\n" for k in range(300))
+    Path("run.csv").write_text(f"time [s],J1 [°],J1 encoder [°]\n{rows}", encoding="utf-8")
+    usual = in_its_own_process(*command.split())
+    for name, value in locale.items():
+        monkeypatch.setenv(name, value)
+    said = in_its_own_process(*command.split())
+    assert said.code == usual.code
+    assert "codec" not in said.err
+    assert len(said.out) >= len(usual.out)  # characters that it lacks are written out
+
+
+def test_a_fault_of_decoding_is_no_name_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(**_: object) -> None:
+        b"\xff".decode()
+
+    monkeypatch.setattr(main_module, "app", fails)
+    with pytest.raises(UnicodeDecodeError):
+        catenary("robots")

@@ -3,20 +3,27 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
+from catenary.crtk.client import CrtkClient
 from catenary.crtk.inbox import Received, Subscription
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_bytes import CDR
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.crtk.transport import Publisher, Transport
-from catenary.errors import CatenaryError, InputError, TransportError
+from catenary.errors import CatenaryError, InputError, NotReadyError, TransportError
+from catenary.nodes.serve import ParkedArm, Serving, make_server
+from catenary.plant import JointRanges
+from catenary.simulation.cable_plant import JOINTS as RAVEN_JOINTS
+from catenary.simulation.cable_plant import UNITS
 from patience import PATIENCE, polled
+from rival_robot import Rivals
 from ros import NODE
 
 JOINT_STATE = "sensor_msgs/JointState"
@@ -313,3 +320,87 @@ def test_a_closed_transport_refuses_and_is_not_up(transport: Transport, topic: s
     ):
         with pytest.raises(TransportError, match="closed"):
             use()
+
+
+@pytest.fixture
+def rivals(transport: Transport, request: pytest.FixtureRequest) -> Iterator[Rivals]:
+    with closing(Rivals(transport, request.node.callspec.params["transport"])) as programs:
+        yield programs
+
+
+@pytest.mark.parametrize("name", ["rival", NODE])
+def test_other_programs_that_publish_a_topic_are_known_while_they_live(transport, topic, rivals, name) -> None:
+    if name == NODE and not is_ros2(transport):
+        return  # names are unique there
+    ours = transport.publisher(topic, JOINT_STATE)
+    assert transport.other_publishers(topic) == frozenset()
+    rivals.begin(topic, every=0.0, name=name)
+    eventually(lambda: transport.other_publishers(topic), transport)
+    ours.close()
+    eventually(lambda: len(transport.other_publishers(topic)) == 1, transport)
+    (known,) = transport.other_publishers(topic)
+    assert known.partition(" ")[0].endswith(name)
+    rivals.kill(name)
+    eventually(lambda: not transport.other_publishers(topic), transport)  # over DDS when its lease has run out
+
+
+def served(transport: Transport) -> Any:
+    """Return a server of a RAVEN-II whose arms are parked."""
+    arm = ParkedArm(RAVEN_JOINTS, UNITS, np.zeros(7))
+    return make_server(Serving(), transport, plants={"gold": arm, "green": arm})
+
+
+def test_a_second_robot_of_a_name_is_refused_and_a_crashed_one_keeps_nobody_out_for_ever(transport, rivals) -> None:
+    rivals.begin("/arm2/measured_js")
+    eventually(lambda: transport.other_publishers("/arm2/measured_js"), transport)
+    with pytest.raises(TransportError, match=r"/arm2/measured_js is published by /?rival: two robots of one name"):
+        served(transport)
+    assert "/arm1/setpoint_js" not in transport.topics()  # nobody has heard of it
+    rivals.kill()
+    begin = time.monotonic()
+    served(transport).require_alone()
+    assert time.monotonic() - begin < 1e-9 * transport.lapses[-1] + 5.0
+
+
+def test_of_two_robots_that_begin_at_once_none_goes_on(transport, rivals) -> None:
+    server = served(transport)
+    rivals.begin("/arm2/measured_js", every=0.0)  # its ticks have not begun
+    eventually(lambda: transport.other_publishers("/arm2/measured_js"), transport)
+    with pytest.raises(TransportError, match="rival"):
+        server.require_alone()
+
+
+@pytest.mark.parametrize("name", ["/arm2/calibrated/measured_js", "/PSM1/measured_js"])
+def test_joints_of_another_name_keep_no_robot_out(transport, rivals, name) -> None:
+    rivals.begin(name)
+    eventually(lambda: transport.other_publishers(name), transport)
+    served(transport).require_alone()
+
+
+def test_a_client_moves_no_arm_whose_joints_two_programs_publish(transport, rivals) -> None:
+    rivals.begin("/arm1/measured_js", name="robot")
+    joints = JointRanges(("a",), ("rad",), np.full(1, -1.0), np.full(1, 1.0))
+    limits = {"connect_timeout": PATIENCE, "stale_after": PATIENCE}
+    with CrtkClient(transport, dialect="crtk", joints=joints, **limits) as client:
+        client.require_free()
+        client.servo_jp([0.1])
+        client.wait()
+        rivals.begin("/arm2/measured_js", name="green")
+        client.state_command("resume")
+        rivals.begin("/arm1/measured_js")
+        heard = client._latest["measured_js"].senders
+        eventually(lambda: len(heard) == 2, transport)
+        doings: list[Callable[[], object]] = [
+            client.require_free,
+            lambda: client.servo_jp([0.2]),
+            client.wait,  # sends the goal again
+            *(partial(client.state_command, word) for word in ("resume", "enable", "home")),
+        ]
+        for do in doings:
+            with pytest.raises(TransportError, match=r"published by /?rival and /?robot: two robots of one name"):
+                do()
+        with pytest.raises(NotReadyError, match="not confirmed"):  # they are said to both, who do not obey here
+            client.state_command("pause", timeout=0.1)
+        rivals.kill()
+        client.transport.sleep(0.6)
+        client.servo_jp([0.2])

@@ -12,13 +12,13 @@ from catenary.crtk.exclusive_control import Commander
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.transport import UNNAMED, Connections
-from catenary.errors import NotReadyError, RobotHeldError
+from catenary.errors import NotReadyError, RobotHeldError, TransportError
 from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
 from catenary.workflows.robot.motion import at_rest_afterwards, move_to
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.ideal_plant import IdealPlant
-from served_robot import JointState, ServedRobot, shoulder
+from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
 EXACT = 1e-12
 START = [0.5, 1.2, 0.4, 0.0, 0.1, 0.2, -0.2]
@@ -321,3 +321,60 @@ def test_a_program_whose_nodes_name_comes_late_is_the_same_one_and_has_not_gone(
     commander.require_free("/lab 01f", SECOND, is_moving=True)
     with pytest.raises(RobotHeldError):
         commander.require_free("/other 02e", SECOND, is_moving=True)
+
+
+@pytest.mark.parametrize("dialect", ["raven", "crtk"])
+@pytest.mark.parametrize("arm", ["gold", "green"])
+def test_a_robot_beside_another_of_its_name_stands_paused_until_that_one_is_gone(dialect: Any, arm: Any) -> None:
+    robot, _ = moved(dialect)
+    told = robot.hear("warning")
+    rival = Loopback("rival", robot.network)
+    topic = robot.name("measured_js", arm)
+    rival.publisher(topic, "sensor_msgs/JointState")
+    robot.tick(110)
+    assert robot.state() == "PAUSED"
+    held = robot.setpoint
+    for command in ("resume", "enable", "home"):
+        robot.command(command)
+        robot.joints("servo_jr", shoulder(1e-3))
+        robot.tick(5)
+    assert all("two robots of one name" in said for said in robot.server.press_button())
+    assert robot.state() == "PAUSED"
+    assert_array_equal(robot.setpoint, held)
+    said = [one.message.data for one in told.take()]
+    assert f"robot: paused: {topic} is published by rival: two robots of one name would both obey; end one" in said
+    robot.command("disable")  # which anybody may at any time
+    robot.tick(5)
+    assert robot.state() == "DISABLED"
+    rival.close()
+    robot.tick(110)
+    robot.command("enable") if dialect == "crtk" else robot.server.press_button()
+    robot.command("resume")
+    robot.tick(5)
+    assert robot.state() == "ENABLED"
+
+
+def test_a_robot_that_is_homing_is_stopped_beside_another_of_its_name() -> None:
+    robot = ServedRobot(plant=homing_plant())
+    robot.server.press_button()
+    robot.tick(20)
+    assert robot.server.arms["gold"].state.is_busy
+    Loopback("rival", robot.network).publisher(robot.name("measured_js"), "sensor_msgs/JointState")
+    robot.tick(500)
+    assert robot.state() == "PAUSED"
+
+
+def test_a_motion_ends_and_the_robots_are_paused_where_a_second_one_is_heard() -> None:
+    robot = robot_at_start()
+    mine = client_of(robot, "mine")
+    mine.require_free()
+    rival = Loopback("rival", robot.network).publisher("/arm2/measured_js", "sensor_msgs/JointState")
+
+    def second_is_heard(*_: Any) -> None:
+        if robot.robot.commands > 50:
+            rival.publish(JointState(name=JOINTS, position=START))
+
+    with pytest.raises(TransportError, match="two robots of one name"), at_rest_afterwards(mine):
+        move_to(mine, np.add(START, shoulder(0.2)), observe=second_is_heard)
+    assert robot.robot.plant.operating_state().state == "PAUSED"
+    assert robot.robot.commands < 60

@@ -66,7 +66,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         if model.intervals is not None:
             check_within("intervals", model.intervals.outside, FARTHEST, "rad or m")
         return model, card_of(arrays, path, remedy)
-    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+    except (KeyError, ValueError, IndexError, OverflowError) as error:
         if str(error).startswith(f"{path}: "):
             raise
         why = str(error) if isinstance(error, CatenaryError) else repr(error)

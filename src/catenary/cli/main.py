@@ -149,8 +149,8 @@ def _options(
 
 def main() -> None:
     """Run the command; bad input ends with exit code 2 and a message, a found fault with 1."""
-    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115  # a service may have closed it
-    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # a service may have closed it
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # a terminal without a character still shows the rest
@@ -189,7 +189,7 @@ def _run() -> None:
     except OSError as error:
         _close_output()
         _fail(f"{error.filename or 'standard output'}: {error.strerror or error}", 2)
-    except UnicodeError as error:
+    except UnicodeEncodeError as error:
         _fail(f"a name cannot be written as text: {error}", 2)
 
 

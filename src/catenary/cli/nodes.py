@@ -73,8 +73,8 @@ def serve(
         raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
     with make_transport(ros, node_name("robot", name)) as transport:
         transport.sending = Sending(depth, qos == "reliable")
+        announce("preparing the robot ...")  # an entry of one that crashed may have to lapse
         server = make_server(serving, transport, rate_hz=rate)
-        announce("preparing the robot ...")
         prepare(server)
         where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}[ros]
         pressed = "" if server.button is None else "; `catenary button` presses the silver button"

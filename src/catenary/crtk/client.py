@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.exclusive_control import OtherCommanders
+from catenary.crtk.exclusive_control import LISTEN, STOPPING, OtherCommanders, require_one_robot
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import Stamps, command_message, joint_state_message
 from catenary.crtk.message_values import operating_state as operating_state_of
@@ -68,11 +68,13 @@ class CrtkClient(CrtkReader):
         self._others = kept(closing(OtherCommanders(self.transport, self.dialect, self.arm, self.namespace)))
 
     def require_free(self) -> None:
-        """Listen a third of a second whether another program moves the arm; raise RobotHeldError, by its name."""
+        """Listen a third of a second: refuse an arm that another program moves, or two robots of one name."""
         self._others.listen()
+        self._require_one_robot()
 
     def _connect(self, timeout: float) -> None:
         super()._connect(timeout)
+        self._since = self.transport.steady()
         torques = self._publishers.get("servo_jf")
         obeys = torques is not None and self.transport.connections(torques.topic).subscribers
         self.supports = frozenset({"servo_jp", "servo_jr", "state_command", *(("servo_jf",) if obeys else ())})
@@ -107,6 +109,8 @@ class CrtkClient(CrtkReader):
         if command not in STATE_COMMANDS:
             raise UnsupportedCommandError(f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}')
         self._goal = None
+        if command not in STOPPING:
+            self._require_one_robot()
         begin = self.transport.steady()
         patience = timeout or (HOMING_TIMEOUT if command == "home" else COMMAND_TIMEOUT)
         if self.age > self.stale_after:  # it is silent already
@@ -142,6 +146,12 @@ class CrtkClient(CrtkReader):
         require_ready(self, verb)
         self._others.require_none()
 
+    def _require_one_robot(self) -> None:
+        """Refuse to go on where two robots are heard, a third of a second after the connection at the earliest."""
+        connected = (self.transport.steady() - self._since) / SECOND
+        self.transport.sleep(max(0.0, LISTEN - connected))
+        require_one_robot(self.transport, self._latest["measured_js"])
+
     def _send_goal(self, goal: Floats) -> None:
         setpoint = self._setpoint()
         self._goal = np.clip(goal, np.minimum(self._lower, setpoint), np.maximum(self._upper, setpoint))
@@ -149,6 +159,7 @@ class CrtkClient(CrtkReader):
         self._publish("servo_jp", position=self._goal)
 
     def _publish(self, verb: str, *, position: ArrayLike = (), effort: ArrayLike = ()) -> None:
+        require_one_robot(self.transport, self._latest["measured_js"])
         stamp = self._stamps.next(self.transport.steady())
         message = joint_state_message(self.joint_names, stamp, position, effort=effort)
         self._publishers[verb].publish(message)

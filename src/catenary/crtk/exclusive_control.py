@@ -1,14 +1,18 @@
-"""One program at a time moves an arm: a client hears others, a server refuses the second and misses the first."""
+"""One program at a time moves an arm: a client hears others, a server refuses the second and misses the first.
 
-from collections.abc import Mapping
+An arm is one robot's: where two publish its joints, each would obey what is meant for the other, so none is moved.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Subscription
-from catenary.crtk.topic_names import WARNING, DialectName, topics_of
-from catenary.crtk.transport import UNNAMED, Transport
-from catenary.errors import RobotHeldError
+from catenary.crtk.topic_names import JOINT_STATE, WARNING, DialectName, topics_of
+from catenary.crtk.transport import UNNAMED, Latest, Transport
+from catenary.errors import RobotHeldError, TransportError
 from catenary.raven2.topics import Arm
 
+STOPPING = ("disable", "pause")  # state commands that are sent and obeyed at any time
 UNDER_WAY = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm
 LISTEN = 0.35  # [s] that a client listens before it begins
 HELD = "holds the arm"
@@ -164,3 +168,40 @@ class Commander:
         if not left_motion and {*self._process[:1]}.isdisjoint(self._transport.lost(topic)):
             return None
         return self._process[0] if self._process else "the program that moved it"
+
+
+def _two_robots(topic: str, processes: Iterable[str]) -> str:
+    names = " and ".join(sorted(process.partition(" ")[0] for process in processes))
+    return f"{topic} is published by {names}: two robots of one name would both obey; end one"
+
+
+def another_robot(transport: Transport, topics: Sequence[str]) -> str:
+    """Return who else publishes one of the topics of joints that this program serves, in words; empty: nobody."""
+    others = {topic: transport.other_publishers(topic) for topic in topics}
+    return next((_two_robots(*found) for found in others.items() if found[1]), "")
+
+
+def require_no_other_robot(transport: Transport, topics: Sequence[str]) -> None:
+    """Refuse to serve joints that somebody publishes; one that is silent may have crashed, and is waited for."""
+    end = transport.steady() + transport.lapses[-1] + SECOND
+    heard: list[Subscription] = []
+    while other := another_robot(transport, topics):
+        if not heard:
+            heard = [transport.subscribe(topic, JOINT_STATE) for topic in topics]
+        if transport.steady() >= end or any(len(one) for one in heard):
+            raise TransportError(other)
+        transport.sleep(0.1)
+    for one in heard:
+        one.close()
+
+
+def require_one_robot(transport: Transport, joints: Latest) -> None:
+    """Refuse to move an arm whose joints come from two programs."""
+    now = transport.steady()
+    lately = frozenset(process for process, time in tuple(joints.senders.items()) if 0 <= now - time < UNDER_WAY)
+    if "" in lately:  # the transport does not tell
+        lately = transport.other_publishers(joints.topic)
+    # by address: DDS may learn a name late
+    robots = {process.rpartition(" ")[2]: process for process in sorted(lately, reverse=True)}
+    if len(robots) > 1:
+        raise TransportError(_two_robots(joints.topic, robots.values()))

@@ -106,6 +106,7 @@ class Subscription:
             raise InputError(f"subscription of {topic}: depth: expected 1 or more, got {depth}")
         self.topic, self.type_name, self.depth, self.largest = topic, type_name, depth, largest
         self.overflowed = self.oversized = self.damaged = self.repeated = 0
+        self.senders: dict[str, int] = {}  # by `Arrival.process`, when its newest message came [ns]
         # last message of each latching publisher, by process
         self._latched: dict[str, tuple[object, Any]] = {}
         self._behind_seq = 4 if has_header(type_name) else 0  # a publisher counts a latched message anew
@@ -143,6 +144,7 @@ class Subscription:
                     if last is not None and renewed and data[self._behind_seq :] == last[1][self._behind_seq :]:
                         self.repeated += 1
                         return
+            self.senders[process] = time
             self._waiting.append(Arrival(data, time, process, first, renewed, sent))
             if len(self._waiting) > self.depth:
                 self._waiting.popleft()

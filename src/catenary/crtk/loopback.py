@@ -139,6 +139,10 @@ class Loopback(Transport):
                 for one in self.network.publishers(topic).values()
             ]
 
+    def _others(self, topic: str) -> frozenset[str]:
+        found = self.network.publishers(topic).items()
+        return frozenset(one.origin.process for name, one in found if name != self.name)
+
     def close(self) -> None:
         """Leave the network."""
         if not self.inbox.closed:

@@ -285,6 +285,14 @@ class RclpyTransport(Transport):
             if own is not None:
                 yield from ((own, current_name(listed[0].topic_type), one.process) for one in _origins(listed).values())
 
+    def _others(self, topic: str) -> frozenset[str]:
+        listed = self.node.get_publishers_info_by_topic(self.node.resolve_topic_name(topic))
+        found, ours = {one.process for one in _origins(listed).values()}, self._publishers.get(topic)
+        if ours is not None and not ours.is_closed:  # it is one of its name; which one, rclpy does not say
+            node = self.node.get_fully_qualified_name()
+            found.discard(next((one for one in found if one.partition(" ")[0] == node), ""))
+        return frozenset(found)
+
     def close(self) -> None:
         """End the node."""
         if self.inbox.closed:

@@ -214,6 +214,10 @@ class Transport(ABC):
             found.setdefault(topic, set()).add(process)
         return {topic: frozenset(processes) for topic, processes in found.items()}
 
+    def other_publishers(self, topic: str) -> frozenset[str]:
+        """Return the other processes that publish a topic, half a second ago at most; crashed ones for `lapses`."""
+        return self._others(absolute(topic))
+
     def lost(self, topic: str) -> frozenset[str]:
         """Return programs that went from a topic without ending it, as a crash does, where that can be told."""
         return frozenset()
@@ -284,6 +288,9 @@ class Transport(ABC):
         """Return the topics that are published, by this program's names, their types, and who publishes."""
 
     @abstractmethod
+    def _others(self, topic: str) -> frozenset[str]: ...
+
+    @abstractmethod
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher: ...
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
@@ -332,6 +339,7 @@ class Latest:
         self.topic = topic
         self._transport = transport
         self._subscription = transport.subscribe(topic, type_name, depth=1)
+        self.senders = self._subscription.senders
         self._message: Message = None
         self.arrived: int | None = None  # [ns] by the transport's `steady`; None before the first message
 

@@ -130,6 +130,6 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
         return result, card_of(arrays, path, REMEDY)
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
-    except (KeyError, TypeError, ValueError, IndexError, OverflowError, InputError) as error:
+    except (KeyError, ValueError, IndexError, OverflowError) as error:
         why = cut(str(error) if isinstance(error, InputError) else repr(error))
         raise FileFormatError(f"{path}: holds damaged parameters, or another version's: {why}; {REMEDY}") from error

@@ -155,6 +155,7 @@ def serve(
     """
     period = max(arm.plant.period for arm in server.arms.values())
     prepare(server)
+    server.require_alone()
     settled = RealTime(period)
     settled.begin()
     clock = time.perf_counter

@@ -87,8 +87,8 @@ def _as(kind: BagKind, folder: Path, topic: str, name: str, data: bytes, given: 
     """Return a message of a type as a kind of bag has it."""
     if given == ("ros1" if kind == "ros1" else "cdr"):
         return data
-    store = typestore(2)  # its converters know that ROS 2's header lacks seq
+    store, theirs = typestore(2), ros2_name(name)  # its converters know that ROS 2's header lacks seq
     try:
-        return (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, ros2_name(name))
+        return (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, theirs)
     except Exception as error:  # what rosbags raises over bytes that are no such message is of any kind
         raise FileFormatError(f"{folder}: topic {topic}: {len(data)} bytes are no {name}: {error!r}") from error

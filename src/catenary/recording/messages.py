@@ -19,7 +19,7 @@ from rosbags.typesys.store import Typestore
 from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 
-_DATA: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "messages.toml").read_text())
+_DATA: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "messages.toml").read_text("utf-8"))
 _OWN: Mapping[str, str] = _DATA["own"]
 _STANDARD = tuple(f"{package}/{name}" for package, names in _DATA["standard"].items() for name in names.split())
 MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000

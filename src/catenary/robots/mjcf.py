@@ -91,7 +91,7 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
                 warnings.simplefilter("ignore")
                 model = spec.compile()
             break
-        except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
+        except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
             if lacks_mass or "must be larger than mjMINVAL" not in str(error):
                 raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
     mass, inertia = model.body_mass, model.body_inertia

@@ -47,7 +47,7 @@ def restore_plant(plant: AnyArm, path: Path) -> None:
         tick, is_homed = about.get("tick"), about.get("is_homed")
         if type(tick) is not int or not 0 <= tick < 2**53 or not isinstance(is_homed, bool):
             raise ValueError(f"tick {shortened(tick)}, is_homed {shortened(is_homed)}")
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, ValueError) as error:
         raise _unreadable(path, error) from error
     for value, (_, record, name) in zip(values, _saved(plant), strict=True):
         record[name] = value

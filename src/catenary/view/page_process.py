@@ -110,7 +110,7 @@ class PageProcess:
 def _run_page(pipe: Connection, port: int) -> None:
     """Draw the states that come until the other side ends or is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the program's, which then ends this process
-    sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # viser prints a box
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # viser prints a box
     lock = threading.Lock()
 
     def tell(change: Change) -> None:
@@ -129,7 +129,7 @@ def _run_page(pipe: Connection, port: int) -> None:
             pipe.send((False, ""))
     except EOFError:
         return
-    except Exception as error:
+    except (CatenaryError, OSError, RuntimeError, ImportError) as error:
         pipe.send((True, f"the view's page cannot be opened: {error}"))
         return
     with contextlib.suppress(EOFError, OSError):

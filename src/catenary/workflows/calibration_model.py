@@ -19,7 +19,7 @@ from catenary.calibration.maintenance import NewDay, judge_recordings, mended_as
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_drift import BEYOND, DriftFound, find_card_drift, find_drift, since_in_words
 from catenary.calibration.model_file import load_model
-from catenary.documents import json_table
+from catenary.documents import MOST_JSON, json_table, read_bounded
 from catenary.errors import InputError
 from catenary.files import sha256_of, table_ending
 from catenary.plant import Joints, MotionLog, nameless
@@ -206,7 +206,7 @@ def known_errors(card: Card) -> Floats | None:
 def card_history(paths: Sequence[Path], factor: float = BEYOND) -> DriftFound:
     """Return what cards of models, or of files beside them, tell of errors, delays and zeros over days."""
     cards = [
-        dict(json_table(path.read_text(), str(path))) if path.suffix == ".json" else load_model(path)[1]
+        json_table(read_bounded(path, MOST_JSON), str(path)) if path.suffix == ".json" else load_model(path)[1]
         for path in paths
     ]
     names = [path.stem.removesuffix(".card") for path in paths]

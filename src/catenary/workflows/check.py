@@ -18,12 +18,12 @@ import numpy as np
 from catenary.archives import read_arrays
 from catenary.calibration.card import clock_delay
 from catenary.calibration.dataset import date_of, error_limits
-from catenary.calibration.model import Card
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_file import load_model
 from catenary.errors import CatenaryError, ExcitationError, FileFormatError, InputError
 from catenary.files import TEXT_ENDINGS, card_path, card_text, table_ending
 from catenary.gravity.mass_doubts import mass_doubts
-from catenary.identification.identification import identify_samples
+from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
@@ -333,7 +333,9 @@ def check_file(
     # a model may have any name; a recording's says what it is
     arrays = read_arrays(path).keys() if path.is_file() and is_zipfile(path) else set[str]()
     if "structure" in arrays:
-        return _with_card(_check_identification if "combination" in arrays else _check_model, path)
+        if "combination" in arrays:
+            return _with_card(_check_identification, path, *load_identification(path))
+        return _with_card(_check_model, path, *load_model(path))
     if "q" in arrays and "q_des" not in arrays and {"tau", "effort"} & arrays:
         if robot is None:
             raise InputError(
@@ -486,18 +488,17 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     return faults, remarks, (*found, *doubts)
 
 
-def _with_card(check: Callable[[Path], FileReport], path: Path) -> FileReport:
-    """Check a file that carries a card, which may say anything where a key is expected."""
+def _with_card(told: Callable[[Path, Any, Card], FileReport], path: Path, content: Any, card: Card) -> FileReport:
+    """Tell of a file that was read and carries a card, which may say anything where a key is expected."""
     try:
-        return check(path)
+        return told(path, content, card)
     except CatenaryError:
         raise
     except (TypeError, LookupError, AttributeError, ValueError) as error:
         raise FileFormatError(f"{path}: damaged: its card is not one that catenary writes ({error})") from error
 
 
-def _check_identification(path: Path) -> FileReport:
-    result, card = load_identification(path)
+def _check_identification(path: Path, result: Identification, card: Card) -> FileReport:
     found = FileReport("identified dynamics")
     recordings, lines = [], []
     for part, tested in (("training", result.training), ("test", result.tests)):
@@ -528,8 +529,7 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
     return [f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"]
 
 
-def _check_model(path: Path) -> FileReport:
-    model, card = load_model(path)
+def _check_model(path: Path, model: CalibrationModel, card: Card) -> FileReport:
     blocks = {one["joint"]: one for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]}
     last = {one["name"]: one for one in card["errors"]["held_out"] or []}
     found, joints = FileReport("calibration model"), list[Mapping[str, Any]]()

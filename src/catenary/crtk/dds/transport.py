@@ -195,6 +195,11 @@ class DdsTransport(Transport):
             if own is not None:
                 yield own, kind, self.program.directory.process(end)
 
+    def _others(self, topic: str) -> frozenset[str]:
+        directory, ours = self.program.directory, self.program.gid
+        ends = directory.publishers(self._dds_name(topic))
+        return frozenset(directory.process(end) for end in ends if end.participant != ours)
+
     def close(self) -> None:
         """End the node."""
         if self.inbox.closed:

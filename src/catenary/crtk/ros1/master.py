@@ -9,7 +9,7 @@ import os
 import socket
 import threading
 import xmlrpc.client
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 from urllib.parse import urlparse
 
@@ -60,13 +60,13 @@ class Master:
         """URI of a service that somebody offers, or None."""
         return self._lookup("lookupService", name)
 
-    def node_answers(self, uri: str) -> bool:
-        """Return whether a node is alive: the master also lists those that crashed."""
+    def node_answers(self, uri: str, topic: str | None = None) -> bool:
+        """Return whether a node is alive, and publishes a topic: another may have the port of one that crashed."""
         try:
-            self.ask(uri, "getPid")
+            published = self.ask(uri, "getPublications")
         except (TransportError, Refused):
             return False
-        return True
+        return topic is None or topic in dict(published)
 
     def service_answers(self, name: str) -> bool:
         """Return whether a service is offered by a program that is alive."""
@@ -79,10 +79,10 @@ class Master:
         except OSError:
             return False
 
-    def publisher_uris(self, names: frozenset[str]) -> list[str]:
-        """Return the URIs of those nodes among `names` that are alive."""
-        uris = [self.node(name) for name in sorted(names)]
-        return [uri for uri in uris if uri is not None and self.node_answers(uri)]
+    def living(self, topic: str, names: Iterable[str]) -> dict[str, str]:
+        """Return those nodes among `names` that are alive and publish a topic, with their URIs."""
+        uris = {name: self.node(name) for name in sorted(names)}
+        return {name: uri for name, uri in uris.items() if uri is not None and self.node_answers(uri, topic)}
 
     def publisher_names(self) -> dict[str, frozenset[str]]:
         """Nodes that publish each topic, whether they answer or not."""

@@ -101,6 +101,7 @@ class Node:
         self._topics: dict[str, peers.RosTopic] = {}
         self.services: dict[str, Any] = {}  # rospy's
         self.listed: Mapping[str, frozenset[str]] = {}  # who publishes each topic, when the master was last asked
+        self._others: dict[str, frozenset[str]] = {}  # that publish topics, living ones, as last asked
         self._incomplete: frozenset[str] = frozenset()  # topics with publishers that were not connected
         rospy.on_shutdown(lambda: self.on_shutdown())
         atexit.register(_end)
@@ -178,6 +179,8 @@ class Node:
     def _connect_again(self) -> None:
         """Connect again to publishers whose connections broke while they lived on; rospy alone gives them up."""
         listed = self.listed = self.master.publisher_names()
+        for name in tuple(self._others):
+            self._others[name] = self._living(name)
         incomplete = frozenset(
             topic
             for topic, heard in list(self._topics.items())
@@ -185,8 +188,19 @@ class Node:
         )
         # incomplete at two looks: a publisher that has only just come is being connected
         for topic in incomplete & self._incomplete:
-            self._tell_publishers(topic, self.master.publisher_uris(listed[topic]))
+            self._tell_publishers(topic, list(self.master.living(topic, listed[topic]).values()))
         self._incomplete = incomplete
+
+    def others(self, topic: str) -> frozenset[str]:
+        """Return the other living processes that publish a topic: asked for now, later half a second ago at most."""
+        if topic not in self._others:
+            self.listed = self.master.publisher_names()
+            self._others[topic] = self._living(topic)
+        return self._others[topic]
+
+    def _living(self, topic: str) -> frozenset[str]:
+        names = self.listed.get(topic, frozenset()) - {self.name}
+        return frozenset(map(" ".join, self.master.living(topic, names).items()))
 
     def _tell_publishers(self, topic: str, uris: list[str]) -> None:
         """Tell this node who publishes a topic, as the master does; it connects to those that are new to it."""

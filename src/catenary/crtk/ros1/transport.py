@@ -79,7 +79,7 @@ class Ros1Transport(Transport):
         if published is None or current_name(published) == current_name(type_name):
             return
         names = self.node.master.publisher_names().get(topic, frozenset())
-        if self.node.master.publisher_uris(names):  # not only one that crashed
+        if self.node.master.living(topic, names):  # not only one that crashed
             raise other_type(topic, type_name, published)
 
     def _serve(self, name: str, type_name: str, answer: Answer) -> None:
@@ -99,6 +99,10 @@ class Ros1Transport(Transport):
         for topic, processes in self.node.master.publishing().items():  # also those that do not answer
             for process in processes if topic in types else ():
                 yield topic, current_name(types[topic]), process
+
+    def _others(self, topic: str) -> frozenset[str]:
+        found: frozenset[str] = self.node.others(topic)
+        return found
 
     def lost(self, topic: str) -> frozenset[str]:
         """Return programs that the master lists still, half a second ago at most, and that are not connected."""

@@ -16,6 +16,7 @@ at any time.
 from collections.abc import Set
 
 from catenary.crtk.clock import SECOND
+from catenary.crtk.exclusive_control import STOPPING
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import stamp_of
 from catenary.crtk.serving.reports import Reports
@@ -26,7 +27,7 @@ OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
 LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
 LARGEST = 2048  # bytes of a command that is looked at, ours: what is larger costs a tick its time
-ALWAYS_OBEYED = ("disable", "pause", "console/power_off")
+ALWAYS_OBEYED = (*STOPPING, "console/power_off")
 # tenths of a millisecond that a command takes at most: inverse kinematics, of two arms
 COSTS = {
     "geometry_msgs/PoseStamped": 3,

@@ -13,7 +13,7 @@ import numpy as np
 
 from catenary.crtk.client import STARTS
 from catenary.crtk.clock import SECOND
-from catenary.crtk.exclusive_control import WATCH, Commander
+from catenary.crtk.exclusive_control import WATCH, Commander, another_robot, require_no_other_robot
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
@@ -33,7 +33,7 @@ from catenary.crtk.topic_names import (
     CrtkTopic,
 )
 from catenary.crtk.transport import Transport
-from catenary.errors import CatenaryError
+from catenary.errors import CatenaryError, TransportError
 from catenary.plant import OperatingState, Plant, fault_of
 from catenary.topics import Topic
 
@@ -108,6 +108,7 @@ class ServedEncoders:
                 lazy.publish(joint_state_message(self._joints, stamp, values))
 
 
+ANNOUNCED = 0.6  # [s] until all of a network know of a robot: ROS 1's master is asked twice a second
 STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
 _String = message_class("std_msgs/String")
 MOST = 8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
@@ -128,6 +129,8 @@ class Server:
         encoders: ServedEncoders | None = None,
     ) -> None:
         """Publish and subscribe; nothing moves before `tick`, and each `publish_every` of these is published."""
+        self._joints = tuple(topic.name for topic in dialect.topics if topic.verb == "measured_js")
+        require_no_other_robot(transport, self._joints)
         self.transport, self.arms, self.reports = transport, arms, reports
         self.commands = 0  # taken in, whether they were obeyed or not
         self.ticks = 0
@@ -195,8 +198,15 @@ class Server:
             self._watched = now
             for source in self._sources:
                 source.watch(now)
+            self._stop_beside_another(now)
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
+
+    def require_alone(self) -> None:
+        """Refuse to begin beside another robot of this name, which may have been announced at the same time."""
+        self.transport.sleep(ANNOUNCED)
+        if other := another_robot(self.transport, self._joints):
+            raise TransportError(other)
 
     def say_states(self) -> None:
         """Publish what the arms are like now, out of turn, as when the server ends."""
@@ -316,6 +326,17 @@ class Server:
         """Say why a command is not obeyed, of each move and of streamed commands now and then."""
         to = tuple(self.arms) if topic.arm is None else (topic.arm,)
         self.reports.say(f"{topic.name}: refused", why, now, to=to, each="move" in topic.verb, times=times)
+
+    def _stop_beside_another(self, now: int) -> None:
+        """Pause all arms, and let none be enabled, while another robot of this name is there."""
+        other = another_robot(self.transport, self._joints)
+        for arm in self.arms.values():
+            arm.machine.held_by = other
+            if other and arm.state.state == "ENABLED":
+                arm.hold()
+                arm.machine.command("pause")
+        if other:
+            self.reports.say("robot: paused", other, now, to=tuple(self.arms))
 
     def _pause_abandoned(self, arm: ServedArm, commander: Commander, now: int) -> None:
         """Pause an arm whose commander has gone in the middle of a motion."""

@@ -11,6 +11,7 @@ pressed, ENABLED; `pause` for the pedal released; `disable` for the emergency st
 from collections.abc import Mapping, Sequence
 from typing import Literal, cast
 
+from catenary.crtk.exclusive_control import STOPPING
 from catenary.crtk.topic_names import DialectName
 from catenary.errors import NotReadyError
 from catenary.plant import STATE_COMMANDS, TRANSITIONS, OperatingState, Plant, StateCommand, StateName
@@ -49,6 +50,7 @@ class StateMachine:
         self._table = _RAVEN if dialect == "raven" else TRANSITIONS
         self._pauses = dialect == "raven"
         self._homing = False
+        self.held_by = ""  # why nothing but what stops the arm is obeyed
         self.can_change = "state_command" in plant.supports
 
     def command(self, text: str) -> str | None:
@@ -58,6 +60,8 @@ class StateMachine:
             return f'"{name}": ignored, expected one of {", ".join(STATE_COMMANDS)}'
         if not self.can_change:
             return f"{name}: ignored, the arm is parked"
+        if self.held_by and name not in STOPPING:
+            return f"{name}: ignored, {self.held_by}"
         state = self._plant.operating_state()
         if _ASKED_FOR.get(name) == state.state:
             return None
@@ -76,6 +80,8 @@ class StateMachine:
         state = self._plant.operating_state()
         if not self.can_change:
             return "the arm is parked"
+        if self.held_by:
+            return self.held_by
         if state.state not in ("DISABLED", "FAULT"):
             return f"the arm is {state.state} already"
         if not state.is_homed:

@@ -17,7 +17,7 @@ from catenary.errors import InputError
 
 MOST_SHOWN = 12  # names that an error lists
 # in names of columns
-WORDS: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "words.toml").read_text())
+WORDS: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "words.toml").read_text("utf-8"))
 _INDEXED = re.compile(r"(?P<base>.*)\[(?P<part>[^\[\]]*)\]\Z", re.DOTALL)
 
 

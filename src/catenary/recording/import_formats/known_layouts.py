@@ -43,7 +43,7 @@ from catenary.robots.model import RobotModel
 from catenary.topics import SECOND
 
 # topics that stand one behind the other in a row of the published CSV, and `widths`
-RAVEN_TABLE: dict[str, Any] = tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text())
+RAVEN_TABLE: dict[str, Any] = tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text("utf-8"))
 _STATE_ARRAYS = {"t", "jpos", "jpos_d", "pos", "pos_d"}
 
 

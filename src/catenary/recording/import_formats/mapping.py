@@ -148,7 +148,7 @@ class RecordingMapping(Settings):
 def layout_mapping(layout: str, **words: Any) -> RecordingMapping:
     """Return the mapping of a layout, ROOM/NAME for catenary/ROOM/data/NAME.toml, its words in braces filled in."""
     room, _, name = layout.partition("/")
-    text = (files("catenary") / room / "data" / f"{name}.toml").read_text()
+    text = (files("catenary") / room / "data" / f"{name}.toml").read_text("utf-8")
     for word, value in words.items():
         text = text.replace(f"{{{word}}}", value if isinstance(value, str) else repr(value))
     return parse_settings(tomllib.loads(text), RecordingMapping, f"{name}.toml")
@@ -172,7 +172,7 @@ def mapping_of(
     if not options and file is None and content is None:
         return None
     of_file = load_toml(file, RecordingMapping).model_dump(mode="json", exclude_unset=True) if file else {}
-    if asked := re.findall(r"# OPEN: (.*)", file.read_text()) if file else []:
+    if asked := re.findall(r"# OPEN: (.*)", file.read_text("utf-8")) if file else []:
         raise ConfigError(f"{file}: still OPEN: {cut(asked[0])}: answer it there, then delete the marks OPEN")
     content = of_file or dict(content or {})
     for option in options:
