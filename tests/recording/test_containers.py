@@ -247,4 +247,4 @@ def test_numbers_that_mean_missing_are_missing_in_every_container(
     assert np.abs(log.q_encoder[log.ok]).max() < 4.0
     said = " ".join(log.notes)
     for key, rows in GONE.items():
-        assert f"{key}: {rows.sum()} number(s) such as -9999 mean that nothing was measured" in said
+        assert f"{key}: {rows.sum()} number(s) mean that nothing was measured" in said

@@ -230,8 +230,7 @@ def test_a_mapping_without_units_takes_those_that_are_proposed(scale: float, tmp
     topics = dict.fromkeys(("/arm/joint_states", "/vicon/joints"), JOINT_STATE)
     bag = write_bag(tmp_path / "lab", "mcap", topics, messages)
     robot = "dvrk_psm"
-    only = {"q_nominal.columns": ",".join(f"/arm/joint_states.position[{joint}]" for joint in JOINTS)}
-    proposed = import_recording(bag, robot=robot, answers=only)
+    proposed = import_recording(bag, robot=robot, accept_proposal=True)
     by_hand = import_recording(
         bag, ["q_nominal=/arm/joint_states.position", "q_encoder=/vicon/joints.position"], robot=robot
     )
@@ -348,18 +347,14 @@ def test_a_column_named_as_a_joint_of_the_robot_is_that_joint(
 
 
 @pytest.mark.parametrize("lost", ["twist", "tool_linear"])
-@pytest.mark.parametrize("kind", [*TABLES, "ros1", "mcap"])
+@pytest.mark.parametrize("ending", TABLES)
 def test_fewer_columns_than_the_robot_has_joints_are_asked_for_and_not_written(
-    kind: str, lost: str, tmp_path: Path
+    ending: str, lost: str, tmp_path: Path
 ) -> None:
     names = tuple(name for name in WORDED if name != lost)
     q = np.column_stack([0.4 * np.sin(T + k) for k in range(len(names))])
-    if kind in TABLES:
-        path = tmp_path / f"lab.{kind}"
-        TABLES[kind](path, {"t": T} | dict(zip(names, q.T, strict=True)))
-    else:
-        told: list[Message] = [(t, "/joint_states", joint_state(names, row)) for t, row in zip(T, q, strict=True)]
-        path = write_bag(tmp_path / "lab", kind, {"/joint_states": JOINT_STATE}, told)
+    path = tmp_path / f"lab.{ending}"
+    TABLES[ending](path, {"t": T} | dict(zip(names, q.T, strict=True)))
     robot = of_robot(WORDED, tmp_path)
     (asked,) = propose_mapping(path, robot=robot).questions
     assert f"which columns are the 8 joints of worded ({', '.join(WORDED)})" in asked
@@ -367,6 +362,28 @@ def test_fewer_columns_than_the_robot_has_joints_are_asked_for_and_not_written(
         import_recording(path, robot=robot, accept_proposal=True)
     answer = asked.partition("--answer q_nominal.columns=")[2]
     log = import_recording(path, robot=robot, answers={"q_nominal.columns": answer})
+    assert log.joint_names == names
+    assert_allclose(log.q_nominal, q, atol=1e-9)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_numbers_in_columns_count_from_zero_or_one(first: int, tmp_path: Path) -> None:
+    """A robot whose joints are q1 to q7, and columns q_0 to q_6: by name six would fit, each of its neighbour."""
+    table = {f"q_{first + k}": 0.1 * k + 0.3 * np.sin(T + k) for k in range(7)}
+    TABLES["csv"](tmp_path / "lab.csv", {"t": T} | table)
+    log = import_recording(tmp_path / "lab.csv", robot="panda", accept_proposal=True)
+    assert_allclose(log.q_nominal, np.column_stack([*table.values()]), atol=1e-9)
+
+
+@pytest.mark.parametrize("still", [(), WORDED])
+@pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite"])
+def test_messages_that_name_their_joints_say_which_they_are(kind: str, still: tuple[str, ...], tmp_path: Path) -> None:
+    """Fewer than the robot has, as of an arm without its instrument, and at rest."""
+    names = WORDED[:5]
+    q = np.column_stack([0.1 * k + 0.4 * np.sin(T + k) * (name not in still) for k, name in enumerate(names)])
+    told: list[Message] = [(t, "/joint_states", joint_state(names, row)) for t, row in zip(T, q, strict=True)]
+    path = write_bag(tmp_path / "lab", kind, {"/joint_states": JOINT_STATE}, told)
+    log = import_recording(path, robot=of_robot(WORDED, tmp_path), accept_proposal=True)
     assert log.joint_names == names
     assert_allclose(log.q_nominal, q, atol=1e-9)
 

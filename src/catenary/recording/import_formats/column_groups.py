@@ -161,7 +161,7 @@ class Candidate:
 
 def candidates_of(streams: Sequence[Stream], model: Jointed | None = None) -> list[Candidate]:
     """Return the groups of columns that may be a quantity of the joints, first those named as joints of the robot."""
-    each = (_of_table(stream, model) if stream.type == "table" else _of_topic(stream) for stream in streams)
+    each = (_of_table(one, model) if one.type == "table" else _of_topic(one) for one in streams)
     return [one for several in each for one in several]
 
 
@@ -188,23 +188,26 @@ def _of_topic(stream: Stream) -> list[Candidate]:
 
 def _of_robot(stream: Stream, joints: Sequence[str]) -> list[Candidate]:
     """Group columns named as at least half of a robot's joints, each group by what else its names say."""
-    patterns = {joint: r"[^a-z0-9]*".join(_words_and_numbers(joint)) for joint in joints}
-    groups: dict[tuple[str, ...], dict[str, str]] = {}
-    for name in stream.columns:
+    groups: dict[tuple[Kind, str], dict[str, str]] = {}
+    # where numbers alone tell joints apart, q_0 may be q1
+    numbered = len(joints) > 1 and len({re.sub(r"\d+", "", joint) for joint in joints}) == 1
+    for name in () if numbered else stream.columns:
         apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
         for joint in sorted(joints, key=len, reverse=True):
-            rest, is_named = re.subn(rf"(?<![a-z0-9]){patterns[joint]}(?![a-z0-9])", " ", apart, count=1, flags=re.I)
-            if is_named and patterns[joint]:
-                key = (_kind(rest), *re.findall(r"[a-z]+|\d+", _UNIT.sub("", rest).lower()))
-                if not set(_words(rest)) & _SETS["no_joints"]:
-                    groups.setdefault(key, {}).setdefault(joint, name)
+            pattern = r"[^a-z0-9]*".join(_words_and_numbers(joint)) or "$."
+            rest, is_named = re.subn(rf"(?<![a-z0-9]){pattern}(?![a-z0-9])", " ", apart, count=1, flags=re.I)
+            if is_named and not set(_words(rest)) & _SETS["no_joints"]:
+                key = _kind(rest), " ".join(_words_and_numbers(_UNIT.sub("", rest)))
+                groups.setdefault(key, {}).setdefault(joint, name)
+            if is_named:
                 break
     found = []
-    for (kind, *words), of in groups.items():
-        own = tuple(joint for joint in joints if joint in of)
-        role = _role(_words(" ".join(words))) if words or kind != "position" else "reported"
-        if 2 * len(own) >= len(joints):
-            found.append(Candidate(stream, tuple(of[joint] for joint in own), kind, role, own))  # type: ignore[arg-type]
+    for (kind, words), columns in groups.items():
+        own = tuple(joint for joint in joints if joint in columns)
+        role = _role(words.split()) if words or kind != "position" else "reported"
+        found += [Candidate(stream, tuple(map(columns.__getitem__, own)), kind, role, own)] * (
+            2 * len(own) >= len(joints)
+        )
     return found
 
 

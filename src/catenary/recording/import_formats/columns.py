@@ -41,9 +41,9 @@ class Stream:
     began: float = 0.0  # [s since 1970] at time zero of a table's first recording, where its container says it
     notes: tuple[str, ...] = ()
 
-    def numbers(self, column: str) -> Floats:
+    def numbers(self, column: str, to_si: float = 0.0) -> Floats:
         """Return a column (M,), NaN also where its number means that there was none."""
-        return np.asarray(without_missing(self.columns[column]), dtype=np.float64)
+        return np.asarray(without_missing(self.columns[column], to_si), dtype=np.float64)
 
     def with_column(self, name: str, values: NDArray[Any]) -> "Stream":
         """Return it with a column in place of its own."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Flags, Floats, Integers, without_missing
+from catenary.arrays import Flags, Floats, Integers
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.plant import Joints, MotionLog, joints_text, nameless
@@ -157,9 +157,13 @@ def synchronise(
         encoder = _candidate(own.places, sources.streams, names)
         scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, told or units, notes)
     for key, own in found.items():  # before any of it is unwrapped, or lies on a line to its neighbours
-        if key in (*joints, "pose"):
-            streams, said = _without_missing(key, own.places, streams, scaled.get(key) if key != "tau" else None)
-            notes += said
+        count = 0
+        for j, place in enumerate(own.places if key in (*joints, "pose") else ()):
+            stream = streams[place.stream]
+            values = stream.numbers(place.column, 0.0 if key in ("tau", "pose") else scaled[key][j])
+            if none := int((np.isnan(values) & np.isfinite(stream.columns[place.column])).sum()):
+                streams[place.stream], count = stream.with_column(place.column, values), count + none
+        notes += [f"{key}: {count} number(s) mean that nothing was measured"] * bool(count)
         if key in ("q_nominal", "q_encoder", "q_reported"):
             streams, turns = unwrap_columns(streams, own.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
@@ -245,20 +249,6 @@ def synchronise(
         in_order = Joints(tuple(name for name in model.joint_names if name in names))
         log = log.in_order_of(in_order, of=f'robot "{model.name}" has')
     return Synchronisation(log, clock.reports, int((~log.ok).sum()), clock.rows_of_base[whole])
-
-
-def _without_missing(
-    key: str, places: Sequence[Place], streams: Mapping[str, Stream], scale: Floats | None
-) -> tuple[dict[str, Stream], list[str]]:
-    """Return streams with NaN in a quantity's columns where a number means that there was none, and how many do."""
-    changed, count, such = dict(streams), 0, 0.0
-    for place, to_si in zip(places, np.zeros(len(places)) if scale is None else scale, strict=True):
-        values = changed[place.stream].columns[place.column]
-        found = without_missing(values, to_si)
-        if found is not values and (gone := np.isnan(found) & np.isfinite(values)).any():
-            changed[place.stream] = changed[place.stream].with_column(place.column, found)
-            count, such = count + int(gone.sum()), values[gone][0]
-    return changed, [f"{key}: {count} number(s) such as {such:.7g} mean that nothing was measured"] * bool(count)
 
 
 def _scale(

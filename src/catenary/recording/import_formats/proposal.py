@@ -96,7 +96,7 @@ def propose(
         nominal = _some_of(nominal, model.n, "q_nominal", f"are the joints of {model.name}", draft)
         if encoder is not None and len(encoder.columns) == len(every):
             encoder = encoder.part([encoder.columns[every.index(column)] for column in nominal.columns])
-    if nominal is not None and model is not None and len(nominal.columns) < model.n:
+    if nominal is not None and model is not None and len(nominal.columns) < model.n and not nominal.stream.joints:
         text = f"which columns are the {model.n} joints of {model.name} ({', '.join(model.joint_names)})"
         only = {",".join(nominal.references): f"only these {len(nominal.columns)} were recorded, or any others"}
         nominal = _as_answered(draft.ask("q_nominal.columns", text, only, is_free=True), sources.streams) or nominal
