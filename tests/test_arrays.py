@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.arrays import as_array, as_batch, as_not_negative, as_positive, frozen, one_for_all, refuse_non_finite
+from catenary.arrays import (
+    as_array,
+    as_batch,
+    as_not_negative,
+    as_positive,
+    frozen,
+    one_for_all,
+    refuse_non_finite,
+    without_missing,
+)
 from catenary.errors import InputError
 
 
@@ -130,3 +139,35 @@ def test_a_tensor_that_records_none_is_taken():
             return np.array([1.0, 2.0, 3.0], dtype=np.float32)
 
     assert_array_equal(as_array("q", Tensor(), (3,)), [1.0, 2.0, 3.0])
+
+
+JOINT = np.linspace(-170.0, 170.0, 50)
+
+
+@pytest.mark.parametrize("number", [-999, -9999, 9999, 65535, -32768, 2**31 - 1, -3.697314e28, 1e30, -np.inf, np.nan])
+@pytest.mark.parametrize("unit", [1.0, np.pi / 180.0, 2.0])  # the arm's degrees, rad, or millimetres
+def test_numbers_that_mean_missing_are_nan_in_any_unit(number: float, unit: float):
+    values = np.insert(unit * JOINT, 7, [number, number])
+    expected = np.insert(unit * JOINT, 7, [np.nan, np.nan])
+    assert_array_equal(without_missing(np.array(values)), expected)
+    assert_array_equal(without_missing(np.full(5, float(number))), np.full(5, np.nan))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.arange(0.0, 65536.0, 5.0),  # counts of 16 bits, 65535 among them
+        np.arange(-1200.0, 1200.0, 1.0),  # a gantry in mm, or a joint of many turns in deg, through -999
+        np.arange(-32768, 32768, 8),
+        np.linspace(-9.0e6, 9.0e6, 100),  # counts of 24 bits
+    ],
+)
+def test_numbers_among_their_like_are_kept(values: np.ndarray):
+    assert without_missing(values) is values
+
+
+def test_positions_that_no_joint_reaches_are_missing_but_not_where_most_are_there():
+    values = np.append(JOINT, [123_456.0])
+    assert_array_equal(without_missing(values, 1.0), np.append(JOINT, [np.nan]))
+    counts = 1e3 * JOINT[JOINT > 0.0]  # read as rad: wrong by another fault, which the verdict tells
+    assert without_missing(counts, 1.0) is counts

@@ -69,6 +69,16 @@ def test_what_is_no_recording_is_refused_by_name(changes: dict[str, Any], words:
         replace(LOG, **changes)
 
 
+def test_a_measurement_that_means_missing_clears_ok_and_is_counted_once() -> None:
+    measured = LOG.q_encoder.copy()  # type: ignore[union-attr]
+    measured[[1, 3], [0, 2]] = -9999.0, -3.697314e28
+    log = replace(replace(LOG, q_encoder=measured, ok=np.ones(6, dtype=bool)), name="again")
+    assert np.flatnonzero(~log.ok).tolist() == [1, 3]
+    assert [note for note in log.notes if "mean no measurement" in note] == [
+        "q_encoder: 2 rows hold numbers that mean no measurement, and are not ok"
+    ]
+
+
 @pytest.mark.parametrize("units", [("rad", "rad"), ("rad", "rad", "deg"), ("rad", "rad", "mm")])
 def test_units_that_are_not_rad_or_m_for_each_joint_are_refused(units: tuple[str, ...]) -> None:
     with pytest.raises(InputError, match="expected 3 units, each rad or m, for joints J1, J2, J3"):

@@ -13,6 +13,12 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
 _FEW = 64  # numbers that Python adds up sooner than NumPy is called
+# by which loggers say that there was no number: spreadsheets' nines, the ends of 16 and 32 bits
+_NO_NUMBER = np.array([-999.0, -9999.0, 9999.0, -99999.0, 99999.0, -(2.0**15), 2.0**15 - 1.0, 2.0**16 - 1.0,
+                       -(2.0**31), 2.0**31 - 1.0, 2.0**32 - 1.0])  # fmt: skip
+_OF_NO_UNIT = 1e10  # beyond it no count and no unit measures a joint: NDI writes -3.697314e28, others 1e30
+_FARTHEST = 1e4  # [rad, m] that no joint goes
+_APART = 0.5  # of the range of all other numbers, by which -999 lies outside it where it is none
 
 
 _KINDS = {float: ("iuf", "valid numbers"), int: ("iu", "whole numbers"), bool: ("b", "true or false")}
@@ -120,6 +126,24 @@ def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
     raise InputError(
         f"{name}{where} is {array[first]}: expected finite numbers ({len(bad)} of {array.size} values are not)"
     )
+
+
+def without_missing(values: NDArray[Any], to_si: float = 0.0) -> NDArray[Any]:
+    """Return one joint's numbers (N,), NaN in place of those by which loggers say that there was none.
+
+    `to_si` makes positions rad or m: then single ones that no joint reaches are none, too.
+    """
+    with np.errstate(invalid="ignore"):
+        size = np.abs(np.asarray(values, dtype=np.float64))
+        if not (size >= -_NO_NUMBER[0]).any() and not (size * abs(to_si) > _FARTHEST).any():
+            return values
+        far = size * abs(to_si) > _FARTHEST
+        missing = (size >= _OF_NO_UNIT) | (far & (2 * far.sum() < len(far)))
+    told = np.isin(values, _NO_NUMBER) & ~missing
+    others = values[np.isfinite(values) & ~missing & ~told]
+    low, high = (others.min(), others.max()) if len(others) else (np.nan, np.nan)
+    missing |= told & ~(np.maximum(low - values, values - high) < _APART * (high - low))
+    return np.where(missing, np.nan, values) if missing.any() else values
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats, frozen
+from catenary.arrays import Floats, frozen, without_missing
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 
 JOINT_UNITS = ("rad", "m")
@@ -293,6 +293,13 @@ class MotionLog:
                 raise InputError(f'{where}: signal "{key}": expected shape ({rows},), got {values.shape}')
         object.__setattr__(self, "signals", {key: frozen(values) for key, values in self.signals.items()})
         if self.q_encoder is not None:
+            told = [(x, without_missing(x, 1.0)) for x in self.q_encoder.T]
+            none = [self.ok & np.isnan(found) & ~np.isnan(x) for x, found in told if found is not x]
+            if np.any(none):
+                gone = np.any(none, axis=0)
+                note = f"q_encoder: {int(gone.sum())} rows hold numbers that mean no measurement, and are not ok"
+                object.__setattr__(self, "ok", frozen(self.ok & ~gone))
+                object.__setattr__(self, "notes", (*self.notes, note))
             bad = np.argwhere(~np.isfinite(self.q_encoder) & self.ok[:, None])
             if len(bad):
                 row, joint = (int(i) for i in bad[0])

@@ -209,3 +209,42 @@ def test_every_container_gives_the_log_of_the_rule_and_equal_verdicts(
     verdict = findings_of(log)
     assert ("stuck", (JOINTS[1],)) in [(each.name, each.joints) for each in verdict]
     assert verdict == findings_of(first)
+
+
+MISSING = (-9999.0, -999.0, -3.697314e28, 1e30, 65535.0)  # what loggers, trackers and 16 bits write for no number
+GONE = {
+    "q_nominal": (T > 3.0) & (T < 3.3),
+    "q_encoder": (T_SEEN > 5.0) & (T_SEEN < 6.0),
+    "tau": (T > 20.0) & (T < 20.2),
+}
+
+
+def spoil(monkeypatch: pytest.MonkeyPatch, number: float | None) -> None:
+    """Let all containers hold `number`, of None each of MISSING in turn, on the rows GONE of one joint."""
+    for name, array, key in (("Q", "q", "q_nominal"), ("SEEN", "cam", "q_encoder"), ("TAU", "tau", "tau")):
+        values = ARRAYS[array].copy()
+        rows = np.flatnonzero(GONE[key])
+        values[rows, 1] = np.resize(MISSING, len(rows)) if number is None else number
+        monkeypatch.setitem(globals(), name, values)
+        monkeypatch.setitem(ARRAYS, array, values)
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_numbers_that_mean_missing_are_missing_in_every_container(
+    container: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The log is that of the same rows written as NaN, and each quantity's numbers are counted."""
+    write, mapping = CONTAINERS[container]
+    read = []
+    for name, number in (("nan", np.nan), ("numbers", None)):
+        spoil(monkeypatch, number)
+        (tmp_path / name).mkdir()
+        read.append(import_recording(write(tmp_path / name), mapping))
+    expected, log = read
+    assert len(log) < len(T)
+    for key in ("q_nominal", "q_encoder", "qd", "tau", "ok", "time"):
+        assert_array_equal(getattr(log, key), getattr(expected, key), err_msg=key)
+    assert np.abs(log.q_encoder[log.ok]).max() < 4.0
+    said = " ".join(log.notes)
+    for key, rows in GONE.items():
+        assert f"{key}: {rows.sum()} number(s) mean that nothing was measured" in said

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.truth.bench import FAILS, Outcome, checked, evaluated, fitted, refreshed, windows
+from tests.truth.imports import imports
 from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
 from tests.truth.spoilings import NOTHING, SPOILINGS
 
@@ -20,6 +21,8 @@ def outcomes(only: str) -> Iterator[Outcome]:
     """Try the cases whose name holds what a regular expression finds."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        if re.search(only, "imports and units"):
+            yield from imports(folder)
         for made in (*simulated(), *real()):
             known = made()
             for spoiling in SPOILINGS:
@@ -73,7 +76,9 @@ def main() -> int:
     }
     if only:
         old = [
-            line for line in TABLE.read_text().splitlines() if line.startswith(("| fit", "| eval", "| check", "| refr"))
+            line
+            for line in TABLE.read_text().splitlines()
+            if line.startswith(("| fit", "| eval", "| check", "| refr", "| import", "| units"))
         ]
         written = {line.split(" | ")[0][2:]: line for line in old} | written
     wrong = sum(f"| {FAILS}" in line for line in written.values())

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.truth.bench import FAILS, HOLDS, NAMED, REFUSED, Claims, checked, evaluated, fitted, judged
+from tests.truth.imports import imports
 from tests.truth.recordings import raven
 from tests.truth.spoilings import SPOILINGS
 
@@ -51,3 +52,8 @@ def test_a_spoilt_recording_is_refused_or_its_doubt_named_or_its_claim_holds(tmp
 def test_untouched_recordings_pass(tmp_path: Path):
     assert evaluated(raven("random"), OF["untouched"], tmp_path).verdict == HOLDS
     assert not checked(raven("random"), 120.0, tmp_path).verdict.startswith(FAILS)
+
+
+@pytest.mark.slow
+def test_tables_are_imported_as_they_are_and_no_unit_is_advised_that_is_none(tmp_path: Path):
+    assert [outcome for outcome in imports(tmp_path) if outcome.failed] == []

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from catenary.errors import DataError, InputError
+from catenary.plant import MotionLog
 from catenary.recording.mend import Mend
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, verdict
 from catenary.verdict.finding import judge
+from catenary.verdict.units_and_scale import trained_findings
 from hysteretic_arm import recording
 from spoilt import BOTH, MEASURED, SPOILS, Spoil, in_deg_and_mm, scaled, shifted
 
@@ -54,6 +56,53 @@ def test_small_motions_in_degrees_are_told_by_the_limits_of_the_robot() -> None:
     log = replace(recording().part(0, 400), joint_names=names, robot="raven2")
     told = findings_of(in_deg_and_mm(log, *BOTH), robot=load_robot("raven2"))
     assert any(f.name == "units" and "deg" in f.remedy and "mm" in f.remedy for f in told)
+
+
+PSM = load_robot("dvrk_psm")
+LOOSE = {  # what a PSM does without its instrument, whose disks turn freely and whose carriage has no cannula [rad, m]
+    "wrist to 170 deg": {4: np.deg2rad(170.0)},
+    "wrist and roll": {3: np.deg2rad(350.0), 5: np.deg2rad(170.0)},
+    "insertion to .55 m": {2: 0.55},
+    "all of it": {2: 0.55, 3: np.deg2rad(350.0), 4: np.deg2rad(170.0), 5: np.deg2rad(170.0)},
+}
+
+
+def of_psm(reach: dict[int, float], *, stated: bool, still: tuple[int, ...] = ()) -> MotionLog:
+    """A PSM that goes to 0.6 of its limits, further where `reach` says so, with joints that stand still at zero."""
+    farthest = 0.6 * PSM.upper
+    farthest[list(reach)] = list(reach.values())
+    q = np.sin(np.outer(0.4 * np.arange(1500.0), [0.31, 0.37, 0.41, 0.43, 0.47, 0.53])) * farthest
+    q[:, 2], q[:, list(still)] = np.abs(q[:, 2]), 0.0
+    settled = {"units": ()} if stated else {}
+    return replace(recording(), joint_names=PSM.joint_names, joint_units=PSM.joint_units, robot="dvrk_psm",
+                   q_nominal=q, q_encoder=1.01 * q, settled=settled)  # fmt: skip
+
+
+@pytest.mark.parametrize("reach", LOOSE.values(), ids=LOOSE)
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_joint_beyond_its_limits_is_in_no_other_unit(reach: dict[int, float], stated: bool) -> None:
+    log = of_psm(reach, stated=stated)
+    assert all(each.name != "units" and "--units" not in each.remedy for each in findings_of(log, robot=PSM))
+
+
+def test_one_joint_beyond_its_training_is_in_no_other_unit() -> None:
+    trained = 0.6 * PSM.upper
+    trained[4] = 0.5
+    trained = np.array([-trained * [1, 1, 0, 1, 1, 1], trained])
+    assert trained_findings(of_psm({4: np.deg2rad(170.0)}, stated=True), tuple(trained)) == []
+    (told,) = trained_findings(in_deg_and_mm(of_psm({}, stated=True), *BOTH), tuple(trained))
+    assert told.remedy == "--units deg,deg,mm,deg,deg,deg"
+
+
+@pytest.mark.parametrize("still", [(), (3, 5)])
+@pytest.mark.parametrize("stated", [True, False])
+def test_numbers_in_deg_and_mm_are_found_and_mended_where_nobody_states_another_unit(
+    still: tuple[int, ...], stated: bool
+) -> None:
+    found = findings_of(in_deg_and_mm(of_psm({}, stated=stated, still=still), *BOTH), robot=PSM)
+    (told,) = [each for each in found if each.name in ("units", "range")]
+    assert told.refuses
+    assert (told.name, told.remedy) == (("range", "") if stated else ("units", "--units deg,deg,mm,deg,deg,deg"))
 
 
 def test_rows_beyond_the_error_limit_are_not_judged() -> None:

@@ -1,14 +1,14 @@
 """Are the numbers in rad and m? By slopes, by what a robot can reach, by what a model was trained on."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from catenary.arrays import Floats, Integers
+from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import Pairs, scales, slope_behind_slack
+from catenary.verdict.pairs import MOVED, Pairs, scales, slope_behind_slack
 
 FOLLOWS = 0.5  # correlation from which on a slope means something
 FOLLOWS_CLOSELY = 0.9  # share of a measurement's variance that slack must explain for its slope to be believed
@@ -20,6 +20,9 @@ LEAST = 0.4  # slope: the most hysteretic wrist loses half of its motion
 # slack that takes motion away also loosens the relation: a slope this low with a correlation this high is no slack
 TIGHT_LEAST, TIGHT = 0.85, 0.999
 MARGIN = 0.25  # of its range by which a joint may leave its limits
+# times a joint's limit, within which a number in rad or m may be an error of it: a PSM without its instrument turns its
+# wrist 2.1 times as far, and inserts 2.3 times as far; in deg or mm not
+FAR_BEYOND = 3.0
 LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a joint without limits is in no rad and no m
 CABLE_LARGEST = {"rad": 4.0 * np.pi, "m": 2.0}  # the same of an arm driven by cables, which wind up on drums
 # what one rad or m becomes in other units that people record, by name
@@ -105,16 +108,13 @@ def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Find
     """Find commanded positions that the robot cannot reach, or no robot can where it is not known."""
     low, high = limits_of(log, robot, CABLE_LARGEST)
     least, most = _reached(log)
-    units: dict[int, str] = {}
     beyond = [i for i in range(len(least)) if not (low[i] <= least[i] and most[i] <= high[i])]
-    for i in beyond:
-        factors = FACTORS[log.joint_units[i]].items()
-        fits = [name for name, factor in factors if low[i] <= least[i] / factor and most[i] / factor <= high[i]]
-        units |= {i: fits[0]} if fits else {}
-    if len(units) == len(beyond):
-        # joints whose numbers are small in any unit are in the unit of their kin
-        kin = {log.joint_units[i]: name for i, name in units.items()}
-        units |= {j: kin[unit] for j, unit in enumerate(log.joint_units) if unit in kin}
+    reach, far = np.maximum(-least, most), np.maximum(-low, high)
+    far = np.where(far == [CABLE_LARGEST[unit] for unit in log.joint_units], far, FAR_BEYOND * far)
+    near, stated = reach <= far / FAR_BEYOND, {"units", "units:q_nominal"} & log.settled.keys()
+    units = (
+        {} if stated else _in_other_units(log, reach > far, near, lambda by: (low <= least / by) & (most / by <= high))
+    )
     return _beyond(log, beyond, units, (low, high), "expected")
 
 
@@ -140,16 +140,20 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
         middle, half = (low + high) / 2.0, (high - low) / 2.0
         return np.asarray(np.maximum(abs(least / factor - middle), abs(most / factor - middle)) / half)
 
-    units, beyond = dict[int, str](), []
-    for kind in ("rad", "m"):
-        of_kind = known & (np.array(log.joint_units) == kind)
-        far = of_kind & (farthest(1.0) > BEYOND)
-        for name, factor in FACTORS[kind].items():
-            if far.any() and (farthest(factor)[far] < WITHIN).all():
-                units |= {int(j): name for j in np.flatnonzero(of_kind)}
-                beyond += np.flatnonzero(far).tolist()
-                break
-    return _beyond(log, beyond, units, trained, "the model was trained")
+    far, near = known & (farthest(1.0) > BEYOND), known & (farthest(1.0) < WITHIN)
+    units = _in_other_units(log, far, near, lambda by: ~far | (farthest(by) < WITHIN))
+    return _beyond(log, [j for j in units if far[j]], units, trained, "the model was trained")
+
+
+def _in_other_units(log: MotionLog, far: Flags, near: Flags, fits: Callable[[float], Flags]) -> dict[int, str]:
+    """Return the unit of each joint of a kind of which some lie `far` off, none that moved is `near`, and all fit."""
+    units, moved = dict[int, str](), np.ptp(scales(log) * log.q_nominal, axis=0) > MOVED
+    for kind, factors in FACTORS.items():
+        own = np.array(log.joint_units) == kind
+        names = [name for name, by in factors.items() if fits(by)[own & moved].all()]
+        if names and (own & far).any() and not (own & near & moved).any():
+            units |= dict.fromkeys(np.flatnonzero(own).tolist(), names[0])
+    return units
 
 
 def _reached(log: MotionLog) -> Floats:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.io import savemat
 
 from catenary.config import parse_settings
 from catenary.documents import toml_table
@@ -212,7 +214,8 @@ def test_a_marker_beside_the_first_joints_is_proposed_on_the_link_that_they_move
 ) -> None:
     rows = np.column_stack([T, true_q(T), 1e3 * true_q(T)])
     np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="t,q1,q2,q3,ndi_x,ndi_y,ndi_z", comments="")
-    proposed = propose_mapping(tmp_path / "lab.csv", robot=robot, units="rad,rad,m", answers={"q_encoder": "ndi_x"})
+    answers = {"q_encoder": "ndi_x", "q_nominal.columns": "q1,q2,q3"}
+    proposed = propose_mapping(tmp_path / "lab.csv", robot=robot, units="rad,rad,m", answers=answers)
     pose = proposed.accepted().q_encoder.pose
     assert (pose.frame, pose.unit, pose.match) == (frame, "mm", "position")
 
@@ -253,3 +256,140 @@ def test_more_columns_than_the_robot_has_joints_are_asked_for_and_measured_ones_
     log = import_recording(table, robot="dvrk_psm", answers=answers)
     assert log.joint_units == ("rad", "rad", "m", "rad", "rad", "rad")
     assert_allclose(log.q_encoder, 1.01 * q[:, :6], atol=1e-9)
+
+
+# of each make's log: how positions are named, what else moves in it, and what stands still; {} is a joint's number
+MAKES = {
+    "UR by RTDE": (
+        "actual_q_{}", range(6),
+        "actual_current_{} joint_control_output_{} joint_temperatures_{} actual_joint_voltage_{} actual_TCP_force_{} "
+        "actual_digital_input_bits actual_execution_time actual_main_voltage actual_robot_voltage actual_momentum "
+        "speed_scaling digital_input_bits execution_time main_voltage robot_voltage robot_current",
+        "actual_qd_{} target_qdd_{} joint_mode_{} robot_mode safety_mode actual_digital_output_bits",
+    ),
+    "Franka": ("q_{}", range(7), "tau_J_{} O_T_EE_{} K_F_ext_hat_K_{} control_command_success_rate", "dq_{} robot_mode"),
+    "Kinova": (
+        "position_{}", range(7), "torque_{} current_motor_{} voltage_{} temperature_motor_{} temperature_core_{}",
+        "velocity_{} status_flags_{}",
+    ),
+    "xArm": ("J{}", range(1, 8), "temp{} voltage{} current{}", "mode state error_code"),
+}  # fmt: skip
+TABLES = {
+    "csv": lambda path, table: pa.csv.write_csv(pa.table(table), path),
+    "parquet": lambda path, table: pq.write_table(pa.table(table), path),
+    "npz": lambda path, table: np.savez(path, **table),
+    "mat": lambda path, table: savemat(path, table),
+}
+
+
+def of_make(make: str, moving: tuple[int, ...]) -> tuple[list[str], dict[str, np.ndarray]]:
+    """The names of a make's joints, and its log of an arm at rest but for the joints that move."""
+    position, numbers, others, still = MAKES[make]
+    rng, names = np.random.default_rng(3), [position.format(j) for j in numbers]
+    table = {"timestamp": 1000.0 + T}
+    for pattern in still.split():
+        table |= {pattern.format(j): np.full(len(T), 3.0) for j in numbers}
+    for k, name in enumerate(names):
+        table[name] = 0.2 + 0.1 * k + 0.3 * np.sin(T + k) * (k in moving)
+    for pattern in others.split():
+        table |= {pattern.format(j): 48.0 + np.cumsum(0.05 * rng.normal(size=len(T))) for j in numbers}
+    return names, table
+
+
+@pytest.mark.parametrize("moving", [(), (1,), (0, 1, 2, 3, 4, 5)])
+@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize("ending", TABLES)
+def test_an_arm_at_rest_has_joints_and_no_temperatures_voltages_or_bits(
+    ending: str, make: str, moving: tuple[int, ...], tmp_path: Path
+) -> None:
+    names, table = of_make(make, moving)
+    path = tmp_path / f"lab.{ending}"
+    TABLES[ending](path, table)
+    found = tomllib.loads(propose_mapping(path, units="rad").toml)
+    assert found["q_nominal"]["columns"] == names
+    assert "q_encoder" not in found
+    assert not any(word in str(found.get("tau")) for word in ("temp", "volt", "current"))
+
+
+WORDED = ("mast", "twist", "wrench", "effort", "pose", "current", "error", "tool_linear")  # joints called as quantities
+
+
+def of_robot(joints: tuple[str, ...], folder: Path) -> str:
+    """A robot whose joints turn about one axis after another."""
+    links = "".join(
+        f'[[link]]\nname = "{name}"\njoint = "revolute"\nalpha_deg = {90 * (k % 2)}\na_m = 0.2\n'
+        "d_m = 0\ntheta_deg = 0\nlimits_deg = [-120, 120]\n"
+        for k, name in enumerate(joints)
+    )
+    path = folder / "worded.toml"
+    path.write_text(f'name = "worded"\nconvention = "modified"\nsources = ["a test"]\ntip = "{joints[-1]}"\n{links}')
+    return str(path)
+
+
+@pytest.mark.parametrize("still", [(), ("twist",), WORDED])
+@pytest.mark.parametrize("ending", TABLES)
+@pytest.mark.parametrize(("front", "behind"), [("", ""), ("", "_pos"), ("joint_", "")])
+def test_a_column_named_as_a_joint_of_the_robot_is_that_joint(
+    front: str, behind: str, ending: str, still: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Words of other quantities and standing still notwithstanding; in the robot's order; its velocities apart."""
+    q = {name: 0.4 * np.sin(T + k) * (name not in still) + 0.1 * k for k, name in enumerate(WORDED)}
+    table = {"t": T} | {f"{front}{name}{behind}": q[name] for name in sorted(WORDED)}
+    table |= {f"{front}{name}_vel": np.gradient(q[name], T) for name in WORDED}
+    table |= {f"{front}{name}_temperature": 40.0 + 0.1 * T + q[name] for name in WORDED}
+    TABLES[ending](tmp_path / f"lab.{ending}", table)
+    robot = of_robot(WORDED, tmp_path)
+    log = import_recording(tmp_path / f"lab.{ending}", robot=robot, accept_proposal=True)
+    assert log.joint_names == WORDED
+    assert_allclose(log.q_nominal, np.column_stack([*q.values()]), atol=1e-9)
+    if still != WORDED:
+        assert_allclose(log.qd, np.column_stack([table[f"{front}{name}_vel"] for name in WORDED]), atol=1e-9)
+
+
+@pytest.mark.parametrize("lost", ["twist", "tool_linear"])
+@pytest.mark.parametrize("ending", TABLES)
+def test_fewer_columns_than_the_robot_has_joints_are_asked_for_and_not_written(
+    ending: str, lost: str, tmp_path: Path
+) -> None:
+    names = tuple(name for name in WORDED if name != lost)
+    q = np.column_stack([0.4 * np.sin(T + k) for k in range(len(names))])
+    path = tmp_path / f"lab.{ending}"
+    TABLES[ending](path, {"t": T} | dict(zip(names, q.T, strict=True)))
+    robot = of_robot(WORDED, tmp_path)
+    (asked,) = propose_mapping(path, robot=robot).questions
+    assert f"which columns are the 8 joints of worded ({', '.join(WORDED)})" in asked
+    with pytest.raises(InputError, match="leaves open"):
+        import_recording(path, robot=robot, accept_proposal=True)
+    answer = asked.partition("--answer q_nominal.columns=")[2]
+    log = import_recording(path, robot=robot, answers={"q_nominal.columns": answer})
+    assert log.joint_names == names
+    assert_allclose(log.q_nominal, q, atol=1e-9)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_numbers_in_columns_count_from_zero_or_one(first: int, tmp_path: Path) -> None:
+    """A robot whose joints are q1 to q7, and columns q_0 to q_6: by name six would fit, each of its neighbour."""
+    table = {f"q_{first + k}": 0.1 * k + 0.3 * np.sin(T + k) for k in range(7)}
+    TABLES["csv"](tmp_path / "lab.csv", {"t": T} | table)
+    log = import_recording(tmp_path / "lab.csv", robot="panda", accept_proposal=True)
+    assert_allclose(log.q_nominal, np.column_stack([*table.values()]), atol=1e-9)
+
+
+@pytest.mark.parametrize("still", [(), WORDED])
+@pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite"])
+def test_messages_that_name_their_joints_say_which_they_are(kind: str, still: tuple[str, ...], tmp_path: Path) -> None:
+    """Fewer than the robot has, as of an arm without its instrument, and at rest."""
+    names = WORDED[:5]
+    q = np.column_stack([0.1 * k + 0.4 * np.sin(T + k) * (name not in still) for k, name in enumerate(names)])
+    told: list[Message] = [(t, "/joint_states", joint_state(names, row)) for t, row in zip(T, q, strict=True)]
+    path = write_bag(tmp_path / "lab", kind, {"/joint_states": JOINT_STATE}, told)
+    log = import_recording(path, robot=of_robot(WORDED, tmp_path), accept_proposal=True)
+    assert log.joint_names == names
+    assert_allclose(log.q_nominal, q, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["temperature{} [deg]", "motor_temp{}_deg", "main_voltage{} [m]", "current{} [deg]"])
+def test_no_unit_makes_a_position_of_a_temperature_voltage_or_current(name: str, tmp_path: Path) -> None:
+    proposal = of_table(tmp_path, ",".join(name.format(j) for j in (1, 2)), *Q.T)
+    assert "[q_nominal]" not in proposal.toml
+    assert any("which columns are q_nominal" in each for each in proposal.questions)

@@ -313,3 +313,23 @@ def test_a_number_cut_within_its_digits_is_torn_where_all_others_have_more(last:
 def test_the_order_of_day_and_month_is_told_or_is_a_doubt(texts: list[str], order: str | None, doubt: bool) -> None:
     form = date_format(texts)
     assert (None if form is None else form.order, bool(form and form.doubt)) == (order, doubt)
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["1.#QNAN", "-1.#IND", "-1.#IND00", "1.#INF00", "1.#QNAN0", "-nan(ind)", "#DIV/0!", "Missing", "", "-9999", "-999.000",
+     "-3.697314E28", "-3.697314E+28", "1e30", "65535"],
+)  # fmt: skip
+@pytest.mark.parametrize("given", [None, ["q_nominal=q1,q2,q3", "q_encoder=cam1,cam2,cam3"]])
+def test_a_cell_that_means_missing_is_no_measurement(cell: str, given: list[str] | None, tmp_path: Path) -> None:
+    """Among the first rows and behind them; units are told as if it were not there."""
+    rows = [[f"{v:.6f}" for v in row] for row in np.column_stack([T, Q, SEEN])]
+    gone = [*range(3, 8), *range(400, 430)]
+    for row in gone:
+        rows[row][5] = cell
+    path = tmp_path / "lab.csv"
+    path.write_text("\n".join(["t,q1,q2,q3,cam1,cam2,cam3", *map(",".join, rows)]) + "\n")
+    log = import_recording(path, given, units="rad,rad,m", accept_proposal=True)
+    assert np.flatnonzero(~log.ok).tolist() == gone
+    assert_allclose(log.q_encoder[log.ok], SEEN[log.ok], atol=1e-6)
+    assert any("rows have no q_encoder (J2 35)" in note for note in log.notes)

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Flags, Floats
+from catenary.arrays import Flags, Floats, without_missing
 from catenary.errors import InputError
 from catenary.plant import Jointed
 from catenary.recording.import_formats.columns import WORDS, Stream, arrays_of, ends, natural
@@ -96,10 +96,16 @@ class Candidate:
         return bool({*_words(self.stream.name), *_words(self.columns[0])} & _SETS["potentiometers"])
 
     @property
+    def says_position(self) -> bool:
+        """Whether names say that these are positions of joints, and not whose sensor measured them."""
+        said = _SETS["says_position"] | _SETS["joints"]
+        is_position = self.kind == "position" and self.role != "measured outside"
+        return is_position and (all(self.joints) or not said.isdisjoint(_words(self.columns[0])))
+
+    @property
     def ranges(self) -> list[tuple[float, float]]:
         """Least and largest finite number of each column; NaN for none."""
-        every = (np.asarray(self.stream.columns[column], dtype=np.float64) for column in self.columns)
-        finite = (values[np.isfinite(values)] for values in every)
+        finite = (values[np.isfinite(values)] for values in map(self.stream.numbers, self.columns))
         return [(float(x.min()), float(x.max())) if len(x) else (np.nan, np.nan) for x in finite]
 
     @property
@@ -110,7 +116,7 @@ class Candidate:
     @property
     def is_whole(self) -> bool:
         """Whether nearly every row has a number in each column."""
-        return all(np.isfinite(self.stream.columns[c].astype(np.float64)).mean() > _WHOLE for c in self.columns)
+        return all(np.isfinite(self.stream.numbers(column)).mean() > _WHOLE for column in self.columns)
 
     @property
     def rate(self) -> float:
@@ -134,7 +140,7 @@ class Candidate:
         if self.stream.name != other.stream.name or len(self.columns) != len(other.columns):
             return False
         for mine, its in zip(self.columns, other.columns, strict=True):
-            pair = np.array([self.stream.columns[mine], other.stream.columns[its]], dtype=np.float64)
+            pair = np.array([self.stream.numbers(mine), other.stream.numbers(its)])
             pair = pair[:, np.isfinite(pair).all(axis=0)]
             with np.errstate(invalid="ignore", divide="ignore"):
                 if pair.shape[1] < 3 or not np.asarray(np.corrcoef(pair))[0, 1] > _FOLLOWS:
@@ -153,9 +159,10 @@ class Candidate:
         return tuple(_PARTS[a] * _PARTS[b] for a, b in parts) if len(parts) == len(self.columns) else None
 
 
-def candidates_of(streams: Sequence[Stream]) -> list[Candidate]:
-    """Return the groups of columns that may be a quantity of the joints."""
-    return [one for stream in streams for one in (_of_table(stream) if stream.type == "table" else _of_topic(stream))]
+def candidates_of(streams: Sequence[Stream], model: Jointed | None = None) -> list[Candidate]:
+    """Return the groups of columns that may be a quantity of the joints, first those named as joints of the robot."""
+    each = (_of_table(one, model) if one.type == "table" else _of_topic(one) for one in streams)
+    return [one for several in each for one in several]
 
 
 def ok_columns(stream: Stream) -> list[str]:
@@ -179,16 +186,44 @@ def _of_topic(stream: Stream) -> list[Candidate]:
     return found
 
 
-def _of_table(stream: Stream) -> list[Candidate]:
+def _of_robot(stream: Stream, joints: Sequence[str]) -> list[Candidate]:
+    """Group columns named as at least half of a robot's joints, each group by what else its names say."""
+    groups: dict[tuple[Kind, str], dict[str, str]] = {}
+    # where numbers alone tell joints apart, q_0 may be q1
+    numbered = len(joints) > 1 and len({re.sub(r"\d+", "", joint) for joint in joints}) == 1
+    for name in () if numbered else stream.columns:
+        apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+        for joint in sorted(joints, key=len, reverse=True):
+            pattern = r"[^a-z0-9]*".join(_words_and_numbers(joint)) or "$."
+            rest, is_named = re.subn(rf"(?<![a-z0-9]){pattern}(?![a-z0-9])", " ", apart, count=1, flags=re.I)
+            if is_named and not set(_words(rest)) & _SETS["no_joints"]:
+                key = _kind(rest), " ".join(_words_and_numbers(_UNIT.sub("", rest)))
+                groups.setdefault(key, {}).setdefault(joint, name)
+            if is_named:
+                break
+    found = []
+    for (kind, words), columns in groups.items():
+        own = tuple(joint for joint in joints if joint in columns)
+        role = _role(words.split()) if words or kind != "position" else "reported"
+        found += [Candidate(stream, tuple(map(columns.__getitem__, own)), kind, role, own)] * (
+            2 * len(own) >= len(joints)
+        )
+    return found
+
+
+def _of_table(stream: Stream, model: Jointed | None) -> list[Candidate]:
     """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
-    poses = [column for pose in poses_of([stream]) for column in pose.taken]
-    moved = None if poses else moving_columns(stream)
+    named = [] if model is None else _of_robot(stream, model.joint_names)
+    own_columns = {column for one in named for column in one.columns}
+    poses = [column for pose in poses_of([stream]) if not own_columns & {*pose.taken} for column in pose.taken]
+    moved = None if poses or named else moving_columns(stream)
     if moved is not None:
         kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
             ("position", moved.q), ("position", moved.again), ("velocity", moved.qd), ("effort", moved.tau),
         )  # fmt: skip
         return [Candidate(stream, names, kind, "unknown", ("",) * len(names)) for kind, names in kinds if names]
-    found = [one for one in _of_topic(stream) if all(one.joints)]  # arrays beside a list of their joints
+    # arrays beside a list of their joints
+    found = named + [one for one in _of_topic(stream) if all(one.joints) and not own_columns & {*one.columns}]
     taken = [column for one in found for column in one.columns]
     times = {*time_columns(stream), *ok_columns(stream), *stream.dates, *poses, *taken}
     groups: dict[tuple[str, ...], list[str]] = {}
@@ -310,7 +345,7 @@ def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None
     names, rows = list(columns), slice(0, MOST_ROWS)
     if len(names) < 2:
         return None
-    values = np.column_stack([np.asarray(columns[name][rows], dtype=np.float64) for name in names])
+    values = np.column_stack([np.asarray(without_missing(columns[name][rows]), np.float64) for name in names])
     time = np.arange(len(values), dtype=np.float64) if seconds is None else seconds[rows]
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     values, time = values[whole], time[whole]
@@ -366,7 +401,6 @@ _TRACKERS = re.compile(r"marker|track|ndi|polaris|aurora|atracsys|optitrack|moti
 _ARM = re.compile(r"/(PSM|MTM|ECM|SUJ)\w*|/arm\d", re.IGNORECASE)  # of the dVRK and the RAVEN-II
 _POSE_UNIT = re.compile(r"(?:[ _]|(?=[\[(]))[\[(]?(mm|cm|m|deg|rad)[\])]?\Z")  # behind the name of a table's column
 _FAR = 20.0  # beyond which a position is in mm, no tracker seeing so far in m
-_SENT_AWAY = 1e6  # numbers by which a tracker says that it saw nothing
 _LARGEST_ANGLE = 7.0  # beyond which an angle is in deg
 
 
@@ -398,7 +432,7 @@ def poses_of(streams: Sequence[Stream]) -> list[PoseColumns]:
             continue
         poses = poses_by_parts(stream)
         poses += _by_names(stream, {name for pose in poses for name in pose.taken}) if stream.type == "table" else []
-        moving = [one for one in poses if any(_moves(stream.columns[column]) for column in one.taken)]
+        moving = [one for one in poses if any(_moves(stream.numbers(column)) for column in one.taken)]
         found += [one._replace(units=_units(stream, one), stream=stream.name) for one in moving]
     return found
 
@@ -413,8 +447,8 @@ def _units(stream: Stream, pose: PoseColumns) -> tuple[str, str]:
 
     def unit(columns: Sequence[str], most: float, small: str, large: str) -> str:
         named = _POSE_UNIT.search(columns[0]) if columns and stream.type == "table" else None
-        sizes = np.abs([np.asarray(stream.columns[column], dtype=np.float64) for column in columns])
-        return named[1] if named else large if (sizes[sizes < _SENT_AWAY] > most).any() else small
+        sizes = np.abs([stream.numbers(column) for column in columns])
+        return named[1] if named else large if (sizes > most).any() else small
 
     return unit(pose.taken[:3], _FAR, "m", "mm"), unit(pose.taken[3:], _LARGEST_ANGLE, "rad", "deg")
 
@@ -441,7 +475,7 @@ def _by_names(stream: Stream, taken: Collection[str]) -> list[PoseColumns]:
     names, found = tuple(name for name in stream.columns if name not in taken), list[PoseColumns]()
 
     def is_turn(columns: Sequence[str]) -> bool:
-        lengths = np.linalg.norm([np.asarray(stream.columns[name], dtype=np.float64) for name in columns], axis=0)
+        lengths = np.linalg.norm([stream.numbers(name) for name in columns], axis=0)
         return len(columns) < 4 or bool(np.all(np.abs(lengths[(lengths > 0.0) & np.isfinite(lengths)] - 1.0) < 1e-2))
 
     if len(names) == 8 and is_nameless(stream) and is_turn(names[4:]):  # TUM's trajectories: time, position, quaternion

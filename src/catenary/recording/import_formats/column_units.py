@@ -15,6 +15,7 @@ from catenary.recording.import_formats.column_groups import Candidate, joints_me
 from catenary.recording.import_formats.columns import WORDS
 from catenary.recording.import_formats.mapping import SI, Quantity, RecordingMapping
 from catenary.robots.model import RobotModel
+from catenary.verdict.units_and_scale import FAR_BEYOND
 
 Units = tuple[str, ...]
 Value = TypeVar("Value")
@@ -23,7 +24,6 @@ _TYPES_IN_SI = ("JointState", "JointTrajectoryControllerState")
 _LARGEST_TURN = 7.0  # [rad]: more than a turn; joints of arms stay within
 _LARGEST_SLIDE = 1.0  # [m]; what moves farther is in mm
 _BEYOND = 0.25  # of a joint's range, by which a recording may leave its limits
-_FAR_BEYOND = 3.0  # times a joint's limit, within which a number in rad or m may be an error of it; in deg or mm not
 _END = 0.05  # [rad] by which a range that is one whole turn may miss its ends
 _NEAR = 1.25  # factor within which ranges are taken for the same
 _SLIDING, _TURNING = (WORDS["words"][key].split() for key in ("sliding", "turning"))
@@ -50,13 +50,18 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         places = [model.joint_names.index(joint) for joint in meant] if all(meant) else list(range(n))
         within = [_within_limits(model, j, *limits) for j, limits in zip(places, one.ranges, strict=True)]
         its = [model.joint_units[j] for j in places]
+        moved = zip(its, within, one.ranges, strict=True)
+        found = {(base, unit) for base, unit, (low, high) in moved if unit is not None and high > low}
+        if mixed := len(found) > len({base for base, _ in found}):  # no arm has angles in both rad and deg
+            within = list(its) if is_ros else within
         told = all(unit is not None for unit in within)
         units = tuple(
-            found or _IN_WORDS[unit][is_large if unit == "rad" else size > _LARGEST_SLIDE]
-            for found, unit, size, is_large in zip(within, its, sizes, large, strict=True)
+            fits or _IN_WORDS[unit][is_large if unit == "rad" else size > _LARGEST_SLIDE]
+            for fits, unit, size, is_large in zip(within, its, sizes, large, strict=True)
         )
         by = "its limits" if told else "the range"
-        return units, f"by the robot {model.name} and {by}", told or is_ros or not any(large)
+        is_sure = is_ros or (not mixed and (told or not any(large)))
+        return units, f"by the robot {model.name} and {by}", is_sure
     names = map(str.lower, one.joints)
     slides = [any(word in n for word in _SLIDING) and not any(word in n for word in _TURNING) for n in names]
     large = [size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)]
@@ -89,7 +94,7 @@ def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> st
     margin = _BEYOND * (upper - lower)
     for unit in _IN_WORDS[model.joint_units[joint]]:
         scale = SI[unit][1]
-        if scale < 1.0 and max(abs(low), abs(high)) < _FAR_BEYOND * max(abs(lower), abs(upper)):
+        if scale < 1.0 and max(abs(low), abs(high)) < FAR_BEYOND * max(abs(lower), abs(upper)):
             return None
         if lower - margin <= scale * low and scale * high <= upper + margin:
             return unit

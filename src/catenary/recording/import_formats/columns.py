@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Integers
+from catenary.arrays import Floats, Integers, without_missing
 from catenary.documents import cut
 from catenary.errors import InputError
 
@@ -40,6 +40,10 @@ class Stream:
     starts: tuple[int, ...] = (0,)  # rows of a table at which a recording begins
     began: float = 0.0  # [s since 1970] at time zero of a table's first recording, where its container says it
     notes: tuple[str, ...] = ()
+
+    def numbers(self, column: str, to_si: float = 0.0) -> Floats:
+        """Return a column (M,), NaN also where its number means that there was none."""
+        return np.asarray(without_missing(self.columns[column], to_si), dtype=np.float64)
 
     def with_column(self, name: str, values: NDArray[Any]) -> "Stream":
         """Return it with a column in place of its own."""

@@ -130,7 +130,11 @@ def since_midnight(stamp: pa.Array, form: DateFormat, carried: Carried) -> tuple
     return pa.array(values + turned), (int(turned[-1]), int(values[-1]))
 
 
-NOTHING = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "None", "none", "#N/A")
+# cells without a number: as MATLAB and spreadsheets write them, and C by Microsoft (1.#QNAN, -1.#IND00, -nan(ind))
+_OF_C = [f"1{point}#{name}{'0' * k}" for point in ".," for name in ("QNAN", "SNAN", "IND", "INF") for k in range(13)]
+_OF_C += ["1.#J", "1.#R", "1.#IO", "1.#QO", "nan", "nan(ind)", "nan(snan)"]  # the first ones rounded to few decimals
+NOTHING = frozenset(["", "NaN", "NAN", "NA", "N/A", "null", "None", "none", "Missing", "MISSING", "missing", "#N/A",
+                     "#DIV/0!", "#NUM!", "#VALUE!", "#REF!", *_OF_C, *(f"-{cell}" for cell in _OF_C)])  # fmt: skip
 TRUTHS = {"true", "false"}
 ARRAY = "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
 _EXACT = 2.0**53  # from which on a float64 has not every whole number

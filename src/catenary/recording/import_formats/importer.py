@@ -152,10 +152,18 @@ def synchronise(
         streams[place.stream] = streams[place.stream].with_column(place.column, truths)
     for stream in streams.values():
         notes += [f"{stream.name}: {note}" for note in stream.notes]
-    scaled, jumped = {}, set[str]()
+    scaled, jumped = dict[str, Floats](), set[str]()
     for key, own in joints.items():
         encoder = _candidate(own.places, sources.streams, names)
         scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, told or units, notes)
+    for key, own in found.items():  # before any of it is unwrapped, or lies on a line to its neighbours
+        count = 0
+        for j, place in enumerate(own.places if key in (*joints, "pose") else ()):
+            stream = streams[place.stream]
+            values = stream.numbers(place.column, 0.0 if key in ("tau", "pose") else scaled[key][j])
+            if none := int((np.isnan(values) & np.isfinite(stream.columns[place.column])).sum()):
+                streams[place.stream], count = stream.with_column(place.column, values), count + none
+        notes += [f"{key}: {count} number(s) mean that nothing was measured"] * bool(count)
         if key in ("q_nominal", "q_encoder", "q_reported"):
             streams, turns = unwrap_columns(streams, own.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]

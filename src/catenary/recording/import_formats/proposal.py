@@ -82,9 +82,7 @@ def propose(
     """Propose which columns are which quantity; `units` are of q_nominal, and of q_encoder if it states none."""
     draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
-    found = candidates_of(sources.streams)
-    draft.decisions += [f"{one.name} never changes, and was set aside" for one in found if not one.moves]
-    found = [one for one in found if one.moves]
+    found = _not_set_aside(candidates_of(sources.streams, model), draft)
     nominal, encoder = _positions(found, sources.streams, draft)
     if encoder is not None and encoder.is_potentiometer:
         text = (
@@ -98,6 +96,10 @@ def propose(
         nominal = _some_of(nominal, model.n, "q_nominal", f"are the joints of {model.name}", draft)
         if encoder is not None and len(encoder.columns) == len(every):
             encoder = encoder.part([encoder.columns[every.index(column)] for column in nominal.columns])
+    if nominal is not None and model is not None and len(nominal.columns) < model.n and not nominal.stream.joints:
+        text = f"which columns are the {model.n} joints of {model.name} ({', '.join(model.joint_names)})"
+        only = {",".join(nominal.references): f"only these {len(nominal.columns)} were recorded, or any others"}
+        nominal = _as_answered(draft.ask("q_nominal.columns", text, only, is_free=True), sources.streams) or nominal
     draft.top += [] if robot is None else [f"robot = {_text(robot)}"]
     if nominal is not None:
         chosen, why, is_sure = nominal_units(nominal, model, units)
@@ -110,7 +112,8 @@ def propose(
         _further(found, nominal, draft)
     used = [one.stream for one in (nominal, encoder) if one is not None]
     if encoder is None:
-        poses = [pose for pose in poses_of(sources.streams) if not pose.is_own]
+        own = set[str]() if nominal is None else {*nominal.columns}
+        poses = [pose for pose in poses_of(sources.streams) if not pose.is_own and not own & {*pose.taken}]
         tracked = _tracked(poses, model, nominal, draft)
         used += [stream for stream in sources.streams if tracked is not None and stream.name == tracked.stream]
     _times({stream.name: stream for stream in used}, draft)
@@ -157,6 +160,30 @@ def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -
     if len(told) not in (1, len(units)) or not set(told) <= set(SI):
         raise InputError(f"--answer {about}={answer}: expected one of {', '.join(SI)} for each of {len(units)} columns")
     return tuple(told * len(units) if len(told) == 1 else told), "as answered"
+
+
+def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]:
+    """Return what moves; of an arm at rest what is named as positions of joints, in place of others that move."""
+    kept = [one for one in found if one.moves]
+    others = [one for one in kept if one.kind != "position" or one.role == "measured outside"]
+    still = [one for one in found if one.says_position and len(one.columns) > 1]
+    if len(others) == len(kept):  # no position moves: any may be of joints
+        still = still or [one for one in found if one.kind == "position" and one.role != "measured outside"]
+    if still and not any(one.says_position for one in kept):
+        draft.decisions += [f"{one.name} never changes: the arm stands still" for one in still]
+        kept = [*still, *others]
+    draft.decisions += [
+        f"{one.name} never changes, and was set aside" for one in found if not (one.moves or one in kept)
+    ]
+    return kept
+
+
+def _as_answered(answer: str | None, streams: Sequence[Stream]) -> Candidate | None:
+    """Return the columns that an answer lists; None without one."""
+    places = [place for reference in words_of(answer) for place in places_of(reference, streams)]
+    columns = tuple(place.column for place in places)
+    of = [stream for stream in streams if columns and stream.name == places[0].stream]
+    return Candidate(of[0], columns, "position", "unknown", ("",) * len(columns)) if of else None
 
 
 def _positions(
@@ -206,12 +233,10 @@ def _positions(
             {"COLUMN,COLUMN,...": "columns in the order of the joints, as --map has them"},
             is_free=True,
         )
-        if answer is None:
+        one = _as_answered(answer, streams)
+        if one is None:
             return None, None
-        places = [place for reference in words_of(answer) for place in places_of(reference, streams)]
-        stream = next(stream for stream in streams if stream.name == places[0].stream)
-        columns = tuple(place.column for place in places)
-        choices = [Candidate(stream, columns, "position", "unknown", ("",) * len(columns))]
+        choices = [one]
     truth = _one(outside, "q_encoder", draft, len(choices[0].columns)) if outside else None
     nominal = _one(choices, "q_nominal", draft, len(truth.columns) if truth is not None else None)
     if reported and commanded and nominal.role != "commanded":
