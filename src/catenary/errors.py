@@ -68,6 +68,11 @@ class MissingPackageError(CatenaryError, ImportError):
     """An optional package is needed for this and is not installed; the message says how to install it."""
 
 
+def to_import(path: object) -> str:
+    """Return what is said of a recording that is of no layout that is known."""
+    return f"`{shlex.join(['catenary', 'import', str(path)])}` proposes how to read others"
+
+
 def to_install(extra: str) -> str:
     """Return the command that installs the packages of an extra, wherever this package itself came from."""
     try:
