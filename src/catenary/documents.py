@@ -30,6 +30,9 @@ SHOWN = 200  # characters of a value or a message that an error repeats
 _TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*+(?:"|\\?\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 XML_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)  # MuJoCo allows "--" within, XML does not
 _ROOT_TAG = re.compile(rb"<([^\s<>/?!][^\s<>/]*)")
+# words between more dots than levels, in a key of TOML; each is looked at from its beginning alone
+_WORD = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"(?<![\w-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{DEEPEST}}}")
 _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 
 
@@ -117,6 +120,8 @@ def without_comments(data: bytes) -> bytes:
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
     """Return what TOML text holds, as plain data: at most `MOST_TOML` bytes, `DEEPEST` levels."""
     text = _text_of(data, where, "TOML", MOST_TOML)
+    if _DEEP_KEY.search(text):  # of which tomllib makes every part that a key begins with
+        raise FileFormatError(f"{where}: is nested more than {DEEPEST} levels deep")
     with reading(where, "TOML", (ValueError,)):
         content = tomllib.loads(text, parse_float=lambda digits: _real(digits, text, where))
     _refuse_depth(content, where)

@@ -72,6 +72,11 @@ class ImplausibleWarning(UserWarning):
     """Numbers are taken as they are and are hardly what was meant: gravity that points up, insertion of 400 m."""
 
 
+def to_import(path: object) -> str:
+    """Return what is said of a recording that is of no layout that is known."""
+    return f"`{shlex.join(['catenary', 'import', str(path)])}` proposes how to read others"
+
+
 def to_install(extra: str) -> str:
     """Return the command that installs the packages of an extra, wherever this package itself came from."""
     try:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, frozen, without_missing
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
+from catenary.visible import visible
 
 JOINT_UNITS = ("rad", "m")
 # a step in time is a gap where it is longer than so many median ones, and than twice what this share of the steps keep:
@@ -259,6 +260,8 @@ class MotionLog:
     arrivals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "name", visible(self.name))  # of files, whose paths may be no text
+        object.__setattr__(self, "notes", tuple(map(visible, self.notes)))
         rows, n = len(self), len(self.joint_names)
         where = f'recording "{self.name}"'
         if n == 0:

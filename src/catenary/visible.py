@@ -4,8 +4,9 @@ import re
 from math import isfinite
 from typing import Any
 
-# C0 but for tab and line feed, DEL, C1, marks and overrides of direction, line and paragraph separators
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+# C0 but for tab and line feed, DEL, C1, marks and overrides of direction, line and paragraph separators; what stands
+# for bytes of a path that are no UTF-8
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def visible(text: str) -> str:

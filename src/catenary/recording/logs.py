@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from catenary.config import Recorded, parse_json
 from catenary.documents import cut, no_file, reading, shortened
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import FileFormatError, InputError, to_import
 from catenary.files import damage, sha256_of, table_ending, written_whole
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
 from catenary.recording.mend import NOTHING, Mend
@@ -84,8 +84,7 @@ def read_log(
         log = replace(log, settled={"units": ()}) if is_raven else log
     else:
         raise FileFormatError(
-            f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
-            f"`catenary import {path}` proposes how to read others"
+            f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; {to_import(path)}'
         )
     names = log.joint_names if joint_names is None else tuple(joint_names)
     if units is not None and len(units) != len(names):
@@ -132,8 +131,14 @@ def read_torque_log(
 
         log = read_torques(path, model, raw=reading.currents, joints=joints)
     else:
-        raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
+        raise FileFormatError(
+            f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet; {to_import(path)}'
+        )
     log = reading.mend(log, trained if reading.as_trained else None)
+    if reading.mend.units:
+        from catenary.recording.import_formats.importer import turned_back
+
+        log = turned_back(log, model)
     scale = None if model.actuation is None else model.actuation.effort_scale
     if not reading.currents or scale is None or log.tau is None:
         return log
@@ -264,7 +269,7 @@ def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
     """Return what a log's schema says of it."""
     none = f"{path}: is Parquet but no catenary motion log: its schema lacks the joint names and units"
     if b"catenary" not in metadata:
-        raise FileFormatError(none)
+        raise FileFormatError(f"{none}; {to_import(path)}")
     try:
         stated = parse_json(metadata[b"catenary"], _Stated, "schema")
     except FileFormatError as error:

@@ -160,7 +160,9 @@ def _units(log: MotionLog, text: str) -> MotionLog:
         return log
     keys = [array] if array else [key for key in ARRAYS[:4] if getattr(log, key) is not None]
     changed: dict[str, Any] = {key: _array(log, key, "--units")[1] * factor for key in keys}
-    return replace(log, **changed)
+    from catenary.recording.import_formats.importer import turned_back
+
+    return turned_back(replace(log, **changed))
 
 
 def _swap(log: MotionLog, text: str) -> MotionLog:

@@ -1,5 +1,6 @@
 """Parquet files of numbers, whose stated sizes are held against the file before their numbers are read."""
 
+import os
 from pathlib import Path
 
 import pyarrow as pa
@@ -15,7 +16,7 @@ MOST_COLUMNS = 5000  # a log of all that a RAVEN-II publishes has 400
 def open_parquet(path: Path) -> pq.ParquetFile:
     """Open a file whose rows and pages take no more memory than a file of its size may."""
     with reading(path, "Parquet", ARROW):
-        file = pq.ParquetFile(path, page_checksum_verification=True)
+        file = pq.ParquetFile(pa.OSFile(os.fsencode(path)), page_checksum_verification=True)
         about, size = file.metadata, path.stat().st_size
         if len(file.schema_arrow) > MOST_COLUMNS:
             raise ValueError(f"{len(file.schema_arrow)} columns, expected {MOST_COLUMNS} at most")

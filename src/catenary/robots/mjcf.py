@@ -26,6 +26,7 @@ from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import Massless, RobotModel
 from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
+from catenary.visible import visible
 
 _WORLD = "world"  # MuJoCo's name of what everything hangs on
 # MuJoCo refuses to compile a moving body without mass. Such a file is compiled with these least values
@@ -111,13 +112,14 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
 def _read(mujoco: Any, path: Path, content: bytes, included: Mapping[str, bytes]) -> tuple[Any, tuple[str, ...]]:
     """Parse a file, and leave aside what is no part of an arm: free bodies, free bases, pictures, missing meshes.
 
-    MuJoCo opens the ending .xml only, so another is handed over as text.
+    MuJoCo opens the ending .xml only, and paths in UTF-8, so others are handed over as text.
     """
-    if path.suffix == ".xml":
+    is_text = visible(str(path)) == str(path)
+    if path.suffix == ".xml" and is_text:
         spec = mujoco.MjSpec.from_file(str(path))
     else:
         spec = mujoco.MjSpec.from_string(content.decode(), include=included)
-        spec.modelfiledir = str(path.absolute().parent)  # where meshes are looked for
+        spec.modelfiledir = str(path.absolute().parent) if is_text else ""  # where meshes are looked for
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     for image in [*spec.textures, *spec.skins]:

@@ -354,7 +354,7 @@ def check_file(
             layout = known_layout([path], robot=robot)
         except FileFormatError:  # reading it says more of what is wrong
             layout = ""
-        if layout is None and table_ending(path) != ".npz":
+        if layout is None and "q_des" not in arrays:
             return _check_other_make(source, reading.mend, robot, max_error)
         log = read_recording(path, as_read)
         return check_recording(log, as_typed, mend=reading.mend, robot=robot, max_error=max_error, layout=layout or "")

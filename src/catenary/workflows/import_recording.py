@@ -19,13 +19,14 @@ from catenary.arrays import Floats, Integers
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import Stream, joined, not_used
-from catenary.recording.import_formats.importer import NoRowError, columns_wanted, synchronise
+from catenary.recording.import_formats.importer import NoRowError, columns_wanted, synchronise, turned_back
 from catenary.recording.import_formats.known_layouts import MOTION_LOG, TORQUE_LOG, layout_of_files, read_layout
 from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
 from catenary.recording.import_formats.proposal import Proposal, propose
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_of
 from catenary.recording.logs import read_log, write_pieces
+from catenary.recording.mend import Mend, si_units, units_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.side_by_side import Progress, silent
@@ -160,10 +161,12 @@ def _opened(
         return Sources(paths, progress), chosen
     found = None if answers else known_layout(paths, robot=robot)
     if found is not None:
-        listed = None if units is None else [unit.strip() for unit in units.split(",")]
-        if found == MOTION_LOG:
-            return read_log(paths[0], units=listed)
-        return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
+        model, words = None if robot is None else load_robot(robot), () if units is None else units_of(units)[1]
+        si = si_units(words) or None
+        log = read_log(paths[0], units=si) if found == MOTION_LOG else read_layout(paths, found, model=model, units=si)
+        every = words * len(log.joint_names) if len(words) == 1 else words
+        log = Mend(units=(",".join(every),))(log) if words else log
+        return log if model is None or not words else turned_back(log, model)
     opened = Sources(paths, progress)
     proposal = propose(opened, robot=robot, units=units, answers=answers)
     if not accept_proposal and not answers:
@@ -205,7 +208,7 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
     told = ""
     sample = sources.streams[0]
     if sample.type == "table":
-        time = time_of(sample, mapping.time, mapping.time_unit, mapping.rate_hz)
+        time = time_of(sample, mapping.time, mapping.time_unit, mapping.rate_hz, today=sources.today)
         if time is not None and time.column:
             mapping = mapping.model_copy(update={"time": (time.column,), "time_unit": time.unit})
         if time is not None:

@@ -159,7 +159,7 @@ PSM = ("outer_yaw", "outer_pitch", "outer_insertion", "outer_roll", "outer_wrist
 
 def groups(names: list[str]) -> list[tuple[tuple[str, ...], str]]:
     numbers = {name: np.random.default_rng(i).normal(size=20) for i, name in enumerate(names)}
-    return [(one.columns, one.kind) for one in candidates_of([Stream("lab", "table", numbers, 20)])]
+    return [(one.columns, one.kind) for one in candidates_of([Stream("lab", "table", numbers, 20)], 0.0)]
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_a_digit_anywhere_in_a_name_does_not_break_a_group(names: list[str], exp
 )  # fmt: skip
 def test_a_unit_behind_a_name_tells_a_quantity(name: str, kind: str, unit: str | None, scale: float | None) -> None:
     stream = Stream("log.csv", "table", {name: np.arange(9.0), "t": np.arange(9.0)}, 9)
-    found = next(one for one in candidates_of([stream]) if one.columns == (name,))
+    found = next(one for one in candidates_of([stream], 0.0) if one.columns == (name,))
     assert found.kind == kind
     assert found.stated_units() == (None if unit is None else (unit,))
     assert found.stated_scale() == (None if scale is None else (scale,))

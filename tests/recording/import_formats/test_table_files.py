@@ -40,13 +40,16 @@ def test_the_unit_of_time_is_told_by_the_rate_or_the_epoch_and_said(
     unit: str, scale: float, since: float, tmp_path: Path
 ) -> None:
     path = tmp_path / "lab.csv"
-    stamps = [str(round((since + t) * 1e9)) if unit == "ns" else f"{(since + t) * scale:.6f}" for t in T]
+    if unit == "ns" and not since:
+        pytest.skip("whole numbers from a zero of their own are asked: test_table_time.py")
+    begin = since if since or unit == "s" else 0.25 / scale  # no whole numbers
+    stamps = [str(round((begin + t) * 1e9)) if unit == "ns" else f"{(begin + t) * scale:.6f}" for t in T]
     rows = [f"{s},{a:.9f},{b:.9f}" for s, a, b in zip(stamps, Q[:, 0], Q[:, 1], strict=True)]
     path.write_text("t,q1,q2\n" + "\n".join(rows) + "\n")
     log = import_recording(path, ["q_nominal=q1,q2"], units="rad")
     assert_allclose(log.time, T, atol=1e-6)
     assert any(f"time is t in {unit}" in note for note in log.notes)
-    assert log.began == since
+    assert log.began == pytest.approx(begin, abs=1e-9)
 
 
 @pytest.mark.parametrize("zone", ["", "Z", "+02:00"])

@@ -30,12 +30,12 @@ _CRTK = re.compile(r"measured_(?=[jc][psvf]\b)")  # its verbs of what a robot re
 _OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values(), _SETS["reported"])
 _OF_NO_JOINT = _OF_QUANTITIES | _SETS["units"]
 _UNIT = re.compile(  # behind a name: q1 [deg], dq_rad_s, "tau3 (N m)", elbow_deg[2]
-    r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|mm|cm|m)"
-    r"(?P<speed>(?:/|_per_|_|\*)s(?:ec)?(?:\^-1|(?P<again>\^?-?[23]|[²³])|(?!\d)))?"
+    r"(?<=[\[( _])\s*((?P<unit>°|deg|degrees?|rad|radians?|mm|cm|m|meters)"
+    r"(?P<speed>(?:/|_per_|_|\*)s(?:ec(?:ond)?)?(?:\^-1|(?P<again>\^?-?[23]|[²³])|(?!\d)))?"
     r"|(?P<effort>(?P<part>[mck]?)N[ *.·]?(?P<lever>[mc]?)m|(?-i:(?P<alone>[mk]?)N)))\s*(?=[\])]?(?:\[?\d+\]?)?\Z)",
     re.IGNORECASE,
 )
-_UNIT_WORDS = {"degree": "deg", "degrees": "deg", "°": "deg"}
+_UNIT_WORDS = {"degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad", "meters": "m"}
 _PARTS = {"": 1.0, "m": 1e-3, "c": 1e-2, "k": 1e3}  # of a newton, of a metre
 MOST_JOINTS = 64
 _FOLLOWS = 0.8  # correlation of a measured joint with its command: a hysteretic wrist's is 0.82
@@ -147,21 +147,28 @@ class Candidate:
                     return False
         return True
 
+    @property
+    def _titles(self) -> list[str]:
+        return list(map(self.stream.titled, self.columns))
+
     def stated_units(self) -> tuple[str, ...] | None:
         """Return the units that the columns' names end in, of velocities per second; None where one has none."""
-        found = [one["unit"].lower() for one in map(_UNIT.search, self.columns) if one and one["unit"]]
+        found = [one["unit"].lower() for one in map(_UNIT.search, self._titles) if one and one["unit"]]
         return tuple(_UNIT_WORDS.get(unit, unit) for unit in found) if len(found) == len(self.columns) else None
 
     def stated_scale(self) -> tuple[float, ...] | None:
         """Return the Nm or N of one unit that the columns' names end in, as of mNm; None where one has none."""
-        found = [one for one in map(_UNIT.search, self.columns) if one and one["effort"]]
+        found = [one for one in map(_UNIT.search, self._titles) if one and one["effort"]]
         parts = [((one["part"] or one["alone"] or "").lower(), (one["lever"] or "").lower()) for one in found]
         return tuple(_PARTS[a] * _PARTS[b] for a, b in parts) if len(parts) == len(self.columns) else None
 
 
-def candidates_of(streams: Sequence[Stream], model: Jointed | None = None) -> list[Candidate]:
-    """Return the groups of columns that may be a quantity of the joints, first those named as joints of the robot."""
-    each = (_of_table(one, model) if one.type == "table" else _of_topic(one) for one in streams)
+def candidates_of(streams: Sequence[Stream], today: float, model: Jointed | None = None) -> list[Candidate]:
+    """Return the groups of columns that may be a quantity of the joints, first those named as joints of the robot.
+
+    `today` [s since 1970] bounds their time.
+    """
+    each = (_of_table(one, today, model) if one.type == "table" else _of_topic(one) for one in streams)
     return [one for several in each for one in several]
 
 
@@ -182,7 +189,8 @@ def _of_topic(stream: Stream) -> list[Candidate]:
             continue
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
         own = words if stream.type == "table" else [*_words(stream.name), *words]
-        found.append(Candidate(stream, tuple(columns), _kind(base), _role(own), joints))
+        kind = _kind(stream.titled(columns[0])) if columns[0] in stream.units else _kind(base)
+        found.append(Candidate(stream, tuple(columns), kind, _role(own), joints))
     return found
 
 
@@ -211,12 +219,12 @@ def _of_robot(stream: Stream, joints: Sequence[str]) -> list[Candidate]:
     return found
 
 
-def _of_table(stream: Stream, model: Jointed | None) -> list[Candidate]:
+def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candidate]:
     """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
     named = [] if model is None else _of_robot(stream, model.joint_names)
     own_columns = {column for one in named for column in one.columns}
     poses = [column for pose in poses_of([stream]) if not own_columns & {*pose.taken} for column in pose.taken]
-    moved = None if poses or named else moving_columns(stream)
+    moved = None if poses or named else moving_columns(stream, today)
     if moved is not None:
         kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
             ("position", moved.q), ("position", moved.again), ("velocity", moved.qd), ("effort", moved.tau),
@@ -231,9 +239,10 @@ def _of_table(stream: Stream, model: Jointed | None) -> list[Candidate]:
         words = _words(name)
         if name in times or set(words) & _SETS["no_joints"]:
             continue
-        own = [_kind(name), *(w for w in words if w in _OF_QUANTITIES)]
+        title = stream.titled(name)
+        own = [_kind(title), *(w for w in words if w in _OF_QUANTITIES)]
         letters = re.sub(r"[\[_. ]?\d+\]?", "#", _UNIT.sub("", name))  # q1 [deg], q2 [deg], q3 [mm] are of one robot
-        stated = ("words", *own) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
+        stated = ("words", *own) if _UNIT.search(title) else ("alone", name)  # "elbow [deg]"
         stem = [letters] if _joint_number(name) else []
         key = ("words", *own, *stem) if own[1:] else ("#", letters, *own) if "#" in letters else stated
         first = next((i for i, word in enumerate(words) if word in _SETS["joints"]), len(words))
@@ -253,17 +262,17 @@ def _of_table(stream: Stream, model: Jointed | None) -> list[Candidate]:
             named = _own_parts(ordered)
             is_named = not is_numbered and how == "words" and all(named) and len(set(named)) == len(named)
             joints = named if is_named else ("",) * len(ordered)
-            found.append(Candidate(stream, tuple(ordered), _kind(ordered[0]), _role(words), joints))
+            found.append(Candidate(stream, tuple(ordered), _kind(stream.titled(ordered[0])), _role(words), joints))
     return found
 
 
-def moving_columns(stream: Stream) -> MovingColumns | None:
+def moving_columns(stream: Stream, today: float) -> MovingColumns | None:
     """Return which columns of a table without names are what, told by how they move; None where that tells nothing."""
     if not is_nameless(stream) or set(_words(next(iter(stream.columns)))) & _OF_QUANTITIES:
         return None
     times = {*time_columns(stream), *stream.dates}
     try:
-        time = time_of(stream, (), None, None)
+        time = time_of(stream, (), None, None, today=today)
     except InputError:  # of a unit that is not known
         time = None
     columns = {name: values for name, values in stream.columns.items() if name not in times}
@@ -446,7 +455,7 @@ def _units(stream: Stream, pose: PoseColumns) -> tuple[str, str]:
     """Return the units of a pose's position and angles, by the names of its columns or by their size."""
 
     def unit(columns: Sequence[str], most: float, small: str, large: str) -> str:
-        named = _POSE_UNIT.search(columns[0]) if columns and stream.type == "table" else None
+        named = _POSE_UNIT.search(stream.titled(columns[0])) if columns and stream.type == "table" else None
         sizes = np.abs([stream.numbers(column) for column in columns])
         return named[1] if named else large if (sizes > most).any() else small
 

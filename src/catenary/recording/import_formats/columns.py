@@ -34,6 +34,7 @@ class Stream:
     arrival: Integers | None = None  # (M,) [ns] at the recorder; None where nobody knows
     # joints, in the order of the first message, of arrays beside a list of names; their columns are "position[yaw]"
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)  # of columns, where the file states them beside the names
     constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
     dates: tuple[str, ...] = ()  # columns that were dates or times of day, now nanoseconds
@@ -44,6 +45,10 @@ class Stream:
     def numbers(self, column: str, to_si: float = 0.0) -> Floats:
         """Return a column (M,), NaN also where its number means that there was none."""
         return np.asarray(without_missing(self.columns[column], to_si), dtype=np.float64)
+
+    def titled(self, column: str) -> str:
+        """Return a column's name as the head of a CSV would have it, `q[0] [deg]`, where the file states its unit."""
+        return f"{column} [{self.units[column]}]" if self.units.get(column) else column
 
     def with_column(self, name: str, values: NDArray[Any]) -> "Stream":
         """Return it with a column in place of its own."""

@@ -362,7 +362,8 @@ def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]]
         odd = f'{f"line {line}" if line else "in its last lines"}: "{cut(text)}"' if len(strange) < len(values) else ""
         return TextColumn(name, "text", places, odd=odd)
     numbers = [text.replace(",", ".") if dialect.decimal == "," else text for text in texts]
-    if numbers and all(n.lstrip("-").isdigit() for n in numbers) and max(abs(float(n)) for n in numbers) > _EXACT:
+    whole = all(n.lstrip("-").isdigit() for n in numbers)
+    if numbers and whole and _EXACT < max(abs(float(n)) for n in numbers) < 2.0**63:
         return TextColumn(name, "whole", places)
     return TextColumn(name, "number", places)
 

@@ -175,7 +175,7 @@ def synchronise(
         notes += tip_said(model, q, told_by, streams[columns.tip[0]], columns.tip[1])
     places = {key: each.places for key, each in found.items()}
     used = {place.stream for each in places.values() for place in each} | set(mapping.reported)
-    clock = OneClock({name: stream for name, stream in streams.items() if name in used}, places, mapping)
+    clock = OneClock({name: one for name, one in streams.items() if name in used}, places, mapping, sources.today)
     del streams  # of a long recording as large as all that is made of it
 
     rows = {key: clock.rows(key) * scaled[key] for key in joints}
@@ -510,6 +510,23 @@ def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
         return found, 0
     found[np.flatnonzero(finite)[1:]] -= turn * np.cumsum(np.where(jumps, np.sign(steps), 0.0))
     return found, int(jumps.sum())
+
+
+def turned_back(log: MotionLog, model: RobotModel | None = None) -> MotionLog:
+    """Return a log whose angles do not jump by a turn, within the robot's limits if it is known; its notes say so."""
+    found: dict[str, Floats | None] = {"q_encoder": None}
+    jumped, notes = set(log.joint_names if model is not None else ()), list[str]()
+    for key in [key for key in ("q_nominal", "q_encoder", "q_reported") if getattr(log, key) is not None]:
+        found[key] = getattr(log, key).copy()
+        for j in [j for j, unit in enumerate(log.joint_units) if unit == "rad"]:
+            found[key][:, j], jumps = unwrapped(found[key][:, j], TURN)
+            notes += [f"{key} of {log.joint_names[j]}: jumps by a turn {jumps} time(s); unwrapped"] * bool(jumps)
+            jumped |= {log.joint_names[j]} if jumps else set()
+    q, measured, said = in_one_turn(
+        found["q_nominal"], found["q_encoder"], log.joint_units, log.joint_names, model, jumped
+    )
+    found |= {"q_nominal": q, "q_encoder": measured}
+    return replace(log, **found, notes=(*log.notes, *notes, *said))
 
 
 def in_one_turn(

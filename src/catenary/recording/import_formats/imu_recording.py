@@ -66,7 +66,7 @@ def read_imu(
     whole = sources.read({stream.name: [*names, *flags, *times]}).get(stream.name, stream)
     if whole.type == "table":
         try:
-            told = time_of(whole, (column,) if column else (), unit or None, None)
+            told = time_of(whole, (column,) if column else (), unit or None, None, today=sources.today)
         except InputError as error:
             # an import has a mapping and a rate of rows, which are not there for this
             plain = re.sub(r"time_unit, or |their rate in its place \(.*?\), or ", "", str(error))
@@ -95,7 +95,7 @@ def read_imu(
     seconds, spread = _spread((stamp[known] - stamp[known][0]) / 1e9)
     rows = values[known]
     if not has_units:
-        rows = rows * np.array([_scale(name, _RATE if k > 2 else _FORCE) for k, name in enumerate(names)])
+        rows = rows * np.array([_scale(stream.titled(name), (_FORCE, _RATE)[k > 2]) for k, name in enumerate(names)])
     if matrices is not None:
         rows = np.hstack([rows[:, 3 * k : 3 * k + 3] @ matrices[k].T for k in range(rows.shape[1] // 3)])
     rate = rows[:, 3:] if rows.shape[1] == 6 and turned[known].all() else None

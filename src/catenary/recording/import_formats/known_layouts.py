@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
 from catenary.dvrk_psm import psm_topic
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import FileFormatError, InputError, to_import
 from catenary.files import table_ending
 from catenary.plant import MotionLog, nameless, places_of
 from catenary.raven2.topics import (
@@ -117,11 +117,13 @@ def read_commands(
     content = read_arrays(path)
     missing = next((key for key in ("q_des", "q_act", "ok") if key not in content), None)
     if missing is not None:
-        expected = "a command log has q_des (N, n), q_act (N, n) and ok (N,)"
-        raise FileFormatError(f'{path}: array "{missing}" is missing; {expected}; {content_in_words(content)}')
+        expected = f"a command log has q_des (N, n), q_act (N, n) and ok (N,); {content_in_words(content)}"
+        advice = f"; {to_import(path)}" * ("structure" not in content)
+        raise FileFormatError(f'{path}: array "{missing}" is missing; {expected}{advice}')
     _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("recording/command_log")
-    given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
+    units = tuple(units or ()) * (content["q_des"].shape[1] if len(units or ()) == 1 else 1)
+    given = {"joint_names": tuple(joint_names or ()), "joint_units": units}
     sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
     return synchronise(sources, mapping.model_copy(update=given)).log
 
@@ -136,7 +138,7 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
     if "q" not in content or torque is None:
         raise FileFormatError(
             f"{path}: expected arrays q (N, n) and tau (N, n), and dq, fs or t where the robot moves; "
-            f"{content_in_words(content)}"
+            f"{content_in_words(content)}; {to_import(path)}"
         )
     _require_rows(path, content, ("q", *_TORQUES, "dq"), ("t",))
     sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
@@ -227,7 +229,7 @@ def raven_columns(path: Path) -> Sources:
     if len(read.columns) not in widths:
         raise FileFormatError(
             f"{path}: {len(read.columns)} columns of numbers, expected RAVEN-II's {widths[0]}, or {widths[1]} with "
-            f"force; `catenary import {path}` proposes how to read others"
+            f"force; {to_import(path)}"
         )
     table = np.column_stack(list(read.columns.values())).astype(np.float64)
     parts, first = {}, 0

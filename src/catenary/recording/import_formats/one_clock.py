@@ -225,10 +225,14 @@ class OneClock:
     """
 
     def __init__(
-        self, streams: Mapping[str, Stream], quantities: Mapping[str, Sequence[Place]], mapping: RecordingMapping
+        self,
+        streams: Mapping[str, Stream],
+        quantities: Mapping[str, Sequence[Place]],
+        mapping: RecordingMapping,
+        today: float,
     ) -> None:
         """Clean the streams, by name; those that no quantity has columns of are only reported on."""
-        self._quantities, self._mapping = quantities, mapping
+        self._quantities, self._mapping, self._today = quantities, mapping, today
         self.base = quantities[BASE][0].stream
         self._alone = len(streams) == 1 and streams[self.base].stamp is None
         self._tables, self.notes = dict[str, TableTime](), list[str]()
@@ -420,7 +424,7 @@ class OneClock:
         """Return the stamps to go by [ns]: a table's time, a message's header where it has one, or its arrival."""
         name, own, came, mapping = stream.name, stream.stamp, stream.arrival, self._mapping
         if own is None:
-            time = time_of(stream, mapping.time, mapping.time_unit, mapping.rate_hz)
+            time = time_of(stream, mapping.time, mapping.time_unit, mapping.rate_hz, today=self._today)
             if time is None and not self._alone:
                 raise InputError(
                     f"{name}: which column is the time? give time = ..., or rate_hz where rows are evenly apart; "

@@ -82,7 +82,7 @@ def propose(
     """Propose which columns are which quantity; `units` are of q_nominal, and of q_encoder if it states none."""
     draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
-    found = _not_set_aside(candidates_of(sources.streams, model), draft)
+    found = _not_set_aside(candidates_of(sources.streams, sources.today, model), draft)
     nominal, encoder = _positions(found, sources.streams, draft)
     if encoder is not None and encoder.is_potentiometer:
         text = (
@@ -116,10 +116,10 @@ def propose(
         poses = [pose for pose in poses_of(sources.streams) if not pose.is_own and not own & {*pose.taken}]
         tracked = _tracked(poses, model, nominal, draft)
         used += [stream for stream in sources.streams if tracked is not None and stream.name == tracked.stream]
-    _times({stream.name: stream for stream in used}, draft)
+    _times({stream.name: stream for stream in used}, draft, sources.today)
     for stream in sources.streams:
         draft.decisions += [f"{stream.name}: {note}" for note in stream.notes]
-        moved = moving_columns(stream) if stream.type == "table" else None
+        moved = moving_columns(stream, sources.today) if stream.type == "table" else None
         draft.decisions += [] if moved is None else [f"{stream.name}: {moved.said()}"]
     left = not_used(sources.streams, draft.used)
     draft.decisions += [f"not used: {listed(left)}"] * bool(left)
@@ -372,7 +372,7 @@ def _tracked(
     return None if answer is None else one
 
 
-def _times(used: Mapping[str, Stream], draft: _Draft) -> None:
+def _times(used: Mapping[str, Stream], draft: _Draft, today: float) -> None:
     columns, units, said = list[str](), list[str](), list[str]()
     tables = [stream for stream in used.values() if stream.type == "table"]
     trusted = [(stream.name, column) for stream in tables for column in ok_columns(stream)]
@@ -388,18 +388,18 @@ def _times(used: Mapping[str, Stream], draft: _Draft) -> None:
             column = draft.ask("time", text, dict.fromkeys(named, "is the time")) or column
         draft.used[stream.name].update(times_among(stream, [column or ""]))
         try:
-            found = time_of(stream, named and [column or ""], None, None)
+            found = time_of(stream, named and [column or ""], None, None, today=today)
         except CoarseTimeError as error:
             rate = draft.ask("rate_hz", str(error), {"HZ": "rows a second"}, is_free=True)
             draft.top += [f"rate_hz = {rate}"] * (rate is not None)
             continue
         except InputError as error:
-            unit = draft.ask("time_unit", f"the time: {error}", dict.fromkeys(UNITS, "of all tables"))
+            unit = draft.ask("time_unit", f"the time: {error}", dict.fromkeys(UNITS, "of all tables"), is_free=True)
             if unit is None:
                 columns.append(column or "")
                 units.append("")
                 continue
-            found = time_of(stream, [column or ""], unit, None)
+            found = time_of(stream, [column or ""], unit, None, today=today)
         if found is not None and found.column:
             columns.append(found.column)
             units.append(found.unit)
@@ -413,7 +413,7 @@ def _times(used: Mapping[str, Stream], draft: _Draft) -> None:
         if len(set(units)) == 1 and units[0]:
             draft.top.append(f"time_unit = {_text(units[0])}  # {visible('; '.join(said))}")
         elif "" in units:
-            draft.top.append('# time_unit = "s"  # OPEN: s, ms, us or ns, of all tables')
+            draft.top.append('# time_unit = "s"  # OPEN: s, ms, us, ns or such as 4000Hz, of all tables')
         else:
             draft.top.append(f"# {visible('; '.join(said))}")
 

@@ -6,6 +6,7 @@ followed out of the file. LeRobot's versions 2 and 3 are a folder with meta/info
 """
 
 import re
+import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO
-from catenary.documents import MOST_JSON, cut, json_table, read_bounded, reading
+from catenary.documents import DEEPEST, MOST_JSON, cut, json_table, read_bounded, reading
 from catenary.errors import FileFormatError, InputError, to_install
 from catenary.files import ADVICE, TEXT_ENDINGS, fingerprint, sha256_of, table_ending
 from catenary.recording.bag_reader import bags_in, is_bag_file
@@ -84,10 +85,11 @@ class _Content:
 
     def __init__(self, path: Path, file: "h5py.File") -> None:
         self._path, self._file, self._left = path, file, list[str]()
-        self._nodes = 0
+        self._nodes, self._seen = 0, set[int]()
         self._most = max(MOST, RATIO * path.stat().st_size)  # [B] that are still read
         self._found: dict[str, h5py.Dataset] = {}
-        file.visititems(self._keep)  # each group and array once, by hard links alone
+        self._units: dict[str, list[str]] = {}
+        self._walk(file)
         self._is_matlab = any("MATLAB_class" in each.attrs for each in self._found.values())
 
     def streams(self, wanted: str) -> list[Stream]:
@@ -111,28 +113,43 @@ class _Content:
         arrays = self._arrays(outside) | (whole if len(chosen) > 1 else parts[0])
         if not any(array.dtype.kind in "biuf" for array in arrays.values()):
             raise FileFormatError(f"{self._path}: holds no row of numbers; left out: {', '.join(self._left[:10])}")
-        first, *others = streams_of_arrays(self._path, arrays, rows_first=len(chosen) > 1)
+        first, *others = streams_of_arrays(self._path, arrays, self._units, rows_first=len(chosen) > 1)
         constants = dict(first.constants) | ({} if rate is None else {"rate_hz": rate})
         notes = [*in_a_row(self._path, chosen, begins), *[f"left out: {', '.join(self._left[:10])}"] * bool(self._left)]
         starts = tuple(np.cumsum([0, *rows[:-1]]).tolist()) if first.rows == sum(rows) else (0,)
         first = replace(first, starts=starts, constants=constants, began=begins[0], notes=(*notes, *first.notes))
         return [first, *others]
 
-    def _keep(self, path: str, node: "h5py.Group | h5py.Dataset") -> None:
+    def _walk(self, group: "h5py.Group", outer: str = "", depth: int = 0) -> None:
+        """Find each group and array once, by hard links alone; name the links that lead out of the file."""
         import h5py
 
-        self._nodes += 1
-        if self._nodes > MOST_NODES:
-            raise FileFormatError(f"{self._path}: more than {MOST_NODES} groups and arrays")
-        if isinstance(node, h5py.Dataset) and not path.startswith("#"):  # MATLAB's #refs# are of cells
-            self._found[path] = node
+        self._seen.add(h5py.h5o.get_info(group.id).addr)
+        if depth > DEEPEST:
+            raise FileFormatError(f"{self._path}: is nested more than {DEEPEST} levels deep")
+        for name in group:
+            self._nodes += 1
+            if self._nodes > MOST_NODES:
+                raise FileFormatError(f"{self._path}: more than {MOST_NODES} groups and arrays")
+            path, link = f"{outer}{name}", group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                self._left.append(f"{cut(path)} (stands in {cut(link.filename)}, which is not read)")
+            if not isinstance(link, h5py.HardLink) or (about := h5py.h5o.get_info(group[name].id).addr) in self._seen:
+                continue
+            self._seen.add(about)
+            if isinstance(node := group[name], h5py.Group):
+                self._walk(node, f"{path}/", depth + 1)
+            elif isinstance(node, h5py.Dataset) and not path.startswith("#"):  # MATLAB's #refs# are of cells
+                self._found[path] = node
 
     def _arrays(self, paths: Mapping[str, str]) -> dict[str, NDArray[Any]]:
         if len(paths) > MOST_ARRAYS:
             raise FileFormatError(f"{self._path}: {len(paths)} arrays, expected {MOST_ARRAYS} at most")
         read = {name: self._array(path, self._found[path]) for name, path in paths.items()}
         join = "." if self._is_matlab else "/"
-        return {name.replace("/", join): array for name, array in read.items() if array is not None}
+        there = {name.replace("/", join): name for name, array in read.items() if array is not None}
+        self._units |= {plain: _units_of(self._found[paths[name]]) for plain, name in there.items()}
+        return {plain: array for plain, name in there.items() if (array := read[name]) is not None}
 
     def _array(self, path: str, data: "h5py.Dataset") -> NDArray[Any] | None:
         """Return an array's numbers or texts; None, and why, of what is neither, or stands in other files."""
@@ -169,6 +186,12 @@ class _Content:
                 told[key] = plain.item() if isinstance(plain, np.generic | np.ndarray) and plain.size == 1 else plain
         simulator = json_table(str(told.get("env_args", "{}")), f"{self._path}: env_args").get("env_kwargs")
         return (simulator if isinstance(simulator, dict) else {}) | told
+
+
+def _units_of(data: "h5py.Dataset") -> list[str]:
+    """Return the units that attributes of an array state, one or one for each of its columns; none where none does."""
+    stated = np.ravel(next((data.attrs[key] for key in ("units", "Units", "unit") if key in data.attrs), [])).tolist()
+    return [each.decode(errors="replace") if isinstance(each, bytes) else str(each) for each in stated]
 
 
 def is_lerobot(path: Path) -> bool:
@@ -254,7 +277,7 @@ def began_of(told: Mapping[str, Any]) -> float:
     """Return when an episode began [s since 1970, UTC], by what its container tells; 0 where it does not."""
     for key in _DATES:
         value = told.get(key)
-        if isinstance(value, int | float) and 1e9 < value < 1e10:
+        if isinstance(value, int | float) and 1e9 < value < 3e9:
             return float(value)
         texts = [f"{value} {told.get('time')}", value] if key == "date" else [value]
         for text, form in ((text, form) for text in texts if isinstance(text, str) for form in _FORMATS):
@@ -275,6 +298,7 @@ class Sources:
 
     def __init__(self, paths: Sequence[Path], progress: Progress = lambda done: None) -> None:
         """Open them: of topics a sample is looked at, of a long text the first rows; `progress` is told of both."""
+        self.today = time.time()  # which bounds what their clocks read [s since 1970]
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
@@ -323,7 +347,7 @@ class Sources:
     def of(cls, paths: Sequence[Path], streams: Sequence[Stream]) -> Self:
         """Return sources of streams that were read already."""
         made = cls.__new__(cls)
-        made.paths, made.notes, made._bags, made.about = tuple(paths), [], [], None
+        made.paths, made.notes, made._bags, made.about, made.today = tuple(paths), [], [], None, time.time()
         made._whole = made.streams = list(streams)
         return made
 

@@ -102,23 +102,32 @@ def _unpacked(path: Path) -> list[Stream]:
             raise type(error)(str(error).replace(str(plain), str(path))) from error
 
 
-def _table(path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[str, float], notes: list[str]) -> Stream:
-    """Return a stream of columns; whole numbers that a float64 cannot hold stay whole."""
+def _table(path: Path, columns: Mapping[str, NDArray[Any]], notes: list[str], **known: Any) -> Stream:
+    """Return a stream of columns; whole numbers that a float64 cannot hold, and an int64 can, stay whole."""
     if len(columns) > MOST_COLUMNS:
         raise InputError(f"{path}: {len(columns)} columns, expected {MOST_COLUMNS} at most")
     numbers: dict[str, NDArray[Any]] = {}
     for name, values in columns.items():
-        whole = values.dtype.kind in "iu" and len(values) and np.abs(values.astype(np.float64)).max() > 2.0**53
+        whole = values.dtype.kind in "iu" and 2.0**53 < np.abs(values.astype(np.float64)).max(initial=0.0) < 2.0**63
         with np.errstate(over="ignore"):
             numbers[name] = values.astype(np.int64 if whole else np.float64)
     rows = len(next(iter(numbers.values()))) if numbers else 0
     if rows == 0:
         raise FileFormatError(f"{path}: has no row of numbers")
-    return Stream(path.stem, "table", numbers, rows, constants=constants, notes=tuple(notes))
+    return Stream(path.stem, "table", numbers, rows, notes=tuple(notes), **known)
 
 
-def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bool = False) -> list[Stream]:
-    """Return arrays by their number of rows, that of most numbers first; with `rows_first` none is turned."""
+def streams_of_arrays(
+    path: Path,
+    arrays: Mapping[str, NDArray[Any]],
+    units: Mapping[str, list[str]] | None = None,
+    *,
+    rows_first: bool = False,
+) -> list[Stream]:
+    """Return arrays by their number of rows, that of most numbers first; with `rows_first` none is turned.
+
+    `units` are those that a file states of an array, one, or one for each column.
+    """
     for name, a in arrays.items():
         width = 0 if a.ndim != 2 else a.shape[1] if rows_first else min(a.shape)
         if width > MOST_COLUMNS:  # before as many names are made
@@ -137,6 +146,7 @@ def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_fi
         numbers[len(a) if rows_first else max(a.shape)] += a.size
     rows = max(numbers, key=lambda size: (numbers[size], size))
     groups: dict[int, dict[str, NDArray[Any]]] = {rows: {}}
+    stated = dict[str, str]()
     notes = [f"arrays that hold no rows of numbers were left out: {', '.join(left[:10])}"] * bool(left)
     for name, a in plain.items():
         if a.ndim == 2 and not rows_first and a.shape[0] != rows and (a.shape[1] == rows or a.shape[0] < a.shape[1]):
@@ -144,14 +154,17 @@ def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_fi
             notes.append(f"{name}: had a row for each column, and was turned")
         columns = {name: a} if a.ndim == 1 else {f"{name}[{i}]": a[:, i] for i in range(a.shape[1])}
         groups.setdefault(len(a), {}).update(columns)
+        own = (units or {}).get(name, [])
+        stated |= dict(zip(columns, own if len(own) == len(columns) else own[:1] * len(columns), strict=False))
     notes += [
         f"{', '.join(map(cut, columns))}: has {size} rows where others have {rows}, and is a table of its own"
         for size, columns in groups.items()
         if size != rows
     ]
     names = {size: path.stem if size == rows else f"{path.stem}#{size}" for size in groups}
-    made = ((size, _table(path, columns, constants, notes)) for size, columns in groups.items() if columns)
-    return [replace(table, texts=texts, name=names[size]) for size, table in made]
+    known: dict[str, Any] = {"constants": constants, "texts": texts, "units": stated}
+    made = ((size, _table(path, columns, notes, **known)) for size, columns in groups.items() if columns)
+    return [replace(table, name=names[size]) for size, table in made]
 
 
 def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
@@ -173,7 +186,7 @@ def read_parquet_table(path: Path) -> Stream:
 
     file = open_parquet(path)
     columns: dict[str, NDArray[Any]] = {}
-    names, left, notes = file.schema_arrow.names, list[str](), list[str]()
+    names, left, notes, dates, units = file.schema_arrow.names, list[str](), list[str](), list[str](), dict[str, str]()
     with reading(path, "Parquet", ARROW):
         for name in names:
             kind, widths = file.schema_arrow.field(name).type, [0]
@@ -191,11 +204,15 @@ def read_parquet_table(path: Path) -> Stream:
                 columns[name] = numbers(column)
             else:
                 plain = "time" if name == PANDAS_INDEX and "time" not in names else name
+                dates.append(plain)
                 columns[plain] = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy()
                 notes.append(f"{plain}: holds stamps, read as nanoseconds")
+            stated = file.schema_arrow.field(name).metadata or {}
+            unit = stated.get(b"units", stated.get(b"unit", b"")).decode(errors="replace")
+            units |= dict.fromkeys(columns.keys() - units.keys(), unit)
     if left:
         notes.append(f"columns that hold no numbers were left out: {', '.join(map(cut, left[:10]))}")
-    return _table(path, columns, {}, notes)
+    return _table(path, columns, notes, dates=tuple(dates), units=units)
 
 
 def read_matlab(path: Path) -> dict[str, NDArray[Any]]:

@@ -1,39 +1,82 @@
-"""The time of a table's rows: which column holds it, and in which unit."""
+"""The time of a table's rows: which column holds it, in which unit, and since when it counts.
+
+Whole numbers may count anything, such as the ticks of 4 kHz: a name or a known clock tells their unit, or it is asked.
+"""
 
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Literal, NamedTuple, get_args
+from fractions import Fraction
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
 from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import InputError
+from catenary.plant import FIRST_DATE
 from catenary.recording.import_formats.columns import Stream, places_of
 from catenary.topics import SECOND
 
-TimeUnit = Literal["s", "ms", "us", "ns"]
-UNITS: tuple[str, ...] = get_args(TimeUnit)
-PER_UNIT = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # [ns]
+UNITS = ("s", "ms", "us", "ns")
+_PER_SECOND = {unit: Fraction(1000**i) for i, unit in enumerate(UNITS)}
+_PER_SECOND |= {"100ns": Fraction(10**7), "2^-32s": Fraction(2**32), "day": Fraction(1, 86_400)}
+_SPELT = {
+    f"{part}{word}": unit
+    for unit, parts in zip(UNITS, (("",), ("m", "milli"), ("u", "µ", "micro"), ("n", "nano")), strict=True)
+    for part in parts
+    for word in ("seconds", "second", "secs", "sec", "s")
+}
 _NAMED = re.compile(
-    r"(?P<name>(?:.*[./_ ])?(?:time|times|t|stamp|timestamp|timestamps|time_?stamp|clock|sec|secs|seconds|zeit))"
-    r"(?:[_ ]?[\[(]?(?P<unit>s|sec|ms|msec|us|usec|µs|ns|nsec)[\])]?)?\Z",
+    r"(?P<name>(?:.*[./_ ])?(?:time|times|ts|t|stamp|timestamp|timestamps|time_?stamp|clock|sec|secs|seconds|zeit))"
+    rf"(?:(?!s\Z)[_ ]?[\[(]?(?P<unit>{'|'.join(_SPELT)})[\])]?)?\Z",
     re.IGNORECASE,
 )
-_WORDS = {"sec": "s", "msec": "ms", "usec": "us", "µs": "us", "nsec": "ns"}
+
+
+def per_second(unit: str) -> Fraction:
+    """Return how many of a unit are a second; of a counter such as 4000Hz its rate."""
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)Hz", unit)
+    count = Fraction(found[1]) if found else _PER_SECOND.get(unit)
+    if not count:
+        raise InputError(f"time unit {cut(unit)}: expected {', '.join(_PER_SECOND)}, or a counter's such as 4000Hz")
+    return count
+
+
+TimeUnit = Annotated[str, AfterValidator(lambda unit: per_second(unit) and unit)]
 # [s] of a step between rows: 2 kHz to 0.2 Hz, which is how slowly poses are taken one by one
 _LIKELY = (0.0005, 5.0)
-_EPOCH = (9.5e8, 4.2e9)  # [s] since 1970: the years 2000 to 2100
+_BEGINS, _DAY = 946_684_800, 86_400  # [s] since 1970 of the year 2000, before which nobody recorded; a day
+_UNDATED = 10**8  # [s] whole ones of which are taken off a clock that is none of those known, lest it be a date's
+
+
+class _Clock(NamedTuple):
+    unit: str
+    zero: int  # [s since 1970]
+    name: str
+
+
+_CLOCKS = (
+    *(_Clock(unit, 0, "a time since 1970") for unit in UNITS),
+    _Clock("100ns", -11_644_473_600, "since 1601, FILETIME"),  # of Windows
+    _Clock("100ns", -62_135_596_800, "since year 1, ticks of .NET"),
+    _Clock("s", -2_208_988_800, "since 1900, as NTP"),
+    _Clock("2^-32s", -2_208_988_800, "since 1900, as NTP"),
+    _Clock("s", -2_082_844_800, "since 1904, as LabVIEW"),
+    _Clock("day", -25_569 * _DAY, "days since 30 December 1899, as Excel"),
+    _Clock("day", -719_529 * _DAY, "days since year 0, datenum of MATLAB"),
+)
 # single numbers of a file that say how many rows a second has, as labs, cameras and simulators call them
 RATES = ("fs", "rate", "rate_hz", "sampling_rate", "sample_rate", "frequency", "fps", "hz", "control_freq")
+_LOST = np.iinfo(np.int64).min  # stamp of a row without time
 _RISING = 100  # rows over which no joint moves one way alone
 _COARSE = 2 / 3  # share of rows that have the time of the row before, while most columns change
 _LOOKED_AT = 10_000  # rows, for that
 # what stands at the end of a name of whole seconds, and of one beside it of the rest of each stamp [ns]
 _SECONDS = re.compile(r"(?:secs?|seconds|s)\Z", re.IGNORECASE)
-_RESTS = {"nsec": 1, "nsecs": 1, "nanosec": 1, "nanosecs": 1, "nanoseconds": 1, "ns": 1, "usec": 1000, "usecs": 1000}
+_RESTS = {word: int(SECOND / per_second(unit)) for word, unit in _SPELT.items() if unit != "s"}
 
 
 class CoarseTimeError(InputError):
@@ -50,8 +93,13 @@ class TableTime(NamedTuple):
     seconds: NDArray[np.float64] | None = None  # (M,) as exact as the file has them, where it has no whole numbers
 
 
-def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None) -> TableTime | None:
-    """Return the stamps of a table's rows by `columns`, a name or the rate; None where it has none."""
+def time_of(
+    stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None, *, today: float
+) -> TableTime | None:
+    """Return the stamps of a table's rows by `columns`, a name or the rate; None where it has none.
+
+    No known clock reads more than `today` [s since 1970], and a day for time zones.
+    """
     if rate is not None:
         if columns:
             raise InputError("time and rate_hz: expected one of them")
@@ -74,15 +122,19 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
     rest = rest_of(stream, column)
     if rest is not None:
         name, size = rest
-        stamp = values.astype(np.int64) * SECOND + stream.columns[name].astype(np.int64) * size
-        return TableTime(stamp, column, "s", f"time is {cut(column)} in s and {cut(name)} in {size} ns")
-    _refuse_coarse(stream, column, unit)
-    told, why = (unit, "as given") if unit is not None else _unit(stream, column, values)
-    said = f"time is {cut(column)} in {told} ({why})"
+        stamp, date = _stamps(values, "s", _clocks_of(values, today, "s"))
+        parts = stream.columns[name].astype(np.float64) * size
+        there = (stamp != _LOST) & np.isfinite(parts)
+        stamp = np.where(there, stamp + np.rint(np.where(there, parts, 0.0)).astype(np.int64), _LOST)
+        said = f"time is {cut(column)} in s and {cut(name)} in {size} ns{f' ({date})' * bool(date)}"
+        return TableTime(stamp, column, "s", said)
+    _refuse_coarse(stream, column, unit, today)
+    told, why = (unit, "as given") if unit is not None else _unit(stream, column, values, today)
+    stamp, date = _stamps(values, told, () if column in stream.dates else _clocks_of(values, today, told))
+    said = f"time is {cut(column)} in {told} ({'; '.join(dict.fromkeys((why, date) if date else (why,)))})"
     if values.dtype.kind == "i":
-        return TableTime(values.astype(np.int64) * PER_UNIT[told], column, told, said)
-    numbers = values.astype(np.float64)
-    return TableTime(_nanoseconds(numbers, PER_UNIT[told]), column, told, said, numbers / (SECOND // PER_UNIT[told]))
+        return TableTime(stamp, column, told, said)
+    return TableTime(stamp, column, told, said, values.astype(np.float64) / float(per_second(told)))
 
 
 def rest_of(stream: Stream, column: str) -> tuple[str, int] | None:
@@ -91,13 +143,14 @@ def rest_of(stream: Stream, column: str) -> tuple[str, int] | None:
     for name in stream.columns if stem != column else ():
         size = _RESTS.get(name[len(stem) :].lower(), 0) if name.startswith(stem) else 0
         rest = stream.columns[name].astype(np.float64) if size else whole
+        there = np.isfinite(whole) & np.isfinite(rest)
         inside = (rest >= 0.0) & (rest * size < SECOND) & (whole == np.floor(whole))
-        if size and inside.all() and np.ptp(rest) > 0.0:
+        if size and there.any() and inside[there].all() and np.ptp(rest[there]) > 0.0:
             return name, size
     return None
 
 
-def _refuse_coarse(stream: Stream, column: str, unit: str | None) -> None:
+def _refuse_coarse(stream: Stream, column: str, unit: str | None, today: float) -> None:
     """Refuse a time that stands still on most rows while the others go on: repeated stamps would be dropped."""
     time = stream.columns[column][:_LOOKED_AT].astype(np.float64)
     same = np.diff(time) == 0.0
@@ -108,8 +161,8 @@ def _refuse_coarse(stream: Stream, column: str, unit: str | None) -> None:
     if change and np.mean(np.array(change) > 0.5) > 0.5:
         new, rate = np.flatnonzero(~same) + 1, "HZ"
         with suppress(InputError):
-            size = PER_UNIT[unit or _unit(stream, column, time)[0]] / SECOND
-            rate = f"{(new[-1] - new[0]) / ((time[new[-1]] - time[new[0]]) * size):.4g}" if len(new) > 1 else rate
+            size = float(per_second(unit or _unit(stream, column, time, today)[0]))
+            rate = f"{(new[-1] - new[0]) / (time[new[-1]] - time[new[0]]) * size:.4g}" if len(new) > 1 else rate
         raise CoarseTimeError(
             f"{stream.name}: time {cut(column)} has {len(new) + 1} values in {len(time)} rows, in which others change: "
             f"too coarse for the time of rows; give their rate in its place (rate_hz = {rate}), or another column"
@@ -163,43 +216,78 @@ def is_nameless(stream: Stream) -> bool:
     return all(found) and len({one[1] for one in found if one}) == 1
 
 
-def _unit(stream: Stream, column: str, values: NDArray[np.generic]) -> tuple[str, str]:
+def _unit(stream: Stream, column: str, values: NDArray[np.generic], today: float) -> tuple[str, str]:
     if column in stream.dates:
         return "ns", "a date or a time of day"
-    found = _NAMED.match(column.lstrip("%").strip())
-    if found and found["unit"]:
-        unit = found["unit"].lower()
-        return _WORDS.get(unit, unit), "by its name"
+    found = _NAMED.match(stream.titled(column).lstrip("%").strip())
+    named = found and (found["unit"] or re.search(r"sec(?:ond)?s?\Z", found["name"], re.IGNORECASE))
+    if found and named:
+        return _SPELT[(found["unit"] or "s").lower()], "by its name"
     finite = values[np.isfinite(values.astype(np.float64))].astype(np.float64)
     if len(finite) < 2:
         raise InputError(f"{stream.name}: time {cut(column)}: {len(finite)} finite number(s), expected two at least")
-    since = [u for u in UNITS if _EPOCH[0] <= abs(finite[0]) * PER_UNIT[u] / SECOND <= _EPOCH[1]]
-    if since:
-        return since[0], "a time since 1970"
-    steps = np.diff(finite)
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    likely = [u for u in UNITS if _LIKELY[0] <= step * PER_UNIT[u] / SECOND <= _LIKELY[1]]
-    if len(likely) == 1:
-        rate = SECOND / (step * PER_UNIT[likely[0]])
-        return likely[0], f"rows are then {rate:.4g} Hz"
-    choices = ", ".join(f"{u} ({SECOND / (step * PER_UNIT[u]):.4g} Hz)" for u in UNITS) if step else "s, ms, us, ns"
+    known = _clocks_of(values, today)
+    if len({clock.unit for clock in known}) == 1:
+        return known[0].unit, " or ".join(clock.name for clock in known)
+    step = _step(finite)
+    rates = {unit: float(per_second(unit)) / step if step else 0.0 for unit in UNITS}
+    likely = [unit for unit, rate in rates.items() if rate and _LIKELY[0] <= 1.0 / rate <= _LIKELY[1]]
+    is_whole = bool((finite == np.floor(finite)).all())
+    if len(likely) == 1 and not is_whole:
+        return likely[0], f"rows are then {rates[likely[0]]:.4g} Hz"
+    choices = ", ".join(f"{unit} ({rate:.4g} Hz)" if step else unit for unit, rate in rates.items())
     raise InputError(
         f"{stream.name}: unit of time {cut(column)} cannot be told, rows are {step:g} apart; say it "
-        f"(time_unit, or --map time={cut(column)}@UNIT): {choices}"
+        f"(time_unit, or --map time={cut(column)}@UNIT): {choices}, or of a counter its rate, such as 4000Hz"
     )
 
 
-def _nanoseconds(values: NDArray[np.float64], unit: int) -> Integers:
-    """Return stamps [ns]; counted from the first, so that seconds since 1970 keep what a float64 has of them."""
+def _step(values: NDArray[np.float64]) -> float:
+    """Return the usual step forward between rows; 0 where there is none."""
+    steps = np.diff(values)
+    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+
+
+def _clocks_of(values: NDArray[np.generic], today: float, unit: str | None = None) -> tuple[_Clock, ...]:
+    """Return the known clocks, those of a unit if it is known, that read 2000 to today all along.
+
+    An unknown unit is proven by a likely step, too: milliseconds since a start 12 days ago are no seconds since 1970.
+    """
+    numbers = values.astype(np.float64)
+    finite = numbers[np.isfinite(numbers)]
+    if not len(finite):
+        return ()
+    low, high = np.quantile(finite, (0.05, 0.95)).tolist()  # a first row may be from before the clock was set
+    step, is_whole = _step(finite), bool((finite == np.floor(finite)).all())
+
+    def fits(clock: _Clock) -> bool:
+        count = float(per_second(clock.unit))
+        longest = _LIKELY[1] if is_whole or clock.unit == "day" else _DAY
+        is_told = clock.unit == unit or (unit is None and step / count <= longest)
+        return is_told and _BEGINS <= low / count + clock.zero and high / count + clock.zero <= today + _DAY
+
+    return tuple(filter(fits, _CLOCKS))
+
+
+def _stamps(values: NDArray[np.generic], unit: str, clocks: Sequence[_Clock]) -> tuple[Integers, str]:
+    """Return stamps [ns], since 1970 where one clock reads them, and what is said of that; `_LOST` where there is none.
+
+    Counted from the first, so that they keep what a float64 has of them.
+    """
+    count, zero = per_second(unit), clocks[0].zero if len(clocks) == 1 else 0
     with np.errstate(invalid="ignore"):
-        lost = ~(np.abs(values) < 9e18 / unit)
-    stamp = np.full(len(values), np.iinfo(np.int64).min)
-    if not lost.all():
-        first = float(values[~lost][0])
-        whole = int(first // 1.0)
-        start = whole * unit + round((first - whole) * unit)
-        stamp[~lost] = start + np.rint((values[~lost] - first) * unit).astype(np.int64)
-    return stamp
+        lost = ~(np.abs(values.astype(np.float64) / float(count) + zero) < 9e9)
+    stamp = np.full(len(values), _LOST)
+    if lost.all():
+        return stamp, ""
+    first = values[~lost][0].item()
+    if len(clocks) != 1 and abs(first / count) >= FIRST_DATE:
+        zero = -(int(first / count) // _UNDATED * _UNDATED)
+    begin, size = round((Fraction(first) / count + zero) * SECOND), SECOND / count
+    ahead = values[~lost] - values[~lost][0]
+    exact = ahead.dtype.kind == "i" and size.denominator == 1
+    stamp[~lost] = begin + (ahead * int(size) if exact else np.rint(ahead * float(size)).astype(np.int64))
+    return stamp, clocks[0].name if len(clocks) == 1 else "without a date" * (zero != 0)
 
 
 def _even(stream: Stream, rate: float, said: str) -> TableTime:
