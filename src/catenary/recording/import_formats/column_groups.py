@@ -221,17 +221,17 @@ def _of_robot(stream: Stream, joints: Sequence[str]) -> list[Candidate]:
 
 def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candidate]:
     """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
-    named = [] if model is None else _of_robot(stream, model.joint_names)
-    own_columns = {column for one in named for column in one.columns}
+    of_robot = [] if model is None else _of_robot(stream, model.joint_names)
+    own_columns = {column for one in of_robot for column in one.columns}
     poses = [column for pose in poses_of([stream]) if not own_columns & {*pose.taken} for column in pose.taken]
-    moved = None if poses or named else moving_columns(stream, today)
+    moved = None if poses or of_robot else moving_columns(stream, today)
     if moved is not None:
         kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
             ("position", moved.q), ("position", moved.again), ("velocity", moved.qd), ("effort", moved.tau),
         )  # fmt: skip
         return [Candidate(stream, names, kind, "unknown", ("",) * len(names)) for kind, names in kinds if names]
     # arrays beside a list of their joints
-    found = named + [one for one in _of_topic(stream) if all(one.joints) and not own_columns & {*one.columns}]
+    found = of_robot + [one for one in _of_topic(stream) if all(one.joints) and not own_columns & {*one.columns}]
     taken = [column for one in found for column in one.columns]
     times = {*time_columns(stream), *ok_columns(stream), *stream.dates, *poses, *taken}
     groups: dict[tuple[str, ...], list[str]] = {}

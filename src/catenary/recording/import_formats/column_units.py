@@ -50,8 +50,8 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         places = [model.joint_names.index(joint) for joint in meant] if all(meant) else list(range(n))
         within = [_within_limits(model, j, *limits) for j, limits in zip(places, one.ranges, strict=True)]
         its = [model.joint_units[j] for j in places]
-        moved = zip(its, within, one.ranges, strict=True)
-        found = {(base, unit) for base, unit, (low, high) in moved if unit is not None and high > low}
+        each = zip(its, within, one.ranges, strict=True)
+        found = {(base, unit) for base, unit, (low, high) in each if unit is not None and high > low}
         if mixed := len(found) > len({base for base, _ in found}):  # no arm has angles in both rad and deg
             within = list(its) if is_ros else within
         told = all(unit is not None for unit in within)
