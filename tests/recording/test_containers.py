@@ -1,5 +1,7 @@
 """One recording in twelve containers: twelve equal logs, and twelve equal verdicts."""
 
+import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,9 +14,11 @@ from scipy.io import savemat
 
 from catenary.plant import MotionLog
 from catenary.recording.journal import JournalTopic, JournalWriter
+from catenary.recording.logs import read_log, write_parquet
 from catenary.recording.messages import ros2_name, typestore
 from catenary.verdict.check import findings_of
 from catenary.workflows.import_recording import import_recording
+from command_line import catenary
 from gallery.containers import lerobot
 from lab_bags import JOINT_STATE, JOINTS, START, Message, header, joint_state, true_q, write_bag
 
@@ -248,3 +252,20 @@ def test_numbers_that_mean_missing_are_missing_in_every_container(
     said = " ".join(log.notes)
     for key, rows in GONE.items():
         assert f"{key}: {rows.sum()} number(s) mean that nothing was measured" in said
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_a_path_that_is_no_utf8_is_read_like_any_other(container: str, tmp_path: Path) -> None:
+    write, mapping = CONTAINERS[container]
+    plain, folder = tmp_path / "plain", tmp_path / os.fsdecode(b"Pr\xfcfstand")
+    plain.mkdir()
+    paths = write(plain)
+    plain.rename(folder)
+    log = import_recording([folder / path.relative_to(plain) for path in paths], mapping)
+    assert_array_equal(log.q_nominal, Q)
+    write_parquet(log, folder / os.fsdecode(b"\xe9.parquet"))
+    again = read_log(folder / os.fsdecode(b"\xe9.parquet"))
+    assert_array_equal(again.q_encoder, log.q_encoder)
+    assert again.name == "\\udce9"
+    json.dumps([again.name, *again.notes], ensure_ascii=False).encode()  # into cards and pages
+    assert catenary("check", str(folder / os.fsdecode(b"\xe9.parquet"))).code in (0, 1)

@@ -19,8 +19,10 @@ from catenary.workflows.check import check_file, check_recording, check_robot
 from command_line import catenary
 from hysteretic_arm import recording
 from lab_bags import JOINT_STATE, JOINTS, joint_state, true_q, write_bag
+from lab_tables import TABLES
 from moving_arm import recorded, write_npz
 from parsed_commands import complaint
+from tests.campaign.parts.files import linear_model
 from tests.truth.spoilings import late
 from tests.verdict.test_delay import cable_arm
 
@@ -224,3 +226,27 @@ def test_the_share_of_a_known_robots_limits(tmp_path: Path) -> None:
     write_parquet(replace(log, joint_names=("shoulder", "elbow", "insertion")), tmp_path / "raven.parquet")
     facts = catenary("check", tmp_path / "raven.parquet", "--robot", "raven2", "--json").json["facts"]
     assert 0.6 < facts["joints"][0]["share_of_limits"] < 0.65  # of 0 to 90 deg: 56.5 deg
+
+
+@pytest.mark.parametrize("container", TABLES)
+def test_a_recording_of_another_make_is_proposed_in_every_container(container: str, tmp_path: Path) -> None:
+    t = np.arange(0.0, 20.0, 0.02)
+    q = dict(zip(("q1", "q2", "q3"), true_q(t).T, strict=True))
+    path = TABLES[container](tmp_path / "lab", {"time": t, **q})
+    found = check_file(str(path))
+    assert found.kind == "third-party recording"
+    assert found.faults[0].startswith("open: the units of q_nominal")
+    assert found.next.startswith(f"catenary import {path}")
+
+
+@pytest.mark.parametrize("command", ["fit {} --out m.npz", "evaluate {model} {}"])
+@pytest.mark.parametrize("container", TABLES)
+def test_commands_that_need_a_log_say_to_import_another_make_first(
+    container: str, command: str, tmp_path: Path
+) -> None:
+    (tmp_path / "model.npz").write_bytes(linear_model())
+    t = np.arange(0.0, 2.0, 0.02)
+    q = dict(zip(("q1", "q2", "q3"), true_q(t).T, strict=True))
+    path = TABLES[container](tmp_path / "lab", {"time": t, **q})
+    outcome = catenary(*shlex.split(command.format(path, model=tmp_path / "model.npz")))
+    assert f"`catenary import {path}` proposes how to read others" in outcome.err

@@ -162,7 +162,7 @@ def _opened(
     found = None if answers else known_layout(paths, robot=robot)
     if found is not None:
         model, words = None if robot is None else load_robot(robot), () if units is None else units_of(units)[1]
-        si = si_units(words) or None
+        si = si_units(words) if len(words) > 1 else None
         log = read_log(paths[0], units=si) if found == MOTION_LOG else read_layout(paths, found, model=model, units=si)
         every = words * len(log.joint_names) if len(words) == 1 else words
         log = Mend(units=(",".join(every),))(log) if words else log

@@ -1,6 +1,7 @@
 """HDF5 in the shapes that robomimic, ALOHA and MATLAB write, and files made to do harm."""
 
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -209,3 +210,46 @@ def test_without_h5py_the_extra_and_other_ways_are_named(tmp_path: Path, monkeyp
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     with pytest.raises(FileFormatError, match=r"pip install 'h5py.*'-v7'"):
         propose_mapping(path)
+
+
+def test_groups_nested_in_thousands_are_refused_at_once(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "deep.h5", "w") as file:
+        group = file
+        for _ in range(3000):
+            group = group.create_group("g")
+    begin = time.process_time()
+    with pytest.raises(FileFormatError, match="nested more than 64 levels deep"):
+        read_hdf5(tmp_path / "deep.h5")
+    assert time.process_time() - begin < 2.0
+
+
+@pytest.mark.parametrize("where", ["cam", "obs/cam"])
+def test_a_link_to_another_file_is_not_followed_and_said(tmp_path: Path, where: str) -> None:
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["cam"] = joints(100, 3)
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        file["q"], file[where] = joints(100, 3), h5py.ExternalLink("other.h5", "/cam")
+        file["again"] = h5py.SoftLink("/q")
+    (stream,) = read_hdf5(tmp_path / "lab.h5")
+    assert list(stream.columns) == ["q[0]", "q[1]", "q[2]"]
+    assert f"left out: {where} (stands in other.h5, which is not read)" in stream.notes
+
+
+@pytest.mark.parametrize(
+    ("units", "factor"),
+    [
+        ("deg", np.degrees(1)), (b"degrees", np.degrees(1)), ("Radians", 1.0),
+        (["deg", "rad", "deg"], np.array([np.degrees(1), 1.0, np.degrees(1)])),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("name", ["units", "Units", "unit"])
+def test_units_in_attributes_are_those_of_a_csvs_head(tmp_path: Path, units: object, factor: object, name: str) -> None:
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        file["time"], file["q"], file["v"] = np.arange(100) * 50, joints(100, 3) * factor, joints(100, 3)
+        file["time"].attrs[name], file["q"].attrs[name], file["v"].attrs[name] = "milliseconds", units, "rad/s"
+    proposal = propose_mapping(tmp_path / "lab.h5")
+    assert not proposal.questions
+    log = import_recording(tmp_path / "lab.h5", accept_proposal=True)
+    assert_allclose(log.q_nominal, joints(100, 3), atol=1e-12)
+    assert_allclose(log.qd, joints(100, 3), atol=1e-12)
+    assert_allclose(log.time, np.arange(100) * 0.05, atol=1e-12)

@@ -3,6 +3,7 @@
 Angles that were recorded within one turn come out continuous, in the turn of the commands and of the limits.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.arrays import Floats
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.recording.import_formats.importer import unwrapped
+from catenary.recording.logs import Reading, read_recording, read_torque_log
+from catenary.recording.mend import Mend
+from catenary.robots.catalog import load_robot
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, two_topics, write_bag
+from lab_tables import TABLES
 
 BY_HAND = ["q_nominal=/raven/joint_cmd.position", "q_encoder=/optitrack/joints.position"]
 # a straight line between samples 1/30 s apart is off by at most h^2/8 of the acceleration, 0.7 rad/s2
@@ -261,3 +266,48 @@ def test_a_joint_whose_limits_are_known_comes_out_within_them(tmp_path: Path) ->
     assert_allclose(log.q_nominal[:, 0], q, atol=1e-9)
     assert_allclose(log.q_encoder[:, 0], q + 0.01, atol=1e-9)
     assert any("q6: brought within the robot's limits by +1 turn(s)" in note for note in log.notes)
+
+
+# Kinova's Gen3, whose joints Kortex reports within 0 to 360 deg
+_SECONDS = np.arange(0.0, 20.0, 0.01)
+TURNING = np.column_stack([np.sin((0.3 + 0.1 * i) * _SECONDS + i) for i in range(7)])  # [rad] across zero
+GEN3, DEGREES = [f"q{i}" for i in range(1, 8)], ",".join(["deg"] * 7)
+
+
+def kortex() -> Floats:
+    return np.degrees(TURNING) % 360.0
+
+
+@pytest.mark.parametrize("container", TABLES)
+def test_joints_within_0_and_360_deg_are_made_continuous_in_every_container(container: str, tmp_path: Path) -> None:
+    columns = {"time": _SECONDS} | dict(zip(GEN3, kortex().T, strict=True))
+    path = TABLES[container](tmp_path / "gen3", columns)
+    log = import_recording(path, [f"q_nominal={','.join(GEN3)}"], units="deg", robot="gen3")
+    turns = np.round((log.q_nominal - TURNING) / (2.0 * np.pi))
+    assert_allclose(log.q_nominal - TURNING, 2.0 * np.pi * turns[:1].repeat(len(turns), axis=0), atol=1e-9)
+    assert not turns[:, [1, 3, 5]].any()  # within the limits of the joints that have some
+
+
+@pytest.mark.parametrize("way", ["import", "mend"])
+@pytest.mark.parametrize("arrays", [{"q": 0.0, "tau": 0.0}, {"q_des": 0.0, "q_act": 0.2, "ok": None}])
+def test_a_known_layout_in_degrees_is_read_as_any_table_in_degrees(
+    arrays: dict[str, float | None], way: str, tmp_path: Path
+) -> None:
+    """By `--units`, of an import, or of check, fit and identify, which mend a recording that they read."""
+    content = {
+        key: np.ones(len(TURNING), dtype=bool) if off is None else (kortex() + off) % 360.0
+        for key, off in arrays.items()
+    }
+    np.savez(tmp_path / "gen3.npz", t=_SECONDS, **content)
+    path, mended, model = tmp_path / "gen3.npz", Reading(mend=Mend(units=(DEGREES,))), load_robot("gen3")
+    if way == "import":
+        log = import_recording(path, units="deg", robot="gen3")
+    elif "tau" in arrays:
+        log = read_torque_log(path, model, mended)
+    else:
+        log = read_recording(path, replace(mended, units=("rad",) * 7, joint_names=model.joint_names))
+    assert_allclose(np.diff(log.q_nominal, axis=0), np.diff(TURNING, axis=0), atol=1e-9)
+    if log.q_encoder is not None:
+        assert_allclose(log.q_encoder - log.q_nominal, np.radians(0.2), atol=1e-9)
+    elif way == "import":
+        assert_allclose(log.q_nominal[:, [1, 3, 5]], TURNING[:, [1, 3, 5]], atol=1e-9)  # within the joints' limits

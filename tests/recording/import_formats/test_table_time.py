@@ -1,23 +1,20 @@
 """Clocks of tables: those of computers are known by what they read, in every container; what may be anything is asked."""
 
-from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.io import savemat
 
 from catenary.errors import ConfigError, InputError
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.table_time import time_of
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from lab_bags import true_q
+from lab_tables import TABLES, as_csv
 
 NOW = 1_780_000_000.0  # [s since 1970] 28 May 2026, which is today here
 ROWS = 400
@@ -49,42 +46,6 @@ def counted(rate: Fraction, since: float, of: str) -> np.ndarray:
     exact = [(Fraction(float(t)) + Fraction(since) - zero(of)) * rate for t in T]
     whole = rate >= 1000 and max(exact) < 2**63
     return np.array([round(x) for x in exact], dtype=np.int64) if whole else np.array([float(x) for x in exact])
-
-
-def as_csv(path: Path, table: dict[str, np.ndarray]) -> Path:
-    rows = zip(*(column.tolist() for column in table.values()), strict=True)
-    path.with_suffix(".csv").write_text(
-        "\n".join([",".join(table), *(",".join(map(repr, row)) for row in rows)]) + "\n"
-    )
-    return path.with_suffix(".csv")
-
-
-def as_hdf5(path: Path, table: dict[str, np.ndarray]) -> Path:
-    h5py = pytest.importorskip("h5py", reason="needs h5py, which the extra hdf5 brings")
-    with h5py.File(path.with_suffix(".h5"), "w") as file:
-        for name, values in table.items():
-            file[name] = values
-    return path.with_suffix(".h5")
-
-
-def as_parquet(path: Path, table: dict[str, np.ndarray]) -> Path:
-    pq.write_table(pa.table(table), path.with_suffix(".parquet"))
-    return path.with_suffix(".parquet")
-
-
-def as_numpy(path: Path, table: dict[str, np.ndarray]) -> Path:
-    np.savez(path.with_suffix(".npz"), **table)
-    return path.with_suffix(".npz")
-
-
-def as_matlab(path: Path, table: dict[str, np.ndarray]) -> Path:
-    savemat(path.with_suffix(".mat"), table)
-    return path.with_suffix(".mat")
-
-
-TABLES: dict[str, Callable[[Path, dict[str, np.ndarray]], Path]] = {
-    "CSV": as_csv, "NumPy": as_numpy, "MATLAB": as_matlab, "HDF5": as_hdf5, "Parquet": as_parquet
-}  # fmt: skip
 
 
 def table(stamp: np.ndarray, **more: np.ndarray) -> dict[str, np.ndarray]:

@@ -122,8 +122,7 @@ def read_commands(
         raise FileFormatError(f'{path}: array "{missing}" is missing; {expected}{advice}')
     _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("recording/command_log")
-    units = tuple(units or ()) * (content["q_des"].shape[1] if len(units or ()) == 1 else 1)
-    given = {"joint_names": tuple(joint_names or ()), "joint_units": units}
+    given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
     sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
     return synchronise(sources, mapping.model_copy(update=given)).log
 

@@ -1,4 +1,4 @@
-"""The time of a table's rows: which column holds it, in which unit, and since when it counts.
+"""The time of a table's rows: which column holds it, and in which unit.
 
 Whole numbers may count anything, such as the ticks of 4 kHz: a name or a known clock tells their unit, or it is asked.
 """
