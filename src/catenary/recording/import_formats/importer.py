@@ -428,14 +428,8 @@ def _tracked(
     seen = poses_at(0.0)
     base, marker, said = registered(model, tracked, poses.values, poses_at, chosen)
     notes += said
-    found = joints_from_poses(model, tracked, seen, base, marker, chosen)
-    lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(seen.q).any(axis=1).sum())
-    if lost > 0:
-        notes.append(
-            f"{lost} of {len(found)} poses were left out: not finite, singular, or beyond {tracked.within_mm:g} mm"
-            + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
-            + " from all that the robot reaches"
-        )
+    found, said = joints_from_poses(model, tracked, seen, base, marker, chosen)
+    notes += said
     return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
 
 
