@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.arrays import as_array, as_batch, as_not_negative, as_positive, frozen, one_for_all, refuse_non_finite
+from catenary.arrays import (
+    as_array,
+    as_batch,
+    as_not_negative,
+    as_positive,
+    frozen,
+    one_for_all,
+    refuse_non_finite,
+    spread,
+)
 from catenary.errors import InputError
 
 
@@ -122,3 +131,14 @@ def test_a_tensor_that_records_none_is_taken():
             return np.array([1.0, 2.0, 3.0], dtype=np.float32)
 
     assert_array_equal(as_array("q", Tensor(), (3,)), [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(("count", "most"), [(0, 5), (3, 5), (5, 5), (7, 5), (1_000_000, 1000)])
+def test_rows_are_spread_evenly_and_at_random_phases(count, most):
+    rows = spread(count, most)
+    assert len(rows) == min(count, most)
+    assert (np.diff(rows) > 0).all()
+    part = count / max(1, len(rows))
+    assert (np.abs(rows - part * (np.arange(len(rows)) + 0.5)) <= 0.5 * part + 1.0).all()
+    if count > 100 * most:  # each phase of a motion as long as the parts are is met alike
+        assert np.histogram(rows % part, 4, (0.0, part))[0].min() > most / 5

@@ -1,4 +1,4 @@
-"""Checks at the public door: what comes in is a finite float64 array of the shape that was asked for."""
+"""Checks at the public door: what comes in is a finite float64 array of the shape asked for. Rows drawn from many."""
 
 from math import isfinite
 from typing import Annotated, Any, NamedTuple
@@ -13,6 +13,16 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 _FLOAT64 = np.dtype(np.float64)
 _FEW = 64  # numbers that Python adds up sooner than NumPy is called
+
+
+def spread(count: int, most: int) -> Integers:
+    """Return at most `most` of `count` rows, rising: one at random, the same each time, of each of as many equal parts.
+
+    Every k-th row would meet a periodic motion in a few of its phases alone, and tell nothing of its time.
+    """
+    edges = np.arange(min(count, most) + 1) * count // max(1, min(count, most))
+    drawn = np.random.default_rng(0).random(len(edges) - 1)
+    return np.asarray(edges[:-1] + (drawn * np.diff(edges)).astype(np.int64))
 
 
 _KINDS = {float: ("iuf", "valid numbers"), int: ("iu", "whole numbers"), bool: ("b", "true or false")}

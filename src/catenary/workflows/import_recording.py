@@ -32,7 +32,7 @@ from catenary.side_by_side import Progress, silent
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 
-MOST_JUDGED = 900_000  # positions of joints
+MOST_JUDGED = 4_000_000  # positions of joints; what they are judged by takes 0.6 GB
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
@@ -78,7 +78,7 @@ def import_recording(
 class ImportedLog:
     """What was imported into a file."""
 
-    log: MotionLog  # its first rows, which were judged
+    log: MotionLog  # which was judged: whole, or the first rows of a longer one
     rows: int
     seconds: float | None  # from the first row to the last; None without time
     measured: int | None  # rows with a trusted q_encoder; None where there is none
@@ -116,6 +116,8 @@ def import_to_file(
     write_pieces(counted(), out)
     seconds = None if judged.time is None or last_time is None else float(last_time.max() - judged.time.min())
     has_encoder = judged.q_encoder is not None
+    if len(judged) < rows <= MOST_JUDGED // len(judged.joint_names) and has_encoder:
+        judged = read_log(out)
     found = findings_of(judged, robot=robot_of([judged], robot)) if has_encoder else ()
     if len(judged) < rows and has_encoder:
         notes = (*notes, f"of {rows} rows the first {len(judged)} were judged; catenary check judges all")
