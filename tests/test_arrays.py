@@ -12,6 +12,7 @@ from catenary.arrays import (
     frozen,
     one_for_all,
     refuse_non_finite,
+    spread,
     without_missing,
 )
 from catenary.errors import InputError
@@ -171,3 +172,14 @@ def test_positions_that_no_joint_reaches_are_missing_but_not_where_most_are_ther
     assert_array_equal(without_missing(values, 1.0), np.append(JOINT, [np.nan]))
     counts = 1e3 * JOINT[JOINT > 0.0]  # read as rad: wrong by another fault, which the verdict tells
     assert without_missing(counts, 1.0) is counts
+
+
+@pytest.mark.parametrize(("count", "most"), [(0, 5), (3, 5), (5, 5), (7, 5), (1_000_000, 1000)])
+def test_rows_are_spread_evenly_and_at_random_phases(count, most):
+    rows = spread(count, most)
+    assert len(rows) == min(count, most)
+    assert (np.diff(rows) > 0).all()
+    part = count / max(1, len(rows))
+    assert (np.abs(rows - part * (np.arange(len(rows)) + 0.5)) <= 0.5 * part + 1.0).all()
+    if count > 100 * most:  # each phase of a motion as long as the parts are is met alike
+        assert np.histogram(rows % part, 4, (0.0, part))[0].min() > most / 5

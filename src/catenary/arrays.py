@@ -1,4 +1,4 @@
-"""Checks at the public door: what comes in is a finite float64 array of the shape that was asked for."""
+"""Checks at the public door: what comes in is a finite float64 array of the shape asked for. Rows drawn from many."""
 
 from math import isfinite
 from typing import Annotated, Any, NamedTuple
@@ -19,6 +19,16 @@ _NO_NUMBER = np.array([-999.0, -9999.0, 9999.0, -99999.0, 99999.0, -(2.0**15), 2
 _OF_NO_UNIT = 1e10  # beyond it no count and no unit measures a joint: NDI writes -3.697314e28, others 1e30
 _FARTHEST = 1e4  # [rad, m] that no joint goes
 _APART = 0.5  # of the range of all other numbers, by which -999 lies outside it where it is none
+
+
+def spread(count: int, most: int) -> Integers:
+    """Return at most `most` of `count` rows, rising: one at random, the same each time, of each of as many equal parts.
+
+    Every k-th row would meet a periodic motion in a few of its phases alone, and tell nothing of its time.
+    """
+    edges = np.arange(min(count, most) + 1) * count // max(1, min(count, most))
+    drawn = np.random.default_rng(0).random(len(edges) - 1)
+    return np.asarray(edges[:-1] + (drawn * np.diff(edges)).astype(np.int64))
 
 
 _KINDS = {float: ("iuf", "valid numbers"), int: ("iu", "whole numbers"), bool: ("b", "true or false")}

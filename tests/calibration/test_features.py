@@ -114,7 +114,8 @@ def test_pieces_of_a_recording_give_the_bits_of_the_whole(rng, monkeypatch, ever
     features = choose_inputs([log], FitOptions(kind="hysteretic", coupled=())).features
     whole = features.rows(log)
     monkeypatch.setattr(features_of_rows, "PIECE", 70)
-    parts = features.rows(log, every)
-    assert_array_equal(parts.X, whole.X[::every])
-    assert_array_equal(parts.leaping, whole.leaping[::every])
+    kept = np.arange(0, 500, every)
+    parts = features.rows(log, kept if every > 1 else None)
+    assert_array_equal(parts.X, whole.X[kept])
+    assert_array_equal(parts.leaping, whole.leaping[kept])
     assert parts.spikes == whole.spikes

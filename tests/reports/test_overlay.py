@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.recording.logs import write_parquet
-from catenary.recording.mend import Mend
 from catenary.reports.model_figure import overlay
+from catenary.verdict.mend import Mend
 from command_line import catenary, refusal
 from tests.truth.spoilings import late
 from tests.verdict.test_delay import cable_arm

@@ -7,10 +7,26 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.truth.bench import FAILS, Outcome, checked, evaluated, fitted, refreshed, windows
+import numpy as np
+
+from tests.recording.import_formats.test_tracked_pose import NEAR_SINGULAR, NOISES, seen_by_a_tracker
+from tests.truth.bench import (
+    FAILS,
+    Outcome,
+    checked,
+    evaluated,
+    fitted,
+    refreshed,
+    told_of_hours,
+    told_together,
+    tracked,
+    windows,
+)
 from tests.truth.imports import imports
 from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
-from tests.truth.spoilings import NOTHING, SPOILINGS
+from tests.truth.spoilings import NOTHING, SPOILINGS, late
+from tests.verdict.test_check import TOGETHER
+from tests.verdict.test_delay import periodic_arm
 
 TABLE = Path(__file__).with_name("table.md")
 REFRESH_SECONDS = 120.0
@@ -39,6 +55,21 @@ def outcomes(only: str) -> Iterator[Outcome]:
                     yield checked(known, seconds, folder)
         if re.search(only, "refresh"):
             yield from refreshes(folder)
+        yield from unlike_others(only, folder)
+
+
+def unlike_others(only: str, folder: Path) -> Iterator[Outcome]:
+    """Try faults together, hours of a motion that repeats itself, and poses near a singularity."""
+    for names, made in TOGETHER.items():
+        if re.search(only, f"check: faults together: {names}"):
+            yield told_together(names, made(), folder)
+    for seconds in (0.0, 0.1):
+        if re.search(only, name := f"a million rows, {seconds:g} s late"):
+            yield told_of_hours(Known(name, (late(periodic_arm(999_600), seconds),), ()), seconds, folder)
+    for robot, match, through, noise in ((*each, noise) for each in NEAR_SINGULAR for noise in NOISES):
+        if re.search(only, f"check: poses of {robot} near a singularity"):
+            seen = seen_by_a_tracker(robot, match, through, np.array(noise))
+            yield tracked(robot, seen, np.array(noise), match)
 
 
 def windows_of(known: Known, seconds: float) -> bool:

@@ -19,6 +19,7 @@ from catenary.calibration.model_file import load_model
 from catenary.cli.main import app
 from catenary.errors import CatenaryError, DataError
 from catenary.plant import MotionLog
+from catenary.recording.import_formats.tracked_pose import deviations
 from catenary.recording.logs import write_parquet
 from catenary.units import DISPLAY
 from tests.truth.recordings import Known
@@ -246,3 +247,39 @@ def _model_of(logs: Sequence[MotionLog], folder: Path, kind: str) -> Path:
             raise DataError(said, [])
         _MODELS[key] = path
     return _MODELS[key]
+
+
+def told_together(names: str, log: MotionLog, folder: Path) -> Outcome:
+    """Check a recording with several faults: each is named, the gravest first."""
+    wanted = names.strip().split(", ")
+    found, said = run("check", *written([log], folder))
+    seen = dict.fromkeys(each["name"] for each in (found or {}).get("findings", ()))
+    told = ", ".join(name for name in seen if name in wanted) if found else said
+    return Outcome(f"check: faults together: {names}", told, names, HOLDS if told == names.strip() else FAILS)
+
+
+def told_of_hours(known: Known, seconds: float, folder: Path) -> Outcome:
+    """Import, check and fit a recording of hours: all say one delay, which holds the true one."""
+    (path,) = written(known.logs, folder)
+    imported, seen, fit = (
+        run("import", path, "--out", folder / "imported.parquet")[0],
+        run("check", path)[0],
+        run("fit", path, "--model", "linear", "--out", folder / "model.npz"),
+    )
+    assert imported is not None
+    assert seen is not None
+    says, delay = str(imported["delay"]).partition(";")[0], seen["facts"]["delay"]
+    same = says in " ".join([*seen["remarks"], *seen["faults"]]) and says in fit[1]
+    held = delay["low"] < seconds < delay["high"] and (delay["sure"] == "certain") == (abs(seconds) > 0.0)
+    return Outcome(f"check: {known.name}", says, f"{seconds:g} s", HOLDS if same and held else FAILS)
+
+
+def tracked(robot: str, seen: tuple[Any, ...], noise: np.ndarray, match: str) -> Outcome:
+    """Hold joints from poses near a singularity against the truth: none errs by more than five standard deviations."""
+    model, q, found, notes = seen
+    ok = np.isfinite(found).all(axis=1)
+    times = np.abs(found - q)[ok] / deviations(model, found[ok], None, match, noise)
+    says = f"{ok.mean():.0%} of rows ok; {'singularity named' if 'singularity' in notes[0] else 'none named'}"
+    case = f"check: poses of {robot} near a singularity, noise {1e3 * noise[0]:g} mm"
+    held = times.max() < 5.0 and "too near a singularity" in notes[0]
+    return Outcome(case, says, f"at most {times.max():.1f} standard deviations off", HOLDS if held else FAILS)

@@ -7,13 +7,30 @@ import pytest
 
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
-from catenary.recording.mend import Mend
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, verdict
 from catenary.verdict.finding import judge
+from catenary.verdict.mend import Mend
 from catenary.verdict.units_and_scale import trained_findings
 from hysteretic_arm import recording
-from spoilt import BOTH, MEASURED, SPOILS, Spoil, in_deg_and_mm, scaled, shifted
+from spoilt import (
+    BOTH,
+    MEASURED,
+    SPOILS,
+    Spoil,
+    drifting,
+    exchanged,
+    in_deg_and_mm,
+    leapt,
+    mixed,
+    scaled,
+    shifted,
+    stuck,
+    with_outliers,
+    wrapped,
+)
+from tests.truth.spoilings import late
+from tests.verdict.test_delay import cable_arm
 
 
 @pytest.mark.alike
@@ -158,3 +175,36 @@ def test_numbers_that_were_converted_twice_are_told_before_errors_look_as_small(
     named = [each for each in findings_of(tiny) if "converted twice" in str(each)]
     assert [each.joints for each in named] == ([told] if told else [])
     assert not any(each.refuses for each in named)
+
+
+TOGETHER = {  # what two faults or more of one recording are found to be, gravest first
+    "mixed, delay": lambda: late(mixed(cable_arm(), 0, 1), 0.73),
+    "clock, delay": lambda: late(drifting(cable_arm(seconds=600.0), 3e-4), 0.73),
+    "clock, delay ": lambda: late(late(cable_arm(), 0.5), 0.23, slice(0, 2)),
+    "sign, delay, outliers": lambda: with_outliers(late(scaled(cable_arm(), MEASURED, [0], -1.0), 0.3)),
+    "swapped, scale, delay": lambda: late(scaled(exchanged(cable_arm(), MEASURED, [1, 0]), MEASURED, [0], 1.4), 0.3),
+    "delay, stuck": lambda: stuck(late(cable_arm(), 0.3), 1, 0.1),
+    "units, jump": lambda: leapt(scaled(recording(), MEASURED, [1], np.rad2deg(1.0)), 0, 0.3),
+    "sign, jump": lambda: leapt(scaled(recording(), MEASURED, [0], -1.0), 0, 0.3),
+    "turns, jump": lambda: leapt(wrapped(recording(), 3, np.pi), 3, 0.3),
+    "stamps, delay": lambda: replace(late(cable_arm(), 0.3), time=1e3 * cable_arm().time),
+}
+
+
+@pytest.mark.parametrize("names", TOGETHER)
+def test_no_finding_hides_another_whatever_is_accepted(names: str) -> None:
+    wanted = names.strip().split(", ")
+    found = findings_of(TOGETHER[names]())
+    assert [name for name in dict.fromkeys(each.name for each in found) if name in wanted] == wanted
+    refused = {each.name for each in found if each.refuses}
+    assert refused == {*wanted} - {"outliers"}
+    for accepted in refused:
+        with pytest.raises(DataError) as refusal:
+            judge([("run", each) for each in found], [accepted])
+        assert set(refusal.value.names) == refused - {accepted}
+
+
+def test_what_is_found_behind_another_fault_says_as_if_that_were_mended() -> None:
+    found = findings_of(late(mixed(cable_arm(), 0, 1), 0.73))
+    assert all("as if mended by --delay 0.7" in each.says for each in found if each.name == "mixed")
+    assert not any("as if" in each.says for each in findings_of(late(cable_arm(), 0.73)))

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.plant import MotionLog
-from catenary.recording.mend import Mend
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.verdict.check import findings_of
 from catenary.verdict.delay import delay_of
+from catenary.verdict.mend import Mend
 from hysteretic_arm import play
 from tests.truth.spoilings import late
 
@@ -60,12 +60,43 @@ def test_hysteresis_is_no_delay(slack, sines):
     assert delay_of(cable_arm(slack=slack, sines=sines)).sure != "certain"
 
 
+def periodic_arm(count: int) -> MotionLog:
+    """`cable_arm` along sines that begin again after 100 s."""
+    once = cable_arm(seconds=200.0, sines=True).part(3000, 6000)  # without the start, when slack is not taken up
+    rows = np.arange(count) % 3000
+    noise = np.random.default_rng(1).normal(size=(len(rows), 3)) * [5e-4, 5e-4, 3e-5]
+    q, seen, ok = once.q_nominal[rows], once.q_encoder[rows] + noise, once.ok[rows]
+    return replace(once, q_nominal=q, q_encoder=seen, ok=ok, time=np.arange(len(rows)) / RATE)
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize("seconds", [0.0, 0.1])
+def test_a_delay_of_hours_is_that_of_minutes_though_the_motion_repeats_itself(seconds):
+    minutes, hours = (delay_of(late(periodic_arm(rows), seconds)) for rows in (27_000, 999_600))
+    for found in (minutes, hours):
+        assert found.sure == ("certain" if seconds else "none")
+        assert found.low < seconds < found.high
+        assert not found.apart
+    assert abs(hours.seconds - minutes.seconds) < 0.01
+
+
+def test_a_zero_that_wanders_over_an_hour_hides_no_delay():
+    log = periodic_arm(108_000)
+    wander = np.sin(np.linspace(0.0, 20.0, len(log)))[:, None] * np.deg2rad([2.0, 2.0, 0.1])
+    found = delay_of(late(replace(log, q_encoder=log.q_encoder + wander), 0.1))
+    assert found.sure == "certain"
+    assert found.low < 0.1 < found.high
+
+
 @pytest.mark.alike
 @pytest.mark.parametrize("seconds", [-0.2, 0.3])
 @pytest.mark.parametrize("joints", [slice(1, 2), slice(0, 2)])
 def test_joints_that_lie_unlike_times_behind_are_named_and_refused(seconds, joints):
-    (told,) = (each for each in findings_of(late(cable_arm(), seconds, joints)) if each.name in ("delay", "clock"))
+    told, *common = (
+        each for each in findings_of(late(cable_arm(), seconds, joints)) if each.name in ("delay", "clock")
+    )
     assert (told.name, told.refuses) == ("clock", True)
+    assert [each.name for each in common] == ["delay"] * (joints == slice(0, 2))  # that of most joints is one beside it
     true = dict.fromkeys(("J1", "J2", "J3"), 0.0) | dict.fromkeys(("J1", "J2", "J3")[joints], seconds)
     found = told.says.split(" lie ")[1].split(" s behind")[0].split(", ")
     assert told.joints
@@ -93,7 +124,7 @@ def test_without_stamps_it_is_in_rows():
 def test_clocks_that_run_apart_are_told():
     log = cable_arm(seconds=600.0)
     ahead = np.column_stack([np.interp(log.time * (1.0 + 3e-4), log.time, c) for c in log.q_encoder.T])
-    (found,) = (f for f in findings_of(replace(log, q_encoder=ahead)) if f.name in ("delay", "clock"))
+    found = next(f for f in findings_of(replace(log, q_encoder=ahead)) if f.name in ("delay", "clock"))
     assert found.name == "clock"
     assert_allclose(found.delay.change, -0.18, atol=0.06)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from catenary.plant import MotionLog
-from catenary.recording.mend import Mend
 from catenary.verdict.check import findings_of, repeated_findings
+from catenary.verdict.mend import Mend
 from hysteretic_arm import recording
 from spoilt import copied, leapt
 

@@ -15,8 +15,8 @@ from catenary.calibration.fit_recordings import fit_logs
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import Quantity, RecordingMapping
 from catenary.recording.logs import Reading, read_recording
-from catenary.recording.mend import Mend
 from catenary.verdict.check import findings_of
+from catenary.verdict.mend import Mend
 from catenary.verdict.sensors import filled_findings
 from hysteretic_arm import play
 from hysteretic_arm import recording as hysteretic

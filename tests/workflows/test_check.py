@@ -13,8 +13,8 @@ import pytest
 import simulated_arm
 from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet
-from catenary.recording.mend import Mend
 from catenary.robots.catalog import load_robot
+from catenary.verdict.mend import Mend
 from catenary.workflows.check import check_file, check_recording, check_robot
 from command_line import catenary
 from hysteretic_arm import recording
@@ -73,7 +73,7 @@ def test_the_verdict_names_a_doubt_that_is_no_fault() -> None:
     leapt = ARRAYS["q_act"] + np.outer(np.arange(len(ARRAYS["q_act"])) >= 200, [0.04, 0.0, 0.0])
     found = check_recording(replace(LOG, q_encoder=leapt))
     assert found.faults == []
-    assert found.verdict.startswith("in doubt: jump of J1; otherwise nothing wrong found")
+    assert found.verdict.startswith("in doubt: jump of J1; no fault found, ")
 
 
 def test_readings_of_an_inertial_unit_are_no_failed_import(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_a_recording_for_identification_tells_what_it_shows(moving_arm_logs: Pat
     assert any("shows all" in remark and "condition" in remark for remark in found.remarks)
     outcome = catenary("check", moving_arm_logs / "run0.npz", "--robot", "raven2")
     assert outcome.code == 0
-    assert "nothing wrong found" in outcome.out
+    assert f"no fault found, {len(found.remarks)} remark" in outcome.out
 
 
 def test_a_joint_that_stands_still_shows_too_little(tmp_path: Path) -> None:

@@ -24,11 +24,11 @@ from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
 from catenary.plant import MotionLog
 from catenary.recording.logs import Reading
-from catenary.recording.mend import Mend
 from catenary.reports.identification import excitation_facts, parameter_table, residual_table
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf_export import write_urdf
+from catenary.verdict.mend import Mend
 from catenary.workflows.identify import identify_files, of_joints, payload_of_files
 from command_line import catenary, refusal
 from moving_arm import recorded, sinusoids, write_npz

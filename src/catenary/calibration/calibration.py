@@ -29,10 +29,10 @@ from catenary.calibration.model_file import save_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import read_log
-from catenary.recording.mend import AS_TRAINED
 from catenary.side_by_side import Progress, silent
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
+from catenary.verdict.mend import AS_TRAINED
 
 Recording = MotionLog | str | Path
 Item = TypeVar("Item")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Flags, Floats, Integers, as_array
+from catenary.arrays import Flags, Floats, Integers, as_array, spread
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import FIRST_DATE, Jointed, MotionLog, joints_text
@@ -55,7 +55,7 @@ class CalibrationData:
     sources: tuple[TrainingSource, ...]
     has_time: bool
     robot: str | None = None
-    every: int = 1  # of the recordings' rows that are among these or were left out: all, every second one, ...
+    every: int = 1  # of so many rows one is among these or was left out
     began: tuple[float, ...] = ()  # [s] of each source: what its own clock said at its time zero
 
     def __len__(self) -> int:
@@ -128,7 +128,7 @@ def calibration_data(
 
     A row is usable when it has a measurement (`ok`). Where a midline is not known yet a model gives the fixed offset:
     such rows count as its errors and teach nothing (`complete`). Rows where any joint's error is beyond `max_error`
-    (n,) [rad|m] are left out and counted. Of each recording one row in `every` is taken; features follow all.
+    (n,) [rad|m] are left out and counted. Of a recording one row in `every` is taken, at random; features follow all.
     """
     logs = in_one_order(logs)
     first = logs[0]
@@ -163,9 +163,10 @@ def _usable_rows(
     """Return X, q_nominal, error, leaping, position and time of a recording's usable rows, and what was left out."""
     if log.q_encoder is None:
         raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
-    X, leaping, spikes = features.rows(log, every)
-    q, ok = log.q_nominal[::every], log.ok[::every]
-    error = log.q_encoder[::every] - q
+    index = spread(len(log), -(-len(log) // every))
+    X, leaping, spikes = features.rows(log, None if every == 1 else index)
+    q, ok = log.q_nominal[index], log.ok[index]
+    error = log.q_encoder[index] - q
     complete = np.isfinite(X).all(axis=1)
     far = np.zeros(error.shape, dtype=bool)
     if max_error is not None:
@@ -182,8 +183,7 @@ def _usable_rows(
         leaps={name: count for name, count in spikes.items() if count},
         beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
     )
-    index = np.arange(0, len(log), every, dtype=float)
-    time = log.time[::every] if has_time and log.time is not None else index
+    time = log.time[index] if has_time and log.time is not None else index.astype(np.float64)
     return tuple(each[ok & inside] for each in (X, q, error, leaping, index / len(log), time)), source
 
 

@@ -146,20 +146,22 @@ class FeatureSet:
         """Return features of every row, (N, F), commands without measurement too; midlines are NaN at first."""
         return self.rows(log).X
 
-    def rows(self, log: MotionLog, every: int = 1) -> FeatureRows:
-        """Return `matrix`, and what leaps on the way; of rows 0, `every`, ... alone, though states follow all."""
-        signals = self.signal_rows(log)
-        count, memory, room = -(-len(log) // every), self.memory(), room_of(log, self.period)
+    def rows(self, log: MotionLog, kept: Integers | None = None) -> FeatureRows:
+        """Return `matrix`, and what leaps on the way; of the rows `kept` alone, rising, though states follow all."""
+        signals, memory, room = self.signal_rows(log), self.memory(), room_of(log, self.period)
+        count = len(log) if kept is None else len(kept)
         X, leaping = np.empty((count, len(self.names))), np.zeros(count, dtype=bool)
         starts = set(log.starts)
         for first, last in pairwise(sorted({*starts, *range(0, len(log), PIECE), len(log)})):
             if first in starts:
                 memory.clear()
-            rows, kept = slice(first, last), slice(-(-first // every), -(-last // every))
-            part = X[kept] if every == 1 else np.empty((last - first, X.shape[1]))
+            rows = slice(first, last)
+            into = rows if kept is None else slice(*np.searchsorted(kept, (first, last)))
+            part = X[rows] if kept is None else np.empty((last - first, X.shape[1]))
             leaps = np.zeros(last - first, dtype=bool)
             run(self.row_steps(signals[rows], memory, part, room[rows], leaps))
-            X[kept], leaping[kept] = part[-first % every :: every], leaps[-first % every :: every]
+            taken = slice(None) if kept is None else kept[into] - first
+            X[into], leaping[into] = part[taken], leaps[taken]
         return FeatureRows(X, leaping, self.spikes(memory))
 
     def signal_rows(self, log: MotionLog) -> Floats:

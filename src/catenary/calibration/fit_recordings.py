@@ -7,7 +7,7 @@ from functools import cache, partial, reduce
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, spread
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
@@ -22,13 +22,13 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.mend import left_out_rows, mends_of
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
 from catenary.side_by_side import Progress, part_of, silent
 from catenary.units import DISPLAY
 from catenary.verdict.check import Passed, robot_of, verdict
 from catenary.verdict.finding import Finding
+from catenary.verdict.mend import left_out_rows, mends_of
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 MOST_ROWS, SAMPLED_ROWS = 50_000, 20_000
@@ -208,7 +208,7 @@ def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, F
     if model.kind == "offset":
         return nothing, nothing
     data = data.rows(data.complete)
-    data = data.rows(np.arange(len(data)) % (len(data) // SAMPLED_ROWS + 1) == 0)
+    data = data.rows(np.isin(np.arange(len(data)), spread(len(data), SAMPLED_ROWS)))
     linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
     lines = [group for group in model.groups if isinstance(group.predictor, Linear)]
     bent = [

@@ -19,9 +19,9 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_refresh import BLOCKS, FEWEST_ROWS, NOTHING, JointChange, Refreshed, refresh_model
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
-from catenary.recording.mend import AS_TRAINED, Mend
-from catenary.recording.mend import NOTHING as NO_MEND
 from catenary.verdict.check import robot_of, verdict
+from catenary.verdict.mend import AS_TRAINED, Mend
+from catenary.verdict.mend import NOTHING as NO_MEND
 from catenary.verdict.units_and_scale import trained_findings
 
 

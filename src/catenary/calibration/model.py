@@ -19,7 +19,7 @@ from catenary.cards import StoredFloats, StoredIntegers
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.mend import MENDS
+from catenary.verdict.mend import MENDS
 
 Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]

@@ -166,5 +166,6 @@ def import_recording(
     facts = [("joints:", joints_text(log)), ("rows:", rows)]
     facts += [*([] if delay is None else [("delay:", delay)]), ("log:", str(out))]
     notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
+    notes += [f"{each.name}: {each}" for each in done.findings if not each.refuses and str(each) != delay]
     notes += ["if columns hold measured joints, name them: --map q_encoder=COLUMNS"] * (not done.measured)
     print_result(as_json, report, facts, notes=notes)

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, spread
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.inverse_kinematics import search_range
 from catenary.errors import InputError
@@ -113,7 +113,7 @@ def base_parameters(
         np.zeros(size) if static else rng.normal(scale=2.0, size=size),
         np.zeros(size) if static else rng.normal(scale=10.0, size=size),
     ]
-    some = np.linspace(0, len(recorded[0]) - 1, min(len(recorded[0]), RANDOM_ROWS)).astype(np.int64)
+    some = spread(len(recorded[0]), RANDOM_ROWS)
     motion = [np.concatenate([a, b[some]]) for a, b in zip(random, recorded, strict=True)]
     rows = len(motion[0])
     down, turning = gravity, None

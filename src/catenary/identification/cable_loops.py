@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import t as student
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, spread
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
@@ -117,7 +117,7 @@ def _friction(time: Floats, q: Floats, x: Floats, tau: Floats, j: int, half: flo
     past = np.abs(q[:, j] - play(np.ascontiguousarray(q[:, j]), radius)) > 0.999 * radius  # beyond the last reversal
     past &= (qd[:, 1] * np.sign(qd[:, 0]) > FOLLOWS * np.abs(qd[:, 0])) | (qd[:, 1] == qd[:, 0])
     rows = np.flatnonzero(past & (np.abs(qd[:, 0]) > MOVING * np.sqrt(np.mean(qd[:, 0] ** 2))))
-    rows = rows[:: len(rows) // MOST_ROWS + 1]
+    rows = rows[spread(len(rows), MOST_ROWS)]
     side, own = np.sign(qd[rows, 0]), rows * BLOCKS // len(q)
     if any(len(np.unique(side[own == b])) < 2 for b in range(BLOCKS)):
         return Interval(), [f"friction: the joint does not move both ways in each of {BLOCKS} blocks of time"]

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, spread
 from catenary.config import IN_FILES
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.parameters import recorded_load
@@ -202,7 +201,8 @@ def _products(
         loads = np.column_stack([recorded_load(term, part, coulomb_velocity) for term in terms])
         for rows, Y in base.chunks(part):
             for f in range(FOLDS):
-                here: NDArray[np.int64] = np.flatnonzero(fold[rows] == f)[::every]
+                here = np.flatnonzero(fold[rows] == f)
+                here = here[spread(len(here), -(-len(here) // every))]
                 for i in range(n):
                     tau = part.tau[rows][here, i, None]
                     A = np.concatenate([Y[here, i], loads[rows][here] * along[:, i], tau], axis=1)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, spread
 from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.identification.identification import Identification, carrying
 from catenary.identification.least_squares import flattened, left_beside, log_squares, one_over, scaled_solution
@@ -166,5 +166,4 @@ def _tilted(part: Samples) -> list[Samples]:
 
 
 def _some(samples: Samples, most: int) -> Samples:
-    every = max(1, len(samples) // most)
-    return samples.rows(np.arange(len(samples)) % every == 0, samples.name)
+    return samples.rows(np.isin(np.arange(len(samples)), spread(len(samples), most)), samples.name)

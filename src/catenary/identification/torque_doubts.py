@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, spread
 from catenary.dynamics.torque_regressor import link_parameters, torque_regressor
 from catenary.identification.identification import Identification, carrying
 from catenary.identification.least_squares import SINGULAR, flattened, left_beside, log_squares, solve, triangles
@@ -52,7 +52,7 @@ def torque_findings(
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """
     count = len(samples)
-    some = np.isin(np.arange(count), np.linspace(0, count - 1, min(count, ROWS)).astype(np.int64))
+    some = np.isin(np.arange(count), spread(count, ROWS))
     rows = samples.rows(some, samples.name)
     if fitted and (mounting := mounting_finding(result.model, rows)) is not None:
         return [mounting]
@@ -312,7 +312,7 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
     time = np.cumsum(np.where(steps >= 0.0, steps, 0.0))  # of joined recordings too, whose stamps go back
     span = float(time[-1])
     inside = np.abs(time - span / 2.0) <= span / 2.0 - min(REACH, span / 10.0)
-    places = np.flatnonzero(inside)[:: int(inside.sum()) // ROWS + 1]
+    places = np.flatnonzero(inside)[spread(int(inside.sum()), ROWS)]
     few = samples.rows(np.isin(np.arange(len(samples)), places), samples.name)
     n, b = few.q.shape[1], result.base.count
     if result.options.terms == "static" or len(few) < 2 * (b + n):

@@ -19,9 +19,9 @@ from catenary.documents import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError, InputError, to_import
 from catenary.files import damage, sha256_of, table_ending, written_whole
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
-from catenary.recording.mend import NOTHING, Mend
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
+from catenary.verdict.mend import NOTHING, Mend
 
 if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log alone does without
     from catenary.recording.import_formats.mapping import RecordingMapping

@@ -1,13 +1,14 @@
 """The verdict on recordings of which a calibration model is to be made: every check, in order."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -17,6 +18,7 @@ from catenary.verdict.correspondence import correspondence_findings, joints_in_p
 from catenary.verdict.delay import Delay
 from catenary.verdict.finding import Finding, judge, require_names
 from catenary.verdict.levels import leap_findings, turn_findings
+from catenary.verdict.mend import NOTHING, Mend
 from catenary.verdict.out_of_step import delay_findings
 from catenary.verdict.pairs import MOVED, Pairs, pairs_of, scales
 from catenary.verdict.sensors import (
@@ -33,57 +35,112 @@ from catenary.verdict.units_and_scale import range_findings, slope_findings, tin
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
 MOST_HASHES = 1_000_000  # that are compared
+MAX_ERROR = "--max-error"
+ROUNDS = 4  # of mends: one fault may hide another
 REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 
 
+class Judged(NamedTuple):
+    """What is wrong with a recording, and the recording with all of that mended that options can."""
+
+    findings: tuple[Finding, ...]  # the gravest first
+    mend: Mend
+    log: MotionLog
+    left: list[str]  # names of findings that refuse it even then
+
+
 def findings_of(
+    log: MotionLog, *, robot: RobotModel | None = None, max_error: Floats | None = None
+) -> tuple[Finding, ...]:
+    """Return what is wrong with a recording, and what is worth knowing, the gravest first; see `judged`."""
+    return judged(log, robot=robot, max_error=max_error).findings
+
+
+def judged(
     log: MotionLog,
+    mend: Mend = NOTHING,  # that it needs before
     *,
     robot: RobotModel | None = None,  # whose limits positions are held against, by the names of joints
     max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out
-) -> tuple[Finding, ...]:
-    """Return what is wrong with a recording, and what is worth knowing, the gravest first."""
-    return (*_alone(log, robot, max_error, None), *(each for _, each in repeated_findings([log])))
+    trained: tuple[Floats, Floats] | None = None,
+    alone: bool = True,  # minutes that are there twice are looked for, too
+) -> Judged:
+    """Find what is wrong with a recording; what a fault hides, as if that were mended by its remedy, and say so."""
+    found, begun = list[Finding](), mend
+    for _ in range(ROUNDS):
+        mended = mend(log)
+        if max_error is not None and mended.q_encoder is not None:
+            with np.errstate(invalid="ignore"):
+                within = (np.abs(mended.q_encoder - mended.q_nominal) <= max_error).all(axis=1)
+            mended = replace(mended, ok=mended.ok & within)
+        seen = _together(mended, robot, trained, in_step=(mend.delay, mend.shift) != (begun.delay, begun.shift))
+        found += _as_if(mend, begun, seen, found)
+        more = mend
+        for each in seen:
+            more = (more.and_then(each.remedy) if each.refuses else None) or more
+        try:
+            if more == mend or not more(log).ok.any():
+                break
+        except InputError:  # such as a shift that leaves no row
+            break
+        mend = more
+    if (pairs := pairs_of(mended)) is not None:  # what is wrong everywhere is far from the rest somewhere
+        single = *outlier_findings(mended), *coarse_findings(pairs), *filled_findings(mended), *missing_findings(mended)
+        wrong = {joint for each in seen if each.refuses for joint in each.joints}
+        found += _as_if(mend, begun, (each for each in single if wrong.isdisjoint(each.joints)), found)
+    found += [each for _, each in repeated_findings([mended])] * alone
+    left = [each.name for each in seen if each.refuses and not each.remedy.startswith(MAX_ERROR)]
+    found.sort(key=lambda each: each.severity)
+    return Judged(tuple(found), mend, mended, list(dict.fromkeys(left)))
 
 
-def _alone(
-    log: MotionLog, robot: RobotModel | None, max_error: Floats | None, trained: tuple[Floats, Floats] | None
+def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Finding]) -> list[Finding]:
+    """Return findings that are not known, and say as if by which mend they were seen; none that the mend makes."""
+    told = {(each.name, joint) for each in known for joint in each.joints or ("",)}
+    anew = [each for each in seen if told.isdisjoint((each.name, joint) for joint in each.joints or ("",))]
+    if mend == begun:
+        return anew
+    made = {*NEEDED_TO_LEARN, *(("missing",) if mend.leave_out else ())}
+    shown = f" (seen as if mended by {' '.join(mend.options)})"
+    anew = [each for each in anew if each.name not in made and (each.refuses or each.name != "delay")]
+    return [replace(each, says=each.says + shown) for each in anew]
+
+
+def _together(
+    log: MotionLog, robot: RobotModel | None, trained: tuple[Floats, Floats] | None, *, in_step: bool
 ) -> list[Finding]:
-    """Find what is wrong with a recording, the gravest first, but for minutes that are there twice, or in others."""
-    if max_error is not None and log.q_encoder is not None:
-        with np.errstate(invalid="ignore"):
-            within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
-        log = replace(log, ok=log.ok & within)
+    """Find what is wrong with all rows, or with how measurements and commands go together; `in_step` once mended."""
     ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
-        findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
+        wrong = {joint for each in findings if each.refuses for joint in each.joints}
+        findings += _relation(pairs, wrong, in_step=in_step)
         delay = next((each.delay for each in findings if each.delay is not None), None)
         findings += [*arrival_findings(log, delay), *zero_findings(log)]
-        if not any(each.refuses for each in findings):  # what is wrong everywhere is far from the rest somewhere
-            findings += [*outlier_findings(log), *coarse_findings(pairs), *filled_findings(log), *missing_findings(log)]
-    return sorted(findings, key=lambda each: not each.refuses)
+    return findings
 
 
-def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
+def _relation(pairs: Pairs, wrong: Collection[str], *, in_step: bool) -> list[Finding]:
     """Find what is wrong between measurements and commands, each under its first cause, but of joints known `wrong`."""
-    turns = [*turn_findings(pairs)]
-    turned = {joint for each in turns for joint in each.joints}
+    turns, pairs = turn_findings(pairs)
     place = joints_in_place(pairs)
-    still = sensor_findings(pairs, place)
+    still, stuck = sensor_findings(pairs, place)
     # a sensor that stands still lies behind more and more
-    late = [] if any(each.refuses for each in still) else delay_findings(pairs, place)
+    moving = replace(pairs, log=replace(pairs.log, ok=pairs.log.ok & ~stuck)) if stuck.any() else pairs
+    late = delay_findings(moving, place)
     swapped, single = correspondence_findings(pairs, place)
     if swapped or single:  # sums of joints, and columns of others, lie unlike times behind
         late = [each for each in late if not each.joints]
-    if any(each.refuses for each in late):  # rows out of step follow nothing, and their slopes mean nothing
-        return [*swapped, *turns, *late]
-    # correlations and slopes of measurements on two levels mean nothing either
-    first = [each for each in (*single, *slope_findings(pairs, place)) if not turned & set(each.joints)]
-    wrong = {*wrong, *turned, *(joint for each in first for joint in each.joints)}
-    others = [*still, *leap_findings(pairs, place)]
-    return [*swapped, *turns, *late, *first, *(each for each in others if not wrong & set(each.joints))]
+    if not in_step and any(each.refuses and each.name == "delay" for each in late):
+        return [*swapped, *turns, *late]  # rows out of step follow nothing, and their slopes mean nothing
+    # slopes and leaps of columns of another scale, or of another joint, mean nothing either
+    first = [*single, *slope_findings(pairs, place)]
+    wrong = {*wrong, *(joint for each in first for joint in each.joints)}
+    others = [each for each in (*still, *leap_findings(pairs, place)) if not set(wrong) & set(each.joints)]
+    turned, shown = {joint for each in turns for joint in each.joints}, " (seen as if brought into one turn)"
+    others = [replace(each, says=each.says + shown * bool(turned & set(each.joints))) for each in (*first, *others)]
+    return [*swapped, *turns, *late, *others]
 
 
 def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel | None:
@@ -114,7 +171,8 @@ def verdict(
 ) -> Passed:
     """Refuse recordings that no model is to be made from, or tested on; return what is worth knowing of others."""
     require_names(accept)
-    own = of_each(lambda log, _: _alone(log, robot, max_error, trained), logs)
+    how: dict[str, Any] = {"robot": robot, "max_error": max_error, "trained": trained, "alone": False}
+    own = of_each(lambda log, _: judged(log, **how).findings, logs)
     found = [(log.name, each) for log, findings in zip(logs, own, strict=True) for each in findings]
     if testing:
         found = [(name, each) for name, each in found if each.name not in NEEDED_TO_LEARN]

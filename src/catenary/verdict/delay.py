@@ -22,10 +22,10 @@ from typing import Literal
 
 import numpy as np
 
-from catenary.arrays import Flags, Floats, Integers
+from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.plant import MotionLog
 from catenary.verdict.hysteresis import FEWEST_ROWS, MOST_ROWS, PLAYS, TRIM, Explanation
-from catenary.verdict.pairs import MOVED, reversals_of, scales
+from catenary.verdict.pairs import MOVED, in_stretches, reversals_of, scales
 
 LOOKS = 6.0
 CERTAIN, LIKELY = 3.0, 2.0  # deviations of the interval, and of a note
@@ -57,6 +57,7 @@ class Delay:
     cost: float = 0.0  # sum of log RSS at the best
     apart: tuple[tuple[str, float], ...] = ()  # joints and their own delays, where not all have one
     apart_by: float = 0.0  # deviations by which they stand out
+    median: float = 0.0  # of all joints' own delays
 
     def __str__(self) -> str:
         """Say what was found and what could hide."""
@@ -117,7 +118,7 @@ def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: fl
     between = max(step, reach / LOOKED_AT)
     count = int(np.floor(reach / between + 1e-9))
     coarse: Floats = np.float64(about) + between * np.arange(-count, count + 1, dtype=np.float64)
-    looks = [_JointLook(q, m[:, i], t, places[i], moved, inside, block, coarse) for i in joints]
+    looks = [_JointLook(q, m[:, i], t, places[i], moved, inside, block, coarse, in_time) for i in joints]
     grid, costs = _scan(looks, coarse, between)
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
@@ -135,7 +136,16 @@ def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: fl
     apart = [(log.joint_names[i], float(d + fine[look.costs(d + fine)[:, 0].argmin()]))
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
-        float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]), tuple(apart), apart_by
+        float(grid[best]),
+        low,
+        high,
+        sure,
+        _change(along, high - low),
+        unit,
+        float(total[best]),
+        tuple(apart),
+        apart_by,
+        float(np.median(own)),
     )
 
 
@@ -171,16 +181,17 @@ class _JointLook:
         inside: Flags,
         block: Integers,
         coarse: Floats,
+        in_time: bool,
     ) -> None:
         self.t, self.y, self.block = t, seen, block
         error = seen - q[:, own]
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
-        rows = rows[:: len(rows) // MOST_ROWS + 1]
+        rows = in_stretches(rows, MOST_ROWS, q[:, own], t if in_time else None)
         explanation = Explanation(q, own, moved, len(rows))
         few_rows = len(q) <= TABLED
         self.columns_at = explanation.at(np.arange(len(q))).__getitem__ if few_rows else explanation.at
-        few = rows[:: len(rows) // SCANNED_ROWS + 1]
+        few = rows[spread(len(rows), SCANNED_ROWS)]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
         for _ in range(3):
             left = np.abs(self.unexplained(rows, best))

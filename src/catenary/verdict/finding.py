@@ -6,37 +6,38 @@ from dataclasses import dataclass
 from catenary.errors import DataError, InputError
 from catenary.verdict.delay import Delay
 
-# names that findings have, with what they are about; `--accept` takes them
+# names that findings have, with what they are about, in the order of their severity: by how much, and how surely, each
+# makes all other numbers wrong; `--accept` takes them
 NAMES = {
     "units": "numbers in other units than stated",
     "range": "positions outside the robot's limits",
-    "scale": "a measurement that moves more, or less, than a cable lets it",
+    "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
     "swapped": "columns of joints in each other's place",
     "sign": "a measurement, or a torque, of the wrong sign",
     "unrelated": "a measurement that follows no command",
     "copied": "a measurement that is the command itself",
     "mixed": "a measurement that is a sum of several joints' commands",
+    "scale": "a measurement that moves more, or less, than a cable lets it",
     "turns": "measurements whole or half turns from the others",
-    "jump": "an error that leaps and stays",
-    "drift": "an error that moves along the recording",
-    "twice": "minutes that are in the data twice",
-    "delay": "measurements that lie a time behind their commands, or before them",
-    "lag": "a controller's lag between setpoints and what the robot reports",
     "clock": "two clocks that run apart, joints that lie unlike times behind, or rows that one clock lost",
-    "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
-    "stuck": "a measurement that stands still while its joint is moved",
-    "filled": "measurements that were interpolated, or filled in with commands",
-    "coarse": "measurements in coarse steps",
-    "missing": "rows without a measurement that are not like the others",
+    "delay": "measurements that lie a time behind their commands, or before them",
     "zeros": "rows of zeros marked as measured",
+    "stuck": "a measurement that stands still while its joint is moved",
+    "jump": "an error that leaps and stays",
     "constant": "columns that never change",
-    "outliers": "single measurements far from all others",
-    "dropped": "rows left out that carry more than their share of the error",
     "short": "too little to learn from",
     "torques": "torques of another unit, such as motor currents",
-    "offset": "a torque whose zero is not the one identified",
     "gravity": "gravity that pulled along another direction than stated",
+    "offset": "a torque whose zero is not the one identified",
     "tested": "recordings both fitted to and tested on",
+    "twice": "minutes that are in the data twice",
+    "drift": "an error that moves along the recording",
+    "filled": "measurements that were interpolated, or filled in with commands",
+    "missing": "rows without a measurement that are not like the others",
+    "outliers": "single measurements far from all others",
+    "dropped": "rows left out that carry more than their share of the error",
+    "lag": "a controller's lag between setpoints and what the robot reports",
+    "coarse": "measurements in coarse steps",
 }
 
 
@@ -51,6 +52,11 @@ class Finding:
     remedy: str = ""  # the option that mends it
     refuses: bool = True  # a model must not be made from it as it is; otherwise it is a note
     delay: Delay | None = None  # of findings about the delay
+
+    @property
+    def severity(self) -> tuple[bool, int]:
+        """Its place among others: those that refuse come first, then it is as in NAMES."""
+        return not self.refuses, list(NAMES).index(self.name)
 
     def __str__(self) -> str:
         where = f"{', '.join(self.joints)}: " if self.joints else ""

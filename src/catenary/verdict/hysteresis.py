@@ -11,7 +11,7 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.plant import MotionLog
-from catenary.verdict.pairs import MOVED, play, reversals_of, scales
+from catenary.verdict.pairs import MOVED, in_stretches, play, reversals_of, scales
 
 # radii of plays, as shares of a joint's range: few where they are tried again and again, as for each delay
 PLAYS = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
@@ -64,13 +64,12 @@ def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
     turns = [reversals_of(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]
     if log.q_encoder is None or log.ok.sum() < FEWEST_ROWS:
         return [Hysteresis(np.nan, np.nan, count) for count in turns]
-    rows = np.flatnonzero(log.ok)
-    rows = rows[:: len(rows) // MOST_ROWS + 1]
-    seen = scales(log) * log.q_encoder[rows]
-    return [
-        Hysteresis(*(_loop(q, k, moved, rows, seen[:, k]) if k in moved else (np.nan, np.nan)), turns[k])
-        for k in range(q.shape[1])
-    ]
+    found = []
+    for k, scale in enumerate(scales(log)):
+        rows = in_stretches(np.flatnonzero(log.ok), MOST_ROWS, q[:, k], log.time)
+        seen = scale * log.q_encoder[rows, k]
+        found.append(Hysteresis(*(_loop(q, k, moved, rows, seen) if k in moved else (np.nan, np.nan)), turns[k]))
+    return found
 
 
 def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats) -> tuple[float, float]:

@@ -1,13 +1,13 @@
 """Does the zero of a measurement stay where it is? Errors that leap and stay, that drift, or are of whole turns."""
 
-from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.verdict.finding import Finding
 from catenary.verdict.hysteresis import RADII, TRIM, Explanation
-from catenary.verdict.pairs import Pairs, reversals_of, scales
+from catenary.verdict.pairs import Pairs, in_stretches, pairs_of, reversals_of, scales
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
 CLEARLY = 5.0
@@ -33,8 +33,9 @@ EDGES = np.linspace(0.15, 0.85, 15)  # of the rows that count, at which a leap i
 ZEROED = "an encoder, camera or robot that was zeroed anew half-way, or a slipped cable"
 
 
-def turn_findings(pairs: Pairs) -> Iterator[Finding]:
-    """Find measurements of angles that stand whole or half turns from the others of their joint."""
+def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
+    """Find measurements of angles that stand whole or half turns from the others of their joint; bring them there."""
+    found, measured = list[Finding](), np.array(pairs.log.q_encoder)
     for j in [j for j, unit in enumerate(pairs.log.joint_units) if unit == "rad"]:
         error = pairs.m[:, j] - pairs.q[:, j]
         away = error - np.median(error)
@@ -43,12 +44,14 @@ def turn_findings(pairs: Pairs) -> Iterator[Finding]:
         turned = near & (halves != 0.0)
         if turned.mean() <= FEW or near.mean() < MOST:
             continue
+        measured[pairs.log.ok, j] -= np.deg2rad(HALF_TURN * halves)
         sizes, counts = np.unique(halves[turned], return_counts=True)
         most = float(sizes[np.argmax(counts)]) * HALF_TURN
         says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
         culprit = "an angle recorded within one turn, or a counter that lost a turn"
         remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
-        yield Finding("turns", (pairs.names[j],), f"{says} ({most:+.0f} deg most often)", culprit, remedy)
+        found.append(Finding("turns", (pairs.names[j],), f"{says} ({most:+.0f} deg most often)", culprit, remedy))
+    return found, (pairs_of(replace(pairs.log, q_encoder=measured)) or pairs) if found else pairs
 
 
 def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
@@ -96,13 +99,14 @@ def _drift(pairs: Pairs, joint: int, own: int) -> list[Finding]:
     """Note an error that drifts, or leaps at about some row, where what motion and friction explain does not."""
     log, moved = pairs.log, [int(k) for k in np.flatnonzero(pairs.moved)]
     rows = np.flatnonzero(log.ok)
-    kept = np.arange(int(BEGUN * len(rows)), len(rows), len(rows) // MOST_ROWS + 1)
+    time = None if log.time is None else log.time[rows]
+    kept = in_stretches(np.arange(int(BEGUN * len(rows)), len(rows)), MOST_ROWS, pairs.q[:, own], time, PARTS)
     if own not in moved or len(kept) < FEWEST_ROWS:
         return []
     columns = Explanation(scales(log) * log.q_nominal, own, moved, len(kept), RADII).at(rows[kept])
     columns = np.column_stack([columns, np.ones(len(kept))])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
-    error, along = (pairs.m[:, joint] - pairs.q[:, own])[kept], np.linspace(0.0, 1.0, len(kept))
+    error, along = (pairs.m[:, joint] - pairs.q[:, own])[kept], (kept - kept[0]) / (kept[-1] - kept[0])
     ways = np.column_stack([along, *(along > edge for edge in EDGES)])  # in which it may move, by one each
     good = np.ones(len(kept), dtype=bool)
     for _ in range(3):

@@ -7,9 +7,10 @@ import numpy as np
 
 from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
-from catenary.verdict.delay import CERTAIN, LOOKS, Delay, delay_of, reach_of
+from catenary.verdict.delay import APART as APART_S
+from catenary.verdict.delay import APART_ROWS, CERTAIN, LOOKS, Delay, delay_of, reach_of
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales
+from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, in_stretches, scales
 
 # Lags beyond what `delay_of` looks at, by cross-correlation. Hysteresis looks like a lag: at most half of what a wrist
 # leaves unexplained is gone a row later; rows out of step leave 3 to 9000 times as much on a real arm's tight joints.
@@ -47,7 +48,9 @@ def delay_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     culprit = "sensors with clocks of their own; or, where q_nominal is a setpoint, joints that lag unlike"
     joints = tuple(joint for joint, _ in near.apart)
     unlike = Finding("clock", joints, says, culprit, refuses=near.apart_by > UNLIKE, delay=known)
-    others = [] if unlike.refuses else _common_findings(log, place, near, known)
+    others = [each for each in _common_findings(log, place, near, known) if each.refuses or not unlike.refuses]
+    if unlike.refuses and abs(near.median) > (APART_S if near.unit == "s" else APART_ROWS) and not others:  # of most
+        others = [_delay(replace(near, seconds=near.median, sure="certain"))]
     return [*apart, *others, *[unlike] * (near.apart_by > DOUBTED)]
 
 
@@ -55,10 +58,12 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     """Find one delay of all joints; there is always one finding or more."""
     from scipy.stats import spearmanr
 
-    if near.change:
-        return [_clock(f"the delay changes by {near.change:+.3g} {near.unit} along the recording", near)]
+    along = f"the delay changes by {near.change:+.3g} {near.unit} along the recording"
+    clocks = [_clock(along, near)] if near.change else []
     if near.sure == "certain":
-        return [_delay(near)]
+        return [*clocks, _delay(near)]
+    if clocks:
+        return clocks
     step = 0.0 if log.time is None or len(log) < 2 else float(np.median(np.diff(log.time)))
     stride = max(1, round(LONGEST / MOST_ROWS / step)) if step > 0.0 else 1  # MOST_ROWS steps reach LONGEST
     count = WINDOWS if len(log) >= WINDOWS * SHORTEST else 1
@@ -67,7 +72,7 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     clear = [lag for lag in lags if lag]
     if len(clear) >= FEWEST_WINDOWS and np.ptp(lags) >= APART * stride and abs(spearmanr(range(count), lags)[0]) > 0.8:
         along = ", ".join(str(lag) for lag in lags)
-        return [_clock(f"the measurement lies {along} rows behind the command along {count} equal parts", known)]
+        clocks = [_clock(f"the measurement lies {along} rows behind the command along {count} equal parts", known)]
     lag = _lag(log, place, slice(0, len(log)), stride) or (int(np.median(clear)) if len(clear) > count // 2 else 0)
     if lag:
         # poses that rest for unlike times, or have no stamps that differ, are out of step by rows, not by seconds
@@ -77,12 +82,12 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
             in_time = delay_of(log, place, about=lag * reach / rows)
             far = far if far.cost < in_time.cost - 1.0 else in_time
         if far.cost < near.cost - CERTAIN**2 / LOOKS:
-            return [_delay(far)]
-    elif clear:
+            return [*clocks, _delay(far)]
+    elif clear and not clocks:
         parts = ", ".join(str(i + 1) for i, each in enumerate(lags) if each)
         behind = ", ".join(str(each) for each in clear)
-        return [_clock(f"in part {parts} of {count} the measurement lies {behind} rows behind the command", known)]
-    return [Finding("delay", (), str(near), refuses=False, delay=known)]
+        clocks = [_clock(f"in part {parts} of {count} the measurement lies {behind} rows behind the command", known)]
+    return clocks or [Finding("delay", (), str(near), refuses=False, delay=known)]
 
 
 def _delay(found: Delay) -> Finding:
@@ -107,7 +112,8 @@ def _lag(log: MotionLog, place: Integers, part: slice, stride: int) -> int:
     if not joints or reach < 1 or ok.sum() < 8:
         return 0
     lags = stride * np.arange(-reach, reach + 1)
-    costs = np.column_stack([_unexplained(q[:, place[i]], m[:, i], ok, lags) for i in joints])
+    time = None if log.time is None else log.time[part]
+    costs = np.column_stack([_unexplained(q[:, place[i]], m[:, i], ok, lags, time) for i in joints])
     gains = costs[reach] - costs  # (lags, joints), logarithms
     mean = gains.mean(axis=1)
     best = int(np.argmax(mean))
@@ -118,12 +124,12 @@ def _lag(log: MotionLog, place: Integers, part: slice, stride: int) -> int:
     return int(lags[best])
 
 
-def _unexplained(command: Floats, measured: Floats, ok: Flags, lags: Integers) -> Floats:
+def _unexplained(command: Floats, measured: Floats, ok: Flags, lags: Integers, time: Floats | None) -> Floats:
     """Return logarithms of the share of a measurement's variance that commands each lag earlier leave, (lags,)."""
     apart = measured[ok] - command[ok]
     away = np.abs(apart - np.median(apart))
     rows = np.flatnonzero(ok)[away <= OUTLIER_SPREADS * max(1.4826 * float(np.median(away)), 1.0)]
-    rows = rows[:: len(rows) // MOST_PAIRS + 1]  # evenly spread ones tell as much
+    rows = in_stretches(rows, MOST_PAIRS, command, time)
     left = np.zeros(len(lags))
     for k, lag in enumerate(lags):
         inside = rows[max(0, np.searchsorted(rows, lag)) : np.searchsorted(rows, len(command) + min(0, lag))]

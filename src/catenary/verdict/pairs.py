@@ -1,16 +1,22 @@
 """Trusted rows of a recording, and how each measured joint goes with each command."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from catenary.arrays import Flags, Floats, Integers
+from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 
 OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
 TURNS = 0.05  # share of a joint's range that it must go back by for a reversal to count
+STRETCHES, STRETCH_ROWS, STRETCH_S = (
+    8,
+    2000,
+    60.0,
+)  # of long recordings: how many, and rows and seconds of each at least
 MOVED = 1.0  # [deg, mm] least range of a joint that counts as moved: below it, encoders and cameras see noise
 
 
@@ -107,6 +113,22 @@ def pairs_of(log: MotionLog) -> Pairs | None:
         correlation[i, both] = product[both] / size[both] / own
         slope[i, both] = product[both] / size[both] ** 2
     return Pairs(log, q, m, likely, correlation, slope, moved, seen_moving)
+
+
+def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None, parts: int = STRETCHES) -> Integers:
+    """Return `most` usable rows of N, rising: of each part of a long recording where its `command` (N,) moves most.
+
+    A joint's zero wanders over hours, which looks like what a delay leaves; within minutes it stays. `time` (N,) [s].
+    """
+    step = 0.0 if time is None else float(np.median(np.diff(time)))
+    long = max(STRETCH_ROWS, round(STRETCH_S / max(step, 1e-4)) if step > 0.0 else 0)
+    if len(rows) > parts * long:
+        moves = np.abs(np.diff(command[rows], prepend=command[rows[:1]]))
+        way = np.r_[0.0, np.cumsum(np.minimum(moves, np.percentile(moves, 99.0)))]  # single leaps are no motion
+        edges = pairwise(np.arange(parts + 1) * len(rows) // parts)
+        begins = [a + int(np.argmax(way[a + long : b + 1] - way[a : b + 1 - long])) for a, b in edges]
+        rows = np.concatenate([rows[first : first + long] for first in begins])
+    return rows[spread(len(rows), most)]
 
 
 def reversals_of(command: Floats) -> int:

@@ -41,8 +41,8 @@ OFF_LINE = 100.0  # times as far that the median of other rows lies off: noise-f
 FILLED, FEWEST_FILLED = 0.03, 2  # share of the rows that were filled in, and rows of a gap: one alone lies so by chance
 
 
-def sensor_findings(pairs: Pairs, place: Integers) -> list[Finding]:
-    """Find measurements that stand still while their joint is moved."""
+def sensor_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], Flags]:
+    """Find measurements that stand still while their joint is moved, and the log's rows on which too many do (N,)."""
     stuck: list[tuple[list[int], Flags]] = []  # joints that stand still on the same rows, these rows
     for i in range(len(pairs.names)):
         command, measured = pairs.q[:, place[i]], pairs.m[:, i]
@@ -65,7 +65,10 @@ def sensor_findings(pairs: Pairs, place: Integers) -> list[Finding]:
                 break
         else:
             stuck.append(([i], still))
-    return [_stuck(pairs, joints, rows) for joints, rows in stuck] or _held(pairs)
+    found, lost = [_stuck(pairs, joints, rows) for joints, rows in stuck], np.zeros(len(pairs.log), dtype=bool)
+    for each, (_, rows) in zip(found, stuck, strict=True):
+        lost[np.flatnonzero(pairs.log.ok)[rows & each.refuses]] = True
+    return found or _held(pairs), lost
 
 
 def _held(pairs: Pairs) -> list[Finding]:

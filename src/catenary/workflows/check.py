@@ -33,7 +33,6 @@ from catenary.recording.bag_reader import METADATA, bags_in, is_journal
 from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.recording.import_formats.sources import is_bag, is_other_make
 from catenary.recording.logs import Reading, read_recording, read_torque_log
-from catenary.recording.mend import NOTHING, Mend, retimed_by, units_of
 from catenary.reports.calibration import card_facts, model_name
 from catenary.reports.model_figure import overlay
 from catenary.reports.page import Column, Table
@@ -41,9 +40,10 @@ from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.verdict.check import findings_of, repeated_findings, robot_of
+from catenary.verdict.check import MAX_ERROR, judged, repeated_findings, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.hysteresis import hysteresis_of
+from catenary.verdict.mend import NOTHING, Mend, retimed_by, units_of
 from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
@@ -72,7 +72,7 @@ class FileReport:
     remarks: list[str] = field(default_factory=list)  # worth knowing
     findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
     joints: Table | None = None  # of a recording
-    sound: str = SOUND  # the verdict where there is no fault
+    hiding: list[str] = field(default_factory=list)  # what nothing here would show
     draw: "Callable[[], Figure] | None" = None  # a recording's delay
     next: str = ""  # the command line to use next, or what else to do
 
@@ -87,7 +87,10 @@ class FileReport:
         if self.faults:
             return f"{len(self.faults)} fault(s) found"
         doubted = [" of ".join(filter(None, (x.name, ", ".join(x.joints)))) for x in self.findings if x.name in DOUBTS]
-        return f"in doubt: {', '.join(doubted)}; otherwise {self.sound}" if doubted else self.sound
+        none = {f"{x.name}: {x}" for x in self.findings if x.delay is not None and x.delay.sure == "none"}
+        count = len(set(self.remarks) - none)
+        sound = f"no fault found, {count} remark{'s' * (count > 1)}" if count else SOUND
+        return "; ".join([*([f"in doubt: {', '.join(doubted)}"] if doubted else []), sound, *self.hiding])
 
     @property
     def shown_remarks(self) -> list[str]:
@@ -110,8 +113,6 @@ class FileReport:
 
 LONG_GAP = 10.0  # times the median step between stamps
 FEW_REVERSALS = 6  # of a joint: its slack and hysteresis are hardly shown
-ROUNDS = 4  # of mends: one fault may hide another
-MAX_ERROR = "--max-error"
 Limits = tuple[float, ...] | None
 
 
@@ -151,8 +152,9 @@ def check_recording(
     source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
     arm = robot_of([log], robot)
-    findings = findings_of(log, robot=arm, max_error=error_limits(max_error, log))
-    mended, cured, limits, left = _cured(as_read, mend, findings, arm, max_error)
+    findings, mended, cured, left = judged(as_read, mend, robot=arm, max_error=error_limits(max_error, log))
+    asked = [each.remedy.removeprefix(f"{MAX_ERROR} ") for each in findings if each.remedy.startswith(f"{MAX_ERROR} ")]
+    limits = ",".join(f"{limit:g}" for limit in max_error) if max_error is not None else next(iter(asked), "")
     found = recording_report("recording", log, arm, cured)
     found.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{found.lines[0][1]}")
     found.findings = findings
@@ -192,34 +194,7 @@ def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
     told = f"{wild} of {measured:,} rows, beyond {OUTLIER_SPREADS:g} robust standard deviations" if wild else "none"
     found.lines += [("outliers", told)] * bool(measured)
     if delay is not None and delay.sure != "certain":
-        found.sound += f"; a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"
-
-
-def _cured(
-    log: MotionLog, mend: Mend, findings: Sequence[Finding], robot: RobotModel | None, max_error: Limits
-) -> tuple[Mend, MotionLog, str, list[str]]:
-    """Follow what findings advise until none refuses.
-
-    Return the mend, the log so mended, the text of --max-error, and names of findings that no option corrects.
-    """
-    limits = "" if max_error is None else ",".join(f"{limit:g}" for limit in max_error)
-    for _ in range(ROUNDS):
-        wrong = [each for each in findings if each.refuses]
-        asked = [each.remedy for each in findings if each.remedy.startswith(f"{MAX_ERROR} ")]
-        limits = asked[0].removeprefix(f"{MAX_ERROR} ") if asked and not limits and not wrong[1:] else limits
-        more = mend
-        for each in wrong:
-            more = more.and_then(each.remedy) or more
-        names = [each.name for each in wrong if each.remedy not in asked]
-        if not names or more == mend:
-            return mend, mend(log), limits, list(dict.fromkeys(names))
-        try:
-            mended = more(log)
-            within = error_limits(None if not limits else tuple(map(float, limits.split(","))), log)
-            mend, findings = more, findings_of(mended, robot=robot, max_error=within)
-        except InputError:  # such as a shift that leaves no row
-            break
-    return mend, mend(log), limits, [each.name for each in findings if each.refuses]
+        found.hiding = [f"a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"]
 
 
 def recording_report(

@@ -38,7 +38,6 @@ from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.recording.logs import Reading, read_torque_log
-from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.cut import lock_joints
 from catenary.robots.model import RobotModel
@@ -46,6 +45,7 @@ from catenary.sensing.wrist_tool import WristTool, fit_wrist_tool, wrist_tool_fi
 from catenary.units import TORQUE_UNIT
 from catenary.verdict.check import repeated_findings
 from catenary.verdict.finding import judge, require_names
+from catenary.verdict.mend import mends_of
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording
 

@@ -26,14 +26,14 @@ from catenary.recording.import_formats.proposal import Proposal, propose
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_of
 from catenary.recording.logs import read_log, write_pieces
-from catenary.recording.mend import Mend, si_units, units_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.side_by_side import Progress, silent
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
+from catenary.verdict.mend import Mend, si_units, units_of
 
-MOST_JUDGED = 900_000  # positions of joints
+MOST_JUDGED = 4_000_000  # positions of joints; what they are judged by takes 0.6 GB
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
@@ -79,7 +79,7 @@ def import_recording(
 class ImportedLog:
     """What was imported into a file."""
 
-    log: MotionLog  # its first rows, which were judged
+    log: MotionLog  # which was judged: whole, or the first rows of a longer one
     rows: int
     seconds: float | None  # from the first row to the last; None without time
     measured: int | None  # rows with a trusted q_encoder; None where there is none
@@ -117,6 +117,8 @@ def import_to_file(
     write_pieces(counted(), out)
     seconds = None if judged.time is None or last_time is None else float(last_time.max() - judged.time.min())
     has_encoder = judged.q_encoder is not None
+    if len(judged) < rows <= MOST_JUDGED // len(judged.joint_names) and has_encoder:
+        judged = read_log(out)
     found = findings_of(judged, robot=robot_of([judged], robot)) if has_encoder else ()
     if len(judged) < rows and has_encoder:
         notes = (*notes, f"of {rows} rows the first {len(judged)} were judged; catenary check judges all")

@@ -436,14 +436,8 @@ def _tracked(
     seen = poses_at(0.0)
     base, marker, said = registered(model, tracked, poses.values, poses_at, chosen)
     notes += said
-    found = joints_from_poses(model, tracked, seen, base, marker, chosen)
-    lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(seen.q).any(axis=1).sum())
-    if lost > 0:
-        notes.append(
-            f"{lost} of {len(found)} poses were left out: not finite, singular, or beyond {tracked.within_mm:g} mm"
-            + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
-            + " from all that the robot reaches"
-        )
+    found, said = joints_from_poses(model, tracked, seen, base, marker, chosen)
+    notes += said
     return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
 
 
@@ -514,19 +508,23 @@ def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
 
 def turned_back(log: MotionLog, model: RobotModel | None = None) -> MotionLog:
     """Return a log whose angles do not jump by a turn, within the robot's limits if it is known; its notes say so."""
-    found: dict[str, Floats | None] = {"q_encoder": None}
+    found: dict[str, Floats] = {}
     jumped, notes = set(log.joint_names if model is not None else ()), list[str]()
-    for key in [key for key in ("q_nominal", "q_encoder", "q_reported") if getattr(log, key) is not None]:
-        found[key] = getattr(log, key).copy()
+    for key in ("q_nominal", "q_encoder", "q_reported"):
+        recorded = getattr(log, key)
+        if recorded is None:
+            continue
+        found[key] = values = recorded.copy()
         for j in [j for j, unit in enumerate(log.joint_units) if unit == "rad"]:
-            found[key][:, j], jumps = unwrapped(found[key][:, j], TURN)
+            values[:, j], jumps = unwrapped(values[:, j], TURN)
             notes += [f"{key} of {log.joint_names[j]}: jumps by a turn {jumps} time(s); unwrapped"] * bool(jumps)
             jumped |= {log.joint_names[j]} if jumps else set()
     q, measured, said = in_one_turn(
-        found["q_nominal"], found["q_encoder"], log.joint_units, log.joint_names, model, jumped
+        found["q_nominal"], found.get("q_encoder"), log.joint_units, log.joint_names, model, jumped
     )
-    found |= {"q_nominal": q, "q_encoder": measured}
-    return replace(log, **found, notes=(*log.notes, *notes, *said))
+    found |= {"q_nominal": q} | ({} if measured is None else {"q_encoder": measured})
+    made: dict[str, Any] = {**found, "notes": (*log.notes, *notes, *said)}
+    return replace(log, **made)
 
 
 def in_one_turn(

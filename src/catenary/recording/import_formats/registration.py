@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Flags, Floats
+from catenary.arrays import Flags, Floats, spread
 from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
@@ -54,7 +54,7 @@ class TrackedPoses(NamedTuple):
 
     def evenly(self, most: int) -> "TrackedPoses":
         """Return as many at most, evenly over all."""
-        return self.part(np.arange(0, len(self.q), max(1, -(-len(self.q) // most))))
+        return self.part(spread(len(self.q), most))
 
 
 PosesAt = Callable[[float], TrackedPoses]  # with what the robot reported so many seconds after their stamps

@@ -12,15 +12,20 @@ import numpy as np
 from catenary.arrays import Flags, Floats
 from catenary.documents import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
-from catenary.dynamics.kinematics import Configuration, jacobian
+from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
 from catenary.recording.import_formats.column_groups import PARTS, poses_by_parts, poses_of
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
-from catenary.recording.import_formats.registration import PosesAt, TrackedPoses, register_in_time
+from catenary.recording.import_formats.registration import FEWEST_POSES, USUAL, PosesAt, TrackedPoses, register_in_time
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
+from catenary.units import DISPLAY
 
+# Standard deviations [rad, m] from which on a pose is no truth of a joint: VAGUE_TIMES the median, within these. Errors
+# that a model learns are some tenths of a degree; a usual tracker leaves a wrist 1 deg at 10 deg from singular poses.
+VAGUE, VAGUE_TIMES = {"rad": np.deg2rad([1.0, 3.0]), "m": np.array([1e-3, 3e-3])}, 4.0
+LEAVES = {"rad": 0.1, "m": 0.02}  # by which a joint leads away from a singular pose
 OPEN = 1e-4  # of what other motions move a frame by: less than a measured pose tells
 FARTHEST = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
 TURNED = 0.02  # [rad] left of orientations, from which on they may be written in another way
@@ -82,24 +87,72 @@ def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Float
     return np.where(seen[:, None], position, np.nan), rotation
 
 
-def open_joints(model: RobotModel, q: Floats, frame: str | None, match: str, chosen: Sequence[int]) -> Flags:
-    """Return which chosen joints a frame's pose leaves open: they move it OPEN times as far as others, on one scale."""
-    J = jacobian(model, q, frame)
-    sliding = np.array([unit == "m" for unit in model.joint_units])
-    lever = float(np.linalg.norm(J[:3, ~sliding], axis=0).max(initial=0.0)) or 1.0
-    J = np.where(sliding, lever, 1.0) * J / np.array([[lever]] * 3 + [[1.0]] * 3)
-    _, sizes, axes = np.linalg.svd(J if match == "pose" else J[:3])
-    free = axes[int((sizes > OPEN * sizes.max()).sum()) :]
-    return np.asarray(np.abs(free[:, list(chosen)]).max(axis=0, initial=0.0) > OPEN)
+def deviations(model: RobotModel, q: Floats, frame: str | None, match: str, noise: Floats = USUAL) -> Floats:
+    """Return standard deviations (M, n) [rad|m] of joints that follow from a pose with `noise` (2,) [m], [rad].
+
+    The noise goes through the Jacobian's pseudo-inverse. Infinite of a joint that a pose leaves open: it takes part in
+    directions that move the frame OPEN times as far as others, on one scale.
+    """
+    J = Configuration(model, q).jacobian(frame)
+    turning = np.array([unit == "rad" for unit in model.joint_units])
+    lever = np.linalg.norm(J[:, :3, turning], axis=1).max(axis=1, initial=0.0)[:, None]
+    scale = np.where(turning, 1.0, np.where(lever > 0.0, lever, 1.0))  # (M, n)
+    J = J * scale[:, None] / np.repeat(noise, 3)[:, None]
+    _, found, axes = np.linalg.svd(J if match == "pose" else J[:, :3])
+    sizes = np.zeros(q.shape)
+    sizes[:, : found.shape[1]] = found
+    is_free = sizes <= OPEN * sizes.max(axis=1, keepdims=True)
+    part = axes / np.where(is_free, np.inf, sizes)[:, :, None]
+    is_open = (np.abs(axes) * is_free[:, :, None]).max(axis=1) > OPEN
+    return np.asarray(np.where(is_open, np.inf, scale * np.linalg.norm(part, axis=1)))
+
+
+def _noise(model: RobotModel, frame: str | None, seen: Pose, q: Floats) -> Floats:
+    """Return the standard deviation of an axis of poses, (2,) [m], [rad]: USUAL, or more where neighbours scatter."""
+    from scipy.spatial.transform import Rotation
+
+    placed = Configuration(model, q).pose(frame)
+    turned = Rotation.from_matrix(seen.rotation @ np.swapaxes(placed.rotation, 1, 2)).as_rotvec()
+    bends = [np.abs(np.diff(x, n=2, axis=0)) for x in (seen.position - placed.position, turned)]
+    scatter = [1.4826 * float(np.median(bend)) / np.sqrt(6.0) if len(q) >= FEWEST_POSES else 0.0 for bend in bends]
+    return np.maximum(USUAL, scatter)
+
+
+def _vague(model: RobotModel, tracked: TrackedPose, q: Floats, noise: Floats, chosen: list[int]) -> tuple[Flags, str]:
+    """Return the rows of q (M, n) that are too near a singularity, (M,), and how well the others are told, in words."""
+
+    def shown(sizes: Floats, joints: Sequence[int], form: str = ".2g") -> str:
+        units = [DISPLAY[model.joint_units[j]] for j in joints]
+        return ", ".join(
+            f"{model.joint_names[j]} {s * sizes[j]:{form}} {u}" for j, (u, s) in zip(joints, units, strict=True)
+        )
+
+    own = deviations(model, q, tracked.frame, tracked.match, noise)
+    least, most = np.array([VAGUE[unit] for unit in model.joint_units]).T
+    bound = np.clip(VAGUE_TIMES * np.median(own, axis=0), least, most)
+    beyond = (own > bound)[:, chosen]
+    rows = np.asarray(beyond.any(axis=1))
+    of = f"noise of poses, {1e3 * noise[0]:.2g} mm" + f" and {np.rad2deg(noise[1]):.2g} deg" * (tracked.match == "pose")
+    kept = shown(own[~rows].max(axis=0, initial=0.0), chosen)
+    said = f"{of}, leaves a standard deviation of q_encoder of {kept} at most"
+    if not rows.any():
+        return rows, said
+    worst = q[np.argmax((own / bound)[:, chosen].max(axis=1))]
+    reach = np.diag([LEAVES[unit] for unit in model.joint_units])
+    away = deviations(model, worst + np.vstack([reach, -reach]), tracked.frame, tracked.match, noise) / bound
+    at = shown(worst, [int(np.argmin(away[:, chosen].max(axis=1))) % model.n], ".2f")  # it leads away soonest
+    lost = [chosen[k] for k in np.flatnonzero(beyond.any(axis=0))]
+    told = f"{int(rows.sum())} of {len(q)} poses lie too near a singularity, the nearest with {at}, and are not ok"
+    return rows, f"{told}: there it would be more than {shown(bound, lost)}; {said}"
 
 
 def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]) -> Flags:
     """Return the rows of q (M, n) at which all chosen joints are determined, (M,)."""
-    short = np.array([open_joints(model, row, tracked.frame, tracked.match, chosen) for row in q])
+    short = np.isinf(deviations(model, q, tracked.frame, tracked.match))[:, list(chosen)]
     if short.any(axis=1).mean() <= 0.5:
         return np.asarray(~short.any(axis=1))
     lost = ", ".join(model.joint_names[j] for j, share in zip(chosen, short.mean(axis=0), strict=True) if share > 0.5)
-    by_pose = [not open_joints(model, row, tracked.frame, "pose", chosen).any() for row in q[:50]]
+    by_pose = np.isfinite(deviations(model, q, tracked.frame, "pose")[:, list(chosen)]).all(axis=1)
     has_pose = tracked.match != "pose" and tracked.frame != _MARKER and np.mean(by_pose) > 0.5
     choices = 'match = "pose" or ' if has_pose else ""
     raise InputError(
@@ -153,13 +206,13 @@ def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Flo
 
 
 def joints_from_poses(
-    model: RobotModel, tracked: TrackedPose, poses: TrackedPoses, base: Pose, marker: Pose, chosen: Sequence[int]
-) -> Floats:
-    """Return the joint positions (M, n) [rad|m] at which the robot's frame is nearest to where the marker says.
+    model: RobotModel, tracked: TrackedPose, poses: TrackedPoses, base: Pose, marker: Pose, chosen: list[int]
+) -> tuple[Floats, list[str]]:
+    """Return the joint positions (M, n) [rad|m] at which the robot's frame is nearest to where the marker says; notes.
 
     T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the frame's point
     where it sits. NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
-    `within_deg`, or the pose does not determine the chosen joints.
+    `within_deg`, or the pose does not determine the chosen joints, or hardly: see VAGUE.
     """
     seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)
     if poses.rotation is None:
@@ -181,7 +234,19 @@ def joints_from_poses(
         near = 1e3 * nearest.position_error <= tracked.within_mm
         if near and np.rad2deg(nearest.orientation_error) <= tracked.within_deg:
             found[row] = nearest.q
-    return found
+    reached = np.flatnonzero(np.isfinite(found).all(axis=1))
+    notes = []
+    if len(reached):
+        noise = _noise(model, tracked.frame, Pose(seen.rotation[reached], seen.position[reached]), poses.q[reached])
+        rows, said = _vague(model, tracked, found[reached], noise, chosen)
+        found[reached[rows]], notes = np.nan, [said]
+    beyond = f"{tracked.within_mm:g} mm" + f" and {tracked.within_deg:g} deg" * (tracked.match == "pose")
+    if (lost := int(np.isfinite(poses.q).all(axis=1).sum()) - len(reached)) > 0:
+        notes.append(
+            f"{lost} of {len(found)} poses were left out: not finite, singular, or beyond {beyond} from all that the "
+            "robot reaches"
+        )
+    return found, notes
 
 
 def tip_columns(streams: Sequence[Stream], base: str) -> tuple[str, tuple[str, ...]] | None:

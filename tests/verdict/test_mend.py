@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.mend import Mend
+from catenary.verdict.mend import Mend
 from recordings import recording as made
 
 

@@ -277,6 +277,7 @@ def left_out_rows(log: MotionLog) -> Flags:
     return rows & ~log.ok & (False if log.q_encoder is None else np.isfinite(log.q_encoder).all(axis=1))
 
 
-# units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps
-_IN_ORDER = (_leave_out, _units, _time_unit, _swap, _sign, _scale, _delay, _shift)
+# units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
+# that stand still are told among measurements that were brought into time
+_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _delay, _shift, _leave_out)
 _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}
