@@ -22,6 +22,7 @@ from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 from catenary.verdict.mend import NOTHING, Mend
+from catenary.verdict.turns import turned_back
 
 if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log alone does without
     from catenary.recording.import_formats.mapping import RecordingMapping
@@ -136,8 +137,6 @@ def read_torque_log(
         )
     log = reading.mend(log, trained if reading.as_trained else None)
     if reading.mend.units:
-        from catenary.recording.import_formats.importer import turned_back
-
         log = turned_back(log, model)
     scale = None if model.actuation is None else model.actuation.effort_scale
     if not reading.currents or scale is None or log.tau is None:

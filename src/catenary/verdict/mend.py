@@ -12,6 +12,7 @@ from catenary.arrays import Flags, Floats
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import TO_SI
+from catenary.verdict.turns import turned_back
 
 ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
 _NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
@@ -160,8 +161,6 @@ def _units(log: MotionLog, text: str) -> MotionLog:
         return log
     keys = [array] if array else [key for key in ARRAYS[:4] if getattr(log, key) is not None]
     changed: dict[str, Any] = {key: _array(log, key, "--units")[1] * factor for key in keys}
-    from catenary.recording.import_formats.importer import turned_back
-
     return turned_back(replace(log, **changed))
 
 

@@ -19,7 +19,7 @@ from catenary.arrays import Floats, Integers
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import Stream, joined, not_used
-from catenary.recording.import_formats.importer import NoRowError, columns_wanted, synchronise, turned_back
+from catenary.recording.import_formats.importer import NoRowError, columns_wanted, synchronise
 from catenary.recording.import_formats.known_layouts import MOTION_LOG, TORQUE_LOG, layout_of_files, read_layout
 from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
 from catenary.recording.import_formats.proposal import Proposal, propose
@@ -32,6 +32,7 @@ from catenary.side_by_side import Progress, silent
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.mend import Mend, si_units, units_of
+from catenary.verdict.turns import turned_back
 
 MOST_JUDGED = 4_000_000  # positions of joints; what they are judged by takes 0.6 GB
 PathLike = str | Path
