@@ -50,6 +50,7 @@ from catenary.robots.catalog import load_robot as load_robot
 from catenary.robots.cut import cut_arm as cut_arm
 from catenary.robots.cut import lock_joints as lock_joints
 from catenary.robots.model import RobotModel as RobotModel
+from catenary.robots.urdf import load_xacro as load_xacro
 from catenary.sensing.wrist_tool import fit_wrist_tool as fit_wrist_tool
 from catenary.simulation.base_motion import FixedBase as FixedBase
 from catenary.simulation.cable_plant import CablePlant as CablePlant

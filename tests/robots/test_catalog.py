@@ -114,7 +114,7 @@ def test_a_file_is_read_by_what_it_holds(tmp_path, file, text, name):
 @pytest.mark.parametrize(
     ("file", "text", "said"),
     [
-        ("r.sdf", "<sdf/>", 'ending ".sdf": expected .toml, .urdf, .xacro, .xml, .mjcf, .json or .npz'),
+        ("r.sdf", "<sdf/>", 'ending ".sdf": expected .toml, .urdf, .xml, .mjcf, .json or .npz'),
         ("r.xml", "<sdf/>", "root element <sdf>: expected <robot> (URDF) or <mujoco> (MJCF)"),
         ("r.xml", "", "cannot be read as XML: no element found"),
         ("r.xml", "robot", "cannot be read as XML: syntax error"),

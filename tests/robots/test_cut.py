@@ -227,7 +227,7 @@ def test_joints_of_every_kind_of_robot_are_depth_first_and_a_note_says_what_its_
         (
             "",
             'description = "none.urdf"\n',
-            'description "none.urdf": expected a .urdf, .xml, .mjcf, .xacro, .json file beside it',
+            'description "none.urdf": expected a .urdf, .xml, .mjcf, .json file beside it',
         ),
         ('tip = "nose"\n', None, 'no frame "nose"'),
         ("[locked_m]\nelbow_joint = 0.1\n", None, '"elbow_joint" is in rad: expected locked_deg for it'),

@@ -11,10 +11,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import own_base
 from catenary.dynamics.kinematics import relative_pose
-from catenary.errors import FileFormatError, InputError, MissingInertiaError, MissingPackageError, UnsupportedModelError
+from catenary.errors import (
+    CatenaryError,
+    FileFormatError,
+    InputError,
+    MissingInertiaError,
+    MissingPackageError,
+    UnsupportedModelError,
+)
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot
-from catenary.robots.urdf import load_urdf, parse_urdf
+from catenary.robots.shapes import described_geometry
+from catenary.robots.urdf import load_urdf, load_xacro, parse_urdf
+from command_line import catenary
 from oracles.random_robots import random_urdf
 from oracles.tree_poses import all_links, frame_pose
 
@@ -419,15 +428,37 @@ def file(tmp_path, monkeypatch):
 
 def test_xacro_that_is_not_installed_is_asked_for(file):
     with pytest.raises(MissingPackageError, match="is a xacro file, and xacro is not installed: pip install xacro"):
-        load_robot(file)
+        load_xacro(file)
 
 
 def test_the_package_expands_it_or_says_why_not(file, monkeypatch):
     document = SimpleNamespace(toxml=lambda: URDF)
     monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file=lambda name: document))
-    made = load_robot(file)
+    made = load_xacro(file)
     assert (made.name, made.joint_names) == ("expanded", ("j",))
     assert made.sources[0].startswith("arm.urdf.xacro, sha256 ")
     monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file=lambda name: 1 / 0))
     with pytest.raises(FileFormatError, match="xacro cannot expand it: division by zero"):
-        load_robot(file)
+        load_xacro(file)
+
+
+def test_nothing_expands_xacro_unasked(file, monkeypatch):
+    """Not load_robot, shapes, commands or a table that names it: its expressions are Python."""
+    ran = []
+    monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file=lambda name: ran.append(name)))
+    table = file.with_name("table.toml")
+    table.write_text(f'description = "{file.name}"\n')
+    for source in (file, table):
+        with pytest.raises(CatenaryError, match=r"is a xacro file: expanding it runs the Python|expected a \.urdf"):
+            load_robot(source)
+        catenary("check", source)
+        assert catenary("gravity", source, "--q", "0").code == 2
+    assert described_geometry(file, load_robot("two_link")) is None
+    assert not ran
+
+
+def test_a_command_expands_xacro_when_asked(file, monkeypatch):
+    document = SimpleNamespace(toxml=lambda: URDF)
+    monkeypatch.setitem(sys.modules, "xacro", SimpleNamespace(process_file=lambda name: document))
+    asked = catenary("gravity", file, "--xacro", "--q", "0.3")
+    assert asked.code == 0, asked

@@ -27,7 +27,7 @@ def check(
 ) -> None:
     """Say what a file is, what is wrong, what to do next.
 
-    The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xacro, .xml, .mjcf, .json;
+    The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml, .mjcf, .json;
     models are .npz; recordings bags of ROS 1 and 2, MCAP, journals, .npz, .parquet, .csv. A recording gets the verdict
     that catenary fit begins with, corrected by the same options. --json prints numbers with units (docs/json.md).
 

@@ -45,6 +45,7 @@ class DescriptionOptions:
 class LoadedOptions(DescriptionOptions):
     """Options of a robot's description, and of what the robot carries."""
 
+    xacro: bool = option(None, "Expand a xacro file that you trust: this runs the Python in it.", False)
     payload: float = option("KG", "Mass that the robot carries.", 0.0, least=0.0)
     payload_on: str | None = option("FRAME", "Frame it is fixed to. [default: the tip]", goes_with="payload")
     payload_at: Triple = option("X,Y,Z", "Its centre of mass there, in m.", (0.0, 0.0, 0.0), goes_with="payload")
@@ -56,7 +57,7 @@ class LoadedOptions(DescriptionOptions):
         """Return the robot of a name or a file, with what it carries."""
         from catenary.gravity.payload import Payload
 
-        model = super().load(robot)
+        model = catenary.load_xacro(robot, massless=self.declared()) if self.xacro else super().load(robot)
         if not self.payload:
             return model
         return Payload(self.payload, self.payload_on, self.payload_at, self.payload_inertia).on(model)

@@ -14,7 +14,7 @@ from catenary.robots.model import Massless, RobotModel
 # by ending, or XML's root; each is imported when its file comes: a table needs neither an XML nor a MuJoCo reader
 READERS = {
     ".toml": ("dh_table", "load_table"), ".npz": ("model_record", "load_identified"),
-    ".json": ("dvrk_files", "load_dvrk"), ".xacro": ("urdf", "load_urdf"),
+    ".json": ("dvrk_files", "load_dvrk"),
     "<robot>": ("urdf", "load_urdf"), "<mujoco>": ("mjcf", "load_mjcf"),
 }  # fmt: skip
 _log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
     """Load a robot by catalogue name, from a file, or from the text of a URDF.
 
     Args:
-        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, `.xacro`, MJCF (`.xml`, `.mjcf`), the
+        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, MJCF (`.xml`, `.mjcf`), the
             dVRK's `.json` or the `.npz` that identification wrote, or URDF itself, as ROS has it in
             `robot_description`.
         massless: Links that have no inertia in the file and are meant to have none; "all" for all such.
@@ -74,7 +74,7 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
 
 
 def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a `.toml`, `.urdf`, `.xacro`, `.xml` (URDF or MJCF), `.mjcf`, `.json` or `.npz` file."""
+    """Load a robot from a `.toml`, `.urdf`, `.xml` (URDF or MJCF), `.mjcf`, `.json` or `.npz` file."""
     kind = path.suffix.lower()
     if kind == ".toml":
         from catenary.robots.cut import as_described, described_table, description_of
@@ -91,8 +91,12 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
         kind = f"<{xml_root_tag(read_bounded(path, MOST_XML), str(path))}>"
         if kind not in READERS:
             raise FileFormatError(f"{path}: root element {cut(kind)}: expected <robot> (URDF) or <mujoco> (MJCF)")
+    if kind == ".xacro":
+        from catenary.robots.urdf import XACRO_HINT
+
+        raise FileFormatError(f"{path}: {XACRO_HINT}")
     if kind not in READERS:
-        endings = ".toml, .urdf, .xacro, .xml, .mjcf, .json or .npz"
+        endings = ".toml, .urdf, .xml, .mjcf, .json or .npz"
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected {endings}')
     module, function = READERS[kind]
     return getattr(import_module(f"catenary.robots.{module}"), function)(path, massless=massless)

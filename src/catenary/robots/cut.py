@@ -177,7 +177,7 @@ def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: 
     return replace(cut, values=values, effort_scale=None if scale is None else scale[free])
 
 
-DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")  # that have shapes, too
+DESCRIPTIONS = (".urdf", ".xml", ".mjcf")  # that have shapes, too
 DVRK = ".json"
 
 

@@ -22,7 +22,7 @@ from catenary.robots.cut import described_table, description_of
 from catenary.robots.dh_table import RobotTable
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf
 from catenary.robots.model import RobotModel
-from catenary.robots.urdf import expanded_xacro, named_elements, number_of, numbers_of, origin_of, urdf_root
+from catenary.robots.urdf import named_elements, number_of, numbers_of, origin_of, urdf_root
 from catenary.spatial import Pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]
@@ -71,8 +71,6 @@ def described_geometry(
         if (described := described_table(path)) is None:
             return table_shapes(path, model)
         path = description_of(path, described.description)
-    if path.suffix.lower() == ".xacro":
-        return urdf_shapes(expanded_xacro(path), str(path), model, path, packages, kind)
     if path.suffix.lower() not in DESCRIPTIONS:
         return None
     content = read_bounded(path, MOST_XML)

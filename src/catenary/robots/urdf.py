@@ -1,4 +1,4 @@
-"""Robots from URDF files (http://wiki.ros.org/urdf/XML), and from xacro, which makes them.
+"""Robots from URDF files (http://wiki.ros.org/urdf/XML), and, only when asked, from xacro, which makes them.
 
 Links, one-coordinate joints, mimic joints; friction in <dynamics>, rotors of transmissions and of an SRDF beside it.
 """
@@ -32,7 +32,10 @@ from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.model import Massless, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
-XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
+XACRO_HINT = (
+    "is a xacro file: expanding it runs the Python in it, which nothing here does unasked. Expand one that you trust: "
+    "xacro robot.urdf.xacro > robot.urdf, --xacro where a command has it, or load_xacro in Python"
+)
 # of these a model is made
 _READ = {"parent", "child", "axis", "origin", "limit", "mimic", "inertial", "mass", "inertia"}
 _REDUCTION = ("mechanicalReduction", "gear_ratio")  # of ROS, of Drake
@@ -47,7 +50,7 @@ _KINDS: dict[str, JointKind] = {
 
 
 def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a URDF file, or from a xacro file, which xacro expands with its default arguments.
+    """Load a robot from a URDF file.
 
     The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic no other,
     depth first from the base, siblings in the file's order; links and frames have the file's link names. A link
@@ -56,12 +59,19 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     massless.
     """
     content = read_bounded(path, MOST_XML)
-    text = expanded_xacro(path) if path.suffix.lower() == ".xacro" else content
-    return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
+    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
-def expanded_xacro(path: Path) -> bytes:
-    """Return the URDF that xacro makes of a file with its default arguments; xacro runs expressions in the file."""
+def load_xacro(path: str | Path, *, massless: Massless = ()) -> RobotModel:
+    """Load a robot from a xacro file that you trust: xacro runs the Python in it, with its default arguments.
+
+    No other reader of this package expands xacro. `massless` as of `load_robot`.
+
+    Raises:
+        MissingPackageError: xacro is not installed.
+        FileFormatError: xacro cannot expand the file, or what it makes is no URDF.
+    """
+    path = Path(path)
     try:
         import xacro
     except ImportError as error:
@@ -69,13 +79,14 @@ def expanded_xacro(path: Path) -> bytes:
             f"{path}: is a xacro file, and xacro is not installed: pip install xacro, or source ROS, or expand it "
             "elsewhere (xacro robot.urdf.xacro > robot.urdf) and load the result"
         ) from error
+    content = read_bounded(path, MOST_XML)
     try:
         text: bytes = xacro.process_file(str(path)).toxml().encode()
     except Exception as error:  # any of an expression's in the file
         raise FileFormatError(f"{path}: xacro cannot expand it: {error}") from error
     if len(text) > MOST_XML:
         raise FileFormatError(f"{path}: expands to {len(text)} bytes, expected at most {MOST_XML}")
-    return text
+    return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
 def parse_urdf(
