@@ -152,6 +152,7 @@ class Actuation:
     filter: SignalFilter = SignalFilter(order=4, cutoff_hz=10.0, cut_samples=100)
     weighting: Weighting = "range"
     coulomb_velocity: Annotated[float, Field(ge=0.0)] = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); sign at 0
+    find_rotors: bool = False  # beside those here: one on each joint without, where held-out blocks show it
     effort_scale: Row | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
     # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
     values: Row | None = None
@@ -207,8 +208,8 @@ def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[Actu
 
 def default_actuation(joint_names: Sequence[str]) -> Actuation:
     """Return friction and a constant on every coordinate, as assumed of a robot whose file says nothing."""
-    rows = np.eye(len(joint_names))
-    return Actuation(friction=tuple(Friction(name, row) for name, row in zip(joint_names, rows, strict=True)))
+    rows = zip(joint_names, np.eye(len(joint_names)), strict=True)
+    return Actuation(friction=tuple(Friction(*row) for row in rows), find_rotors=True)
 
 
 class StatedDrive(NamedTuple):
