@@ -27,8 +27,8 @@ from catenary.spatial import LEVEL, STANDARD_GRAVITY
 CHUNK = 4000  # rows whose regressor is held in memory at a time
 RANDOM_ROWS = 400
 DEPENDENT = 1e-8  # of the largest column; random motion of exact geometry leaves a gap of eight decades around it
-# What angles that a file rounds (1.5708, 1.57) show beside the exact ones is 4e-6 to 9e-4 of a column, no recording shows
-# it, and fits take it for a parameter; the least own share of any column of the catalogue's robots is 0.02
+# angles that a file rounds (1.5708, 1.57) show 4e-6 to 9e-4 of a column beside exact ones, which no recording shows;
+# the least own share of a column of the catalogue's robots is 0.02
 ROUNDED = 2e-3
 SEEN = 1e-5  # of the largest column: more than a link's under gravity along an axis of 3.1416 for pi; others: 0.008
 ROUNDING = 1e-9  # of the largest entry of `combination`

@@ -353,7 +353,7 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
         used = filter_of(model, options)
         yield (
             f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "
-            f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
+            f"at {used.cutoff_hz:g} Hz, {used.cut_s:.2g} s cut at each end"
         )
     yield from (f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons)
     for residual in (*result.training, *result.tests):
