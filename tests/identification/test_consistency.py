@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque, unseen_torque
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
@@ -51,3 +52,16 @@ def test_it_stays_with_the_robot_in_its_file(robot):
     for mine, theirs in zip(again.unseen, robot.unseen, strict=True):
         assert (mine.name, mine.low, mine.high) == (theirs.name, theirs.low, theirs.high)
         assert_allclose(mine.change, theirs.change)
+
+
+def test_where_no_bound_can_be_found_torques_on_a_tilt_are_open_not_certain(monkeypatch):
+    found = identify([recorded(ARM, 0, seconds=12.0)], ARM, PLAIN)
+
+    def unsolved(*_):
+        raise InputError("no optimum")
+
+    monkeypatch.setattr("catenary.identification.consistency.solve_program", unsolved)
+    robot = robot_from_record(robot_record(found.robot()))
+    q = np.full(6, 0.3)
+    assert np.isinf(unseen_torque(robot, q, tilted_gravity(0.4, 0.3))[0])
+    assert_allclose(unseen_torque(robot, q, LEVEL), 0.0)

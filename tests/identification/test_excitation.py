@@ -11,8 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.collision.scene import box_at, floor_at
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.errors import InputError, LimitError
+from catenary.errors import ExcitationError, InputError, LimitError
 from catenary.identification.excitation import MotionLimits, fourier_motion, room_of, series_at_rest, static_poses
+from catenary.robots.actuation import Friction
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
 from colliding_arm import PANDA, apart, capsule_arm, motion
@@ -28,6 +29,36 @@ def designed():
 def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(designed):
     assert designed.base.count == 64  # published by Gaz et al. 2019 with friction
     assert designed.condition < 100.0
+
+
+@pytest.mark.parametrize(
+    "part",
+    [{"presliding": 0.01}, {"stribeck": 0.1}, {"stribeck": 1e-3}, {"load": True}, {"recording": "monday"}],
+    ids=str,
+)
+@pytest.mark.parametrize(
+    "design", [lambda *of: fourier_motion(*of, trials=3), lambda *of: static_poses(of[0], 40, of[1])]
+)
+def test_friction_that_an_identification_found_changes_no_design(part, design):
+    actuation = PANDA.actuation
+    parts = [Friction(f"{own.name} too", own.combination, **part) for own in actuation.friction]
+    beside = tuple(parts) if "recording" in part else tuple(replace(own, **part) for own in actuation.friction)
+    own = actuation.friction if "recording" in part else ()
+    found = replace(PANDA, actuation=replace(actuation, friction=(*own, *beside), values=None))
+    plain, same = (design(replace(LIMITS, model=arm), np.random.default_rng(0)) for arm in (PANDA, found))
+    assert plain.base.count == same.base.count
+    assert same.condition == pytest.approx(plain.condition)
+    assert_array_equal(plain.q, same.q)
+
+
+def test_what_is_designed_and_shows_no_parameters_is_refused_by_their_names():
+    narrow = replace(LIMITS, room=replace(LIMITS.room, upper=LIMITS.room.lower + 1e-8))
+    for design in (lambda *of: fourier_motion(*of, trials=3), lambda *of: static_poses(of[0], 40, of[1])):
+        with pytest.raises(
+            ExcitationError, match=r"shows \d+ of \d+ base parameters \(condition .*and not \w+"
+        ) as caught:
+            design(narrow, np.random.default_rng(0))
+        assert caught.value.rank < caught.value.n_base
 
 
 def test_a_motion_above_a_floor_stays_there_and_shows_nearly_as_much():

@@ -49,7 +49,7 @@ def test_the_card_says_what_a_stranger_must_know(found, saved):
     assert card["tests"][0]["verdict"] == "holds"
 
 
-OLDER = "expected 'catenary.identification.2': another version wrote it; `catenary identify` makes it again"
+OLDER = "expected 'catenary.identification.3': another version wrote it; `catenary identify` makes it again"
 
 
 def damaged(path, change):

@@ -14,9 +14,14 @@ from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
 from catenary.identification.torque_doubts import torque_findings
-from catenary.robots.actuation import default_actuation
+from catenary.robots.actuation import MotorInertia, StatedDrive, default_actuation, stated_actuation
+from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf
+from catenary.workflows.identify import _notes as workflow_notes
+from catenary.workflows.identify import part_of_arm
+from moving_arm import recorded, sinusoids, torques
 from oracles.geared_arm import ROTORS, ur10_gravity, ur10_log, write_ur10
+from oracles.seven_joint_arm import plain_gravity, seven_joint_arm, seven_joint_log
 
 LEVEL = [0.0, 0.0, -9.81]
 
@@ -119,7 +124,60 @@ def test_rotors_that_are_known_are_taken_as_they_are(arm, found):
 
 
 def test_a_table_says_what_is_identified(arm):
-    model = replace(arm, actuation=default_actuation(arm.joint_names))
+    model = replace(arm, actuation=replace(default_actuation(arm.joint_names), find_rotors=False))
     assert identify([log(0)], model, IdentifyOptions(friction=())).rotors == ()
-    known = replace(model.actuation, values=np.zeros(18))  # numbers of a description, as of an MJCF
+    known = stated_actuation(arm.joint_names, [StatedDrive("elbow_joint", damping=1.0)])  # by a description
     assert len(identify([log(0)], replace(model, actuation=known), IdentifyOptions(friction=())).rotors) == 6
+
+
+PLAIN = IdentifyOptions(friction=())
+Q7 = np.random.default_rng(9).uniform(-2.0, 2.0, (200, 7))
+WRONG = np.random.default_rng(1).uniform(0.8, 1.2, 7)  # masses of a file, over the true ones
+
+
+def size(torques):
+    return np.sqrt(np.mean(torques**2, axis=0))
+
+
+@pytest.mark.parametrize("angle", ["1.5708", "1.570796", "1.571", "1.57"])
+@pytest.mark.parametrize("inside", ["", '<dynamics damping="1" friction="1"/>'])
+def test_gravity_of_an_arm_whose_file_rounds_angles_is_as_true_as_plain_least_squares(tmp_path, angle, inside):
+    true, arm = seven_joint_arm(tmp_path), seven_joint_arm(tmp_path, angle, WRONG, inside)
+    log, expected = seven_joint_log(true), gravity_torque(true, Q7, LEVEL)
+    result = identify([log], arm, PLAIN)
+    off = size(gravity_torque(result.robot(), Q7, LEVEL) - expected)
+    assert (off < 1.5 * size(plain_gravity(log, arm, Q7) - expected) + 0.01).all()
+    assert off.max() < 0.1 * size(gravity_torque(arm, Q7, LEVEL) - expected).max()
+    assert len(result.rotors) == 7
+    assert result.unshown == ()
+
+
+def test_joints_of_an_arm_whose_description_states_drives_have_rotors_too(tmp_path):
+    inside = '<dynamics damping="1" friction="1"/>'
+    true, arm = seven_joint_arm(tmp_path), seven_joint_arm(tmp_path, "1.5708", WRONG, inside)
+    joints = true.joint_names[1:]
+    part, whole = (part_of_arm(each, joints, [])[0] for each in (arm, true))
+    log = seven_joint_log(whole)
+    result = identify([log], part, PLAIN)
+    assert len(result.rotors) == 6
+    expected = gravity_torque(whole, Q7[:, 1:], LEVEL)
+    assert (size(gravity_torque(result.robot(), Q7[:, 1:], LEVEL) - expected) < 0.05).all()
+
+
+@pytest.mark.parametrize(("name", "hidden"), [("planar_3r", ("link2",)), ("two_link", ("link0", "link1"))])
+def test_a_rotor_that_the_motion_does_not_show_is_told_by_its_joint_and_the_others_are_found(name, hidden):
+    arm = load_robot(name)
+    rotors = tuple(MotorInertia(*row) for row in zip(arm.joint_names, np.eye(arm.n), strict=True))
+    beside = np.append(np.full(3 * arm.n, 0.3), np.full(arm.n, 0.5))
+    geared = replace(arm, actuation=replace(default_actuation(arm.joint_names), motor_inertia=rotors))
+    time = np.arange(6000) / 200.0
+    q, qd, qdd = sinusoids(np.random.default_rng(0), arm, time)
+    for each in (q, qd, qdd):  # in step: what asks for the first joint's acceleration asks for the second's
+        each[:, 1] = 0.7 * each[:, 0]
+    tau = torques(geared, q, qd, qdd, beside)
+    result = identify([recorded(geared, 0, q_nominal=q, qd=qd, tau=tau)], arm, PLAIN)
+    assert result.unshown == hidden
+    [note] = [note for note in workflow_notes(arm, result) if "not shown by the motion" in note]
+    assert ", ".join(hidden) in note
+    assert not any("predicted no better" in note for note in workflow_notes(arm, result))
+    assert all(rotor.inertia == pytest.approx(0.5, rel=0.1) for rotor in result.rotors if rotor.error is not None)

@@ -46,7 +46,7 @@ def load(tmp_path):
 def test_a_table_says_what_loads_the_joints(load):
     actuation = load(
         '[actuation]\nweighting = "residual"\ncoulomb_velocity = 0.02\neffort_scale = [1, -2]\n'
-        "[actuation.filter]\norder = 6\ncutoff_hz = 5\ncut_samples = 20\nperiod_samples = 100\n"
+        "[actuation.filter]\norder = 6\ncutoff_hz = 5\ncut_time_constants = 2.0\nperiod_samples = 100\n"
         + FRICTION
         + '[[actuation.motor_inertia]]\nname = "m"\non = { motor = 1 }\n'
         '[[actuation.spring]]\nname = "s"\non = { a = -1 }\n'
@@ -86,7 +86,7 @@ LEVER = "lever = { arm_m = 0.2, anchor_m = 0.1, rest_length_m = 0.05, angle_deg 
     ("[actuation]\nfrictions = 1\n", ConfigError, "actuation: frictions: unknown key"),
     ('[actuation]\nweighting = "best"\n', ConfigError, "actuation: weighting"),
     ("[actuation.filter]\norder = 4\n", ConfigError, "cutoff_hz: this key is missing"),
-    ("[actuation.filter]\norder = 0\ncutoff_hz = 1\ncut_samples = 0\n", ConfigError, "order"),
+    ("[actuation.filter]\norder = 0\ncutoff_hz = 1\ncut_time_constants = 0\n", ConfigError, "order"),
     (FRICTION.replace("motor", "b"), ConfigError, 'unknown coordinate "b"; coordinates: a, motor'),
     ('[[actuation.friction]]\nname = "f"\non = {}\n', ConfigError, 'friction[0] "f": on'),
     (FRICTION + FRICTION, InputError, 'friction "f": is there twice'),

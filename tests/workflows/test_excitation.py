@@ -51,7 +51,7 @@ def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
     assert any("torques are unchecked: raven2 has no limits of them" in note for note in found.notes)
     assert any("kept from hitting itself alone" in note for note in found.notes)
     bare = load_robot("dvrk_psm_motors")
-    room = room_of(bare, lower=-np.full(7, 0.5), upper=np.full(7, 0.5), velocity=np.ones(7), effort=np.ones(7))
+    room = room_of(bare, lower=-np.full(7, 1.5), upper=np.full(7, 1.5), velocity=np.full(7, 3.0), effort=np.ones(7))
     found = design(MotionSurroundings(None, unchecked="no shapes"), bare, room)
     assert any("torques are unchecked: dvrk_psm_motors has no masses" in note for note in found.notes)
 

@@ -251,7 +251,7 @@ def recording(model: Any, seed: int, force: np.ndarray) -> MotionLog:
 
 @pytest.fixture(scope="module")
 def found(in_mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    options = IdentifyOptions(friction=(), find_rotors=False, cut_samples=20)
+    options = IdentifyOptions(friction=(), find_rotors=False)
     logs = [recording(in_mujoco, seed, np.zeros(3)) for seed in (0, 1)]
     result: Identification = identify(logs[:1], ARM, options, tests=logs[1:])
     path = tmp_path_factory.mktemp("out") / "arm.npz"

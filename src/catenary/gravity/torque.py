@@ -120,6 +120,9 @@ def _gravity_torque_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats
         to_robot(coupling, torque, out[k])
 
 
+_FELT = 1e-4  # [Nm or N per kg m or kg] less is rounding: a first axis of rpy 3.1416 is 7e-6 rad off upright
+
+
 def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return by how much torques of gravity can be off for what the recordings of an identified robot did not show.
 
@@ -134,7 +137,8 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
         return out
     Y = torque_regressor(model, rows, rest, rest, down)[0].reshape(model.n, len(model.link_names), -1)
     for each in model.unseen:
-        out += np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], each.change)) * max(-each.low, each.high)
+        felt = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], each.change))
+        out[felt > _FELT] += felt[felt > _FELT] * max(-each.low, each.high)  # which is infinite where none is known
     return out
 
 

@@ -26,7 +26,11 @@ from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 CHUNK = 4000  # rows whose regressor is held in memory at a time
 RANDOM_ROWS = 400
-DEPENDENT = 1e-8  # of the largest column; random motion leaves a gap of eight decades around it
+DEPENDENT = 1e-8  # of the largest column; random motion of exact geometry leaves a gap of eight decades around it
+# angles that a file rounds (1.5708, 1.57) show 4e-6 to 9e-4 of a column beside exact ones, which no recording shows;
+# the least own share of a column of the catalogue's robots is 0.02
+ROUNDED = 2e-3
+SEEN = 1e-5  # of the largest column: more than a link's under gravity along an axis of 3.1416 for pi; others: 0.008
 ROUNDING = 1e-9  # of the largest entry of `combination`
 # by 30 deg about a horizontal axis 40 deg from x: along nothing that a robot's axes are likely to lie along
 TILTED = (
@@ -162,7 +166,10 @@ def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> 
     size = np.linalg.norm(Y, axis=0)
     own = np.array(parameters.own, dtype=np.int64)
     size[own] = 0.0
-    seen = size > DEPENDENT * size.max(initial=0.0)
+    least = np.full(k, DEPENDENT)
+    if order is None:
+        least[: len(parameters.links) * parameters.per_link] = SEEN
+    seen = size > least * size.max(initial=0.0)
     unit = Y * (seen / np.where(seen, size, 1.0))
     chosen = _independent(unit, order) if seen.any() else np.array([], dtype=np.int64)
     # how the other columns are combined from the chosen ones: least squares is exact for dependent columns
@@ -189,7 +196,7 @@ def _independent(unit: Floats, order: Sequence[int] | None) -> Columns:
 
         R, pivoted = qr(unit, mode="r", pivoting=True)
         pivots = np.abs(np.diag(R))
-        return np.sort(pivoted[: int((pivots > DEPENDENT * pivots[0]).sum())]).astype(np.int64)
+        return np.sort(pivoted[: int((pivots > ROUNDED * pivots[0]).sum())]).astype(np.int64)
     basis: list[Floats] = []
     chosen: list[int] = []
     for c in order:

@@ -261,6 +261,6 @@ def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:
             np.concatenate([C @ at, HEAVIEST * mass @ at, limits]),
             [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones],
         )
-    except InputError:  # the point lies on the border of what is possible: nothing can be said
-        return 0.0
+    except InputError:  # the point lies on the border of what is possible: no bound is known
+        return np.inf
     return float(along @ (found - at))

@@ -1,6 +1,6 @@
 """Poses and Fourier motions that show a robot's parameters; what they keep: limits, and distances from obstacles."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.collision.scene import Clearance, CollisionScene
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.errors import InputError, LimitError
+from catenary.errors import ExcitationError, InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
-from catenary.identification.identify_options import Terms
+from catenary.identification.identify_options import Terms, actuation_of
 from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
@@ -242,7 +242,7 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     Nothing touches in them, and the robot can hold its weight; the ways from one to the next are not looked at.
     """
     model, room, g = limits.model, limits.room, limits.gravity
-    base = shown_parameters(Parameters(model, "static"), room, g, rng)
+    base = shown_parameters(model, "static", room, g, rng)
     least = -(-base.count // model.n)
     if count < least:
         raise InputError(f"{count} poses cannot show {base.count} base parameters: expected {least} or more")
@@ -259,17 +259,49 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
         poses.append(q[best])
         information = information + Y[best].T @ Y[best]
     motion = np.array(poses), np.zeros((count, model.n)), np.zeros((count, model.n))
-    return Excitation(np.arange(count, dtype=float), *motion, condition_of(base, *motion, g), base, "static")
+    return Excitation(np.arange(count, dtype=float), *motion, shown_condition(base, *motion, g), base, "static")
 
 
-def shown_parameters(parameters: Parameters, room: Room, gravity: Floats, rng: np.random.Generator) -> BaseParameters:
-    """Return the base parameters that motion within the limits shows."""
+def shown_parameters(
+    model: RobotModel, terms: Terms, room: Room, gravity: Floats, rng: np.random.Generator
+) -> BaseParameters:
+    """Return the base parameters that motion within the limits shows.
+
+    An identified arm's presliding and load-dependent friction, Stribeck's, and that of one recording are left out: in
+    steady sliding they are Coulomb friction, or need torques that only a recording has.
+    """
+    actuation = actuation_of(model)
+    steady = [replace(f, presliding=None, stribeck=None, load=False) for f in actuation.friction if not f.recording]
+    model = replace(model, actuation=replace(actuation, friction=tuple(steady), values=None))
     low, high = room.inner()
-    size = (200, parameters.model.n)
+    size = (200, model.n)
     moving = np.zeros(size), np.zeros(size)
-    if parameters.terms == "full":
+    if terms == "full":
         moving = rng.normal(size=size), 5.0 * rng.normal(size=size)
-    return base_parameters(parameters, gravity, (rng.uniform(low, high, size), *moving), rng)
+    return base_parameters(Parameters(model, terms), gravity, (rng.uniform(low, high, size), *moving), rng)
+
+
+_MOST_CONDITION = 1e6  # found: 6 to 700 within a robot's own limits, 5e4 within narrow ones, 1e17 of equal columns
+
+
+def shown_condition(base: BaseParameters, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> float:
+    """Return `condition_of`; ExcitationError, by the columns' names, where rows do not show every parameter."""
+    condition = condition_of(base, q, qd, qdd, gravity)
+    if condition <= _MOST_CONDITION:
+        return condition
+    Y = base.regressor(q, qd, qdd, gravity).reshape(-1, base.count)
+    scale = np.linalg.norm(Y, axis=0)
+    _, sizes, directions = np.linalg.svd(Y / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
+    rank = int((sizes > sizes[0] / _MOST_CONDITION).sum())
+    hidden = np.linalg.norm(directions[rank:], axis=0) if rank < len(sizes) else np.zeros(base.count)
+    names = ", ".join(base.names[i] for i in np.argsort(-hidden)[:4] if hidden[i] > 0.1)
+    raise ExcitationError(
+        f'robot "{base.parameters.model.name}": what was designed shows {rank} of {base.count} base parameters '
+        f"(condition {condition:.3g}, expected {_MOST_CONDITION:g} at most), and not {names}: give wider limits, more "
+        "poses or trials, or a longer motion",
+        rank=rank,
+        n_base=base.count,
+    )
 
 
 def condition_of(base: BaseParameters, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> float:
@@ -363,7 +395,7 @@ def fourier_motion(
             f"fourier: expected a period and a rate of {2 * ROWS} rows at least, three or more harmonics and one "
             f"or more trials; got {period:g} s, {rate:g} Hz, {harmonics} harmonics, {trials} trials"
         )
-    base = shown_parameters(Parameters(limits.model, "full"), limits.room, limits.gravity, rng)
+    base = shown_parameters(limits.model, "full", limits.room, limits.gravity, rng)
     centres = free_poses(limits, rng, POSES) if limits.is_narrow else None
     times = np.arange(ROWS) * period / ROWS
     best: list[tuple[float, _Draw]] = []  # that seemed to keep all limits, each better than the one before it
@@ -398,7 +430,7 @@ def fourier_motion(
         )
     time = np.arange(round(period * rate) + 1) / rate
     q, qd, qdd = series.sample(time)
-    shown = condition_of(base, q, qd, qdd, limits.gravity)
+    shown = shown_condition(base, q, qd, qdd, limits.gravity)
     return Excitation(time, q, qd, qdd, shown, base, "full", series, checked)
 
 

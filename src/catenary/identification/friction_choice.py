@@ -78,7 +78,7 @@ def choose_friction(
     def with_parts(parts: Collection[_Candidate], added: int) -> Floats | None:
         return _held_out(products, [*fixed, *(c.column for c in parts)], added=added)
 
-    first = before = with_parts((), 1)
+    first = before = with_parts((), 0)
     while first is not None and before is not None:
         best, best_squares, most = None, before, 0.0
         for move in moves:
@@ -97,7 +97,7 @@ def choose_friction(
     # one that came with others, or before them, stays only where blocks are predicted worse without it
     parts = dict[Extra, FrictionPart]()
     for key, part in list(chosen.items()):
-        without = with_parts([c for k, c in chosen.items() if k != key], 1)
+        without = with_parts([c for k, c in chosen.items() if k != key], 0)
         if without is None or before is None:
             continue
         if _gain(without, before, least=0.0) <= 0.0:
@@ -119,20 +119,21 @@ def terms_show(
     weights: Floats,
     terms: Sequence[ActuationTerm],
     coulomb_velocity: float,
-) -> bool:
+) -> bool | None:
     """Return whether held-out blocks are predicted better with some terms, such as rotors, all together.
 
-    Those that the base parameters give, as a rotor that moves like an upright first link, do not count.
+    Those that the base parameters give, as a rotor that moves like an upright first link, do not count; None where
+    they give all.
     """
     products = _products(base, samples, terms, weights, coulomb_velocity)
     columns = list(range(base.count))
-    before = _held_out(products, columns, added=1)
+    before = _held_out(products, columns, added=0)
     for k in range(len(terms)):
         if _held_out(products, [*columns, base.count + k], added=1) is not None:
             columns.append(base.count + k)
     added = len(columns) - base.count
     after = _held_out(products, columns, added=added) if added else None
-    return before is not None and after is not None and _gain(before, after, least=GAIN * added) > 0.0
+    return None if before is None or after is None else _gain(before, after, least=GAIN * added) > 0.0
 
 
 def _gain(before: Floats, after: Floats, *, least: float) -> float:
@@ -222,7 +223,7 @@ def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats 
         lower = np.linalg.cholesky(correlation[:, :m, :m] + 1e-12 * np.eye(m))
     except np.linalg.LinAlgError:
         return None
-    if (np.einsum("fjj->fj", lower)[:, -added:] < DISTINCT).any():
+    if (np.einsum("fjj->fj", lower)[:, m - added :] < DISTINCT).any():
         return None
     solution = np.linalg.solve(correlation[:, :m, :m] + 1e-12 * np.eye(m), correlation[:, :m, m, None])[:, :, 0]
     beta = solution * scale[:, m:] / scale[:, :m]

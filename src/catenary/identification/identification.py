@@ -25,7 +25,7 @@ from catenary.identification.least_squares import covariance, excitation, solve,
 from catenary.identification.parameters import IN, Parameters
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
-from catenary.robots.actuation import Friction, MotorInertia, actuation_terms
+from catenary.robots.actuation import Actuation, Effect, Friction, MotorInertia, actuation_terms
 from catenary.robots.model import RobotModel
 
 TILTING = 0.02  # of gravity: recordings in which its direction varies by less are of one base
@@ -58,6 +58,9 @@ class Identification:
     seen: residuals.MovedRange | None = None  # how the recordings moved that were fitted
     moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
     prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
+    unshown: tuple[
+        str, ...
+    ] = ()  # rotors, and frictions of each recording, that the motion does not tell from the rest
 
     @property
     def model(self) -> RobotModel:
@@ -248,31 +251,44 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
     model = model if model.actuation is None and not beside else replace(model, actuation=actuation)
     free = replace(options, consistent=False)
     plain = _fit(samples, model, free)
-    changes: list[dict[str, Any]] = [{"motor_inertia": (*actuation.motor_inertia, *beside)}] if beside else []
+    changes: list[tuple[str, Sequence[Effect]]] = [("motor_inertia", beside)] if beside else []
     names = [part.name for part in samples]
     if "recording" in options.friction and len(set(names)) == len(names) > 1:
-        each = (
+        each = [
             Friction(f"{own.name}{IN}{name}", own.combination, own.coulomb, own.viscous, own.offset, recording=name)
             for name in names[:-1]
             for own in actuation.friction
-        )
-        changes.append({"friction": (*actuation.friction, *each)})
-    for change in changes if options.terms == "full" else ():
-        more, own_terms = replace(actuation, **change), {(t.kind, t.name) for t in actuation_terms(actuation)}
+        ]
+        changes.append(("friction", each))
+    unshown: list[str] = []
+    for key, effects in changes if options.terms == "full" else ():
+        more, own_terms = _with(actuation, key, effects), {(t.kind, t.name) for t in actuation_terms(actuation)}
         terms = [t for t in actuation_terms(more) if (t.kind, t.name) not in own_terms]
-        if terms_show(plain.base, samples, plain.weights, terms, actuation.coulomb_velocity):
+        show = terms_show(plain.base, samples, plain.weights, terms, actuation.coulomb_velocity)
+        unshown += [effect.name for effect in effects if show is None]
+        # all together, and one by one where the motion does not show them all
+        groups = [effects, *([effect] for effect in effects)] if show else []
+        for group in groups:
+            more = _with(actuation, key, group)
             try:
                 plain = _fit(samples, replace(model, actuation=more), free)
-            except ExcitationError:  # friction of each recording, of joints that move as one, is not told apart
+            except ExcitationError:
+                unshown += [effect.name for effect in group if group is not effects]
                 continue
             actuation, model = more, replace(model, actuation=more)
+            if group is effects:
+                break
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples)
         actuation, parts = choose_friction(plain.base, heard, plain.weights, actuation, options.friction)
-    if not parts and not options.consistent:
-        return plain
-    chosen = replace(model, actuation=actuation) if parts else model
-    return replace(_fit(samples, chosen, options, like=plain), friction=parts)
+    if parts or options.consistent:
+        plain = _fit(samples, replace(model, actuation=actuation) if parts else model, options, like=plain)
+    return replace(plain, friction=parts, unshown=tuple(unshown))
+
+
+def _with(actuation: Actuation, key: str, effects: Sequence[Effect]) -> Actuation:
+    """Return what loads the joints, and more effects of a kind."""
+    return replace(actuation, **{key: (*getattr(actuation, key), *effects)})
 
 
 def _fit(

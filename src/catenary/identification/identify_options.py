@@ -28,7 +28,7 @@ class IdentifyOptions:
     gravity: tuple[float, float, float] = NOMINAL_GRAVITY  # [m/s2] in base axes
     cutoff_hz: float | None = None
     order: Annotated[int, Field(ge=1, le=10)] | None = None
-    cut_samples: int | None = None
+    cut_time_constants: float | None = None  # of the filter, left out at either end of a stretch of time
     period_samples: int | None = None  # of the excitation: a payload's residuals repeat with it
     weighting: Weighting | None = None
     consistent: bool = True  # only parameters that bodies and friction can have
@@ -54,9 +54,9 @@ class IdentifyOptions:
             value = getattr(self, name)
             if value is not None and not 0.0 < value < np.inf:
                 raise InputError(f"{name}: expected a number above zero, got {value}")
-        for name, low in (("order", 1), ("cut_samples", 0), ("period_samples", 1)):
+        for name, low in (("order", 1), ("cut_time_constants", 0), ("period_samples", 1)):
             value = getattr(self, name)
-            if value is not None and value < low:
+            if value is not None and not low <= value < np.inf:
                 raise InputError(f"{name}: expected {low} or more, got {value}")
 
 
@@ -77,8 +77,8 @@ def known_rotors(model: RobotModel, options: IdentifyOptions) -> Floats:
 
 
 def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
-    """Return a rotor for every joint without one; none where the robot's table says what is to be identified."""
-    if model.actuation is not None and model.actuation.values is None:
+    """Return a rotor for every joint without one; none where the robot's table does not ask for them."""
+    if not actuation_of(model).find_rotors:
         return ()
     own, rows = actuation_of(model).motor_inertia, np.eye(model.n)
     return tuple(
@@ -90,6 +90,6 @@ def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
 
 def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
     """Return the filter: what the options say, the robot's file otherwise."""
-    names = ("order", "cutoff_hz", "cut_samples", "period_samples")
+    names = ("order", "cutoff_hz", "cut_time_constants", "period_samples")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     return replace(actuation_of(model).filter, **given)

@@ -37,23 +37,21 @@ STEPS = ("coulomb", "stribeck", "load")  # kinds that leap where the rate change
 class FrictionHistory:
     """A recording's filtered positions and velocities, of which some rows were kept."""
 
-    segments: tuple[tuple[Floats, Floats], ...]  # q, qd (M, n) of every stretch in which time goes on
-    cut: int  # rows left out at either end of a stretch
+    # q, qd (M, n) of every stretch in which time goes on, and how many rows are left out at either end
+    segments: tuple[tuple[Floats, Floats, int], ...]
     sections: Floats  # of the filter, second-order
     kept: NDArray[np.int64]  # rows that are left, counted after the cut
 
     def load(self, term: ActuationTerm, coulomb_velocity: float) -> Floats:
         """Return a term's load (N,) on the rows kept, per unit; that of load-dependent friction per Nm or N carried."""
-        from scipy.signal import sosfiltfilt
-
         parts = []
-        for q, qd in self.segments:
+        for q, qd, cut in self.segments:
             if term.kind == "presliding":
                 load = presliding(q @ term.combination, term.scale)
             else:
                 step = term._replace(kind="coulomb") if term.kind == "load" else term
-                load = sosfiltfilt(self.sections, term_load(step, q, qd, qd, coulomb_velocity))
-            parts.append(load[self.cut : len(load) - self.cut])
+                load = _filtered(self.sections, term_load(step, q, qd, qd, coulomb_velocity), cut)
+            parts.append(load[cut : len(load) - cut])
         return np.concatenate(parts)[self.kept]
 
 
@@ -244,20 +242,21 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
             "poses at rest need neither (terms static)"
         )
     settings = filter_of(model, options)
-    cut = settings.cut_samples
-    least = 2 * cut + 3 * (2 * settings.order + 1) + 2
     stretches, gaps = _stretches(log, settings)
     grids = [(part, *_grid(f'recording "{log.name}"', log.time[part], settings)) for part in stretches]
-    used = [grid for grid in grids if len(grid[1]) >= least]
+    used = [grid for grid in grids if len(grid[1]) >= _least_rows(settings, grid[2])]
     parts = [_segment(log, *grid, settings) for grid in used]
     if not parts:
-        longest, even, _ = max(grids, key=lambda grid: len(grid[1]))
+        longest, even, step = max(grids, key=lambda grid: len(grid[1]))
         between = f", between {len(gaps)} gap(s) in time" if len(gaps) else ""
         raise InputError(
             f'recording "{log.name}": {len(even)} rows from row {longest.start}{between}: shorter than the filter, '
-            f"which needs {least} (order {settings.order}, {cut} samples cut at each end)"
+            f"which needs {_least_rows(settings, step)} (order {settings.order} at {settings.cutoff_hz:g} Hz, "
+            f"{settings.cut_s:.2g} s cut at each end)"
         )
-    rows = {key: np.concatenate([part[key][cut : len(part[key]) - cut] for part in parts]) for key in parts[0]}
+    cuts = [_cut_rows(settings, step) for _, _, step in used]
+    pieces = list(zip(parts, cuts, strict=True))
+    rows = {key: np.concatenate([part[key][c : len(part[key]) - c] for part, c in pieces]) for key in parts[0]}
     recorded, made = sum(part.stop - part.start for part, _, _ in used), sum(len(even) for _, even, _ in used)
     told = _told(len(stretches) - len(used), gaps, (len(log), recorded, made, len(rows["q"])))
     if log.qd is not None:
@@ -266,7 +265,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     known = known_torque(actuation, q) + known_rotors(model, options) * qdd
     rate = 1.0 / float(np.median(np.diff(time)))
     sections = _filter(settings, 2.0 * used[0][2] * settings.cutoff_hz)
-    history = FrictionHistory(tuple((part["q"], part["qd"]) for part in parts), cut, sections, np.arange(len(q)))
+    history = FrictionHistory(tuple((part["q"], part["qd"], c) for part, c in pieces), sections, np.arange(len(q)))
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
     gravity, base = rows.get("gravity", stated), rows.get("base")
     tau = rows["tau"] - known
@@ -329,10 +328,8 @@ def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: S
             f'recording "{log.name}": recorded at {1.0 / step:g} Hz: the cut-off {settings.cutoff_hz:g} Hz must be '
             "below half of it"
         )
-    from scipy.signal import sosfiltfilt
-
-    sections = _filter(settings, 2.0 * step * settings.cutoff_hz)
-    made = {key: np.asarray(sosfiltfilt(sections, values, axis=0)) for key, values in signals.items()}
+    sections, cut = _filter(settings, 2.0 * step * settings.cutoff_hz), _cut_rows(settings, step)
+    made = {key: _filtered(sections, values, cut) for key, values in signals.items()}
     made["derivative"] = np.gradient(made["q"], step, axis=0)
     made["qdd"] = np.gradient(made.setdefault("qd", made["derivative"]), step, axis=0)
     if (rate := made.get("base_rate")) is not None:
@@ -346,6 +343,23 @@ def _filter(settings: SignalFilter, share: float) -> Floats:
     from scipy.signal import butter
 
     return np.asarray(butter(settings.order, share, output="sos"))
+
+
+def _filtered(sections: Floats, values: Floats, mirrored: int) -> Floats:
+    """Return signals (N, ...) filtered forth and back, so many rows of them mirrored beyond both ends."""
+    from scipy.signal import sosfiltfilt
+
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(mirrored, len(values) - 1)))
+
+
+def _cut_rows(settings: SignalFilter, step: float) -> int:
+    """Return how many rows a step [s] apart are left out at either end."""
+    return int(np.ceil(settings.cut_s / step))
+
+
+def _least_rows(settings: SignalFilter, step: float) -> int:
+    """Return how many rows a stretch of time needs: what is left out, and as much as the filter's order to fit."""
+    return 2 * _cut_rows(settings, step) + 3 * (2 * settings.order + 1) + 2
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:

@@ -128,15 +128,26 @@ class KnownTorque(Effect):
 
 @dataclass(frozen=True)
 class SignalFilter:
-    """How recordings of this robot are filtered: zero-phase Butterworth, samples cut, resampling."""
+    """How recordings of this robot are filtered: zero-phase Butterworth, ends cut, resampling.
+
+    What a filter shows of a recording's ends decays with its slowest pole, at 2 pi cut-off times sin(pi / (2 order))
+    [Butterworth, "On the theory of filter amplifiers", 1930]: to exp(-5), under 1 %, after five of its time constants,
+    208 ms of the fourth order at 10 Hz.
+    """
 
     __pydantic_config__ = IN_FILES
 
     order: Annotated[int, Field(ge=1, le=10)]  # of one pass; the filter goes forth and back
     cutoff_hz: Positive
-    cut_samples: Annotated[int, Field(ge=0)]  # left out at either end, where the filter has not settled
     period_samples: Annotated[int, Field(ge=1)] | None = None  # of the excitation; its first is reported too
     rate_hz: Positive | None = None  # of recordings with time stamps; their median one if None
+    cut_time_constants: Annotated[float, Field(ge=0.0)] = 5.0  # mirrored beyond either end, and left out within it
+
+    @property
+    def cut_s(self) -> float:
+        """What is left out at either end [s]."""
+        slowest = 2.0 * np.pi * self.cutoff_hz * np.sin(0.5 * np.pi / self.order)
+        return float(self.cut_time_constants / slowest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +160,10 @@ class Actuation:
     motor_inertia: tuple[MotorInertia, ...] = ()
     springs: tuple[Spring, ...] = ()
     known_torques: tuple[KnownTorque, ...] = ()
-    filter: SignalFilter = SignalFilter(order=4, cutoff_hz=10.0, cut_samples=100)
+    filter: SignalFilter = SignalFilter(order=4, cutoff_hz=10.0)
     weighting: Weighting = "range"
     coulomb_velocity: Annotated[float, Field(ge=0.0)] = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); sign at 0
+    find_rotors: bool = False  # beside those here: one on each joint without, where held-out blocks show it
     effort_scale: Row | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
     # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
     values: Row | None = None
@@ -207,8 +219,8 @@ def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[Actu
 
 def default_actuation(joint_names: Sequence[str]) -> Actuation:
     """Return friction and a constant on every coordinate, as assumed of a robot whose file says nothing."""
-    rows = np.eye(len(joint_names))
-    return Actuation(friction=tuple(Friction(name, row) for name, row in zip(joint_names, rows, strict=True)))
+    rows = zip(joint_names, np.eye(len(joint_names)), strict=True)
+    return Actuation(friction=tuple(Friction(*row) for row in rows), find_rotors=True)
 
 
 class StatedDrive(NamedTuple):

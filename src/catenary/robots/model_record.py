@@ -15,7 +15,7 @@ from catenary.robots.actuation import check_actuation
 from catenary.robots.model import Massless, RobotModel, Tree
 from catenary.robots.plausible import MOST_LINKS
 
-FORMAT = "catenary.identification.2"
+FORMAT = "catenary.identification.3"
 REMEDY = "`catenary identify` makes it again"
 IDENTIFIED = "identified"  # array of the archive that holds the robot, as JSON
 # of what was declared or carried, an identified robot knows nothing

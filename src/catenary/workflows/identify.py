@@ -23,7 +23,7 @@ from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.drive_gains import DriveGains
 from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
-from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
+from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, rotors_beside
 from catenary.identification.other_causes import cause_findings, day_findings
 from catenary.identification.payload import (
     PayloadEstimate,
@@ -75,8 +75,6 @@ def part_of_arm(
         held[name] = float(np.clip(np.mean(where), model.lower[i], model.upper[i]))
     if not held:
         return model, held
-    if model.actuation is not None:  # its numbers are what is sought
-        model = replace(model, actuation=replace(model.actuation, values=None))
     return lock_joints(model, held), held
 
 
@@ -350,12 +348,12 @@ def _times(log: MotionLog, gains: Floats) -> MotionLog:
 def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     """Say what was assumed, what is doubtful, and what held-out blocks chose."""
     options = result.options
-    static, tabled = options.terms == "static", model.actuation is not None and model.actuation.values is None
-    if not static and not tabled:
+    static = options.terms == "static"
+    if not static and actuation_of(model).find_rotors:  # no table
         used = filter_of(model, options)
         yield (
             f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "
-            f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
+            f"at {used.cutoff_hz:g} Hz, {used.cut_s:.2g} s cut at each end"
         )
     yield from (f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons)
     for residual in (*result.training, *result.tests):
@@ -378,11 +376,17 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
         )
     if (weight := result.prior_weight) is not None:
         yield f"masses are drawn to those of the robot's file with weight {weight:g}, chosen on held-out blocks"
-    tried = ", ".join(rotor.name for rotor in rotors_beside(model)) if options.find_rotors and not static else ""
-    if tried and options.rotors is None and result.rotors:
+    beside = rotors_beside(model) if options.find_rotors and options.rotors is None and not static else ()
+    tried = ", ".join(rotor.name for rotor in beside if rotor.name not in result.unshown)
+    if tried and result.rotors:
         yield f"rotors: a reflected inertia of {tried}: held-out blocks are predicted better"
-    elif tried and options.rotors is None:
+    elif tried:
         yield f"rotors: none of {tried}: held-out blocks are predicted no better with a reflected inertia"
+    hidden = [rotor.name for rotor in beside if rotor.name in result.unshown]
+    of_days = [name for name in result.unshown if name not in hidden]
+    for what, names in (("rotors", hidden), ("friction of each recording", of_days)):
+        if names:
+            yield f"{what}: not shown by the motion: {', '.join(names)}; move each joint by itself and faster"
 
 
 @dataclass(frozen=True)
