@@ -81,7 +81,8 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
     """
     array = _as_floats(name, values, shape)
     if array.shape != shape and not _has_shape(array, shape):
-        raise InputError(f"{name}: expected shape {_shape_text(shape)}, got {array.shape}")
+        what = "" if array.ndim else f", {values!r}"
+        raise InputError(f"{name}: expected shape {_shape_text(shape)}, got {array.shape}{what}")
     if finite:
         refuse_non_finite(name, array)
     return array

@@ -1,5 +1,8 @@
 """What every controller must do."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from copy import deepcopy
 from functools import cache, partial
@@ -8,18 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+import catenary
 from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
 from catenary.control.controllers import CONTROLLERS, HOLDS
 from catenary.control.elastic_pd import ElasticPD
 from catenary.control.gains import JointGains
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold
+from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD, SplitController
 from catenary.errors import InputError
 from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
 from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.trajectories.reference import Reference
+from catenary.trajectories.reference import Reference, Rest
+from catenary.workflows.gravity.simulated_arm import simulated_arm
+from compilations import compilations
 
 N = 3
 KP, KD = np.array([90.0, 50.0, 400.0]), np.array([2.0, 1.0, 8.0])
@@ -156,3 +164,26 @@ def test_no_error_asks_for_no_feedback(controller: SplitController) -> None:
         wind_up = hold / SPRINGS
     controller.torque(measured._replace(q=q + wind_up), Reference(q, np.zeros(N), np.zeros(N)))
     np.testing.assert_allclose(controller.feedback, 0.0, atol=1e-11)  # 7e4 N/m times rounding
+
+
+@pytest.mark.parametrize("robot", ["raven2", "two_link"])
+def test_nothing_is_compiled_between_the_first_and_the_last_tick(robot: str) -> None:
+    """In a process that has compiled nothing: a tick that compiles leaves the last torque on for .2 s."""
+    program = f"from contracts.test_controllers import ticks_of; found = ticks_of({robot!r}); assert not found, found"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment, timeout=300)
+
+
+def ticks_of(robot: str) -> dict[str, list[str]]:
+    """What is compiled while each controller that fits a simulated arm moves it by calibrated positions."""
+    arm, found = simulated_arm(robot), {}
+    names, units = arm.plant.joint_names, arm.plant.joint_units
+    q = np.cumsum(np.random.default_rng(1).normal(size=(400, len(names))), axis=0) * 0.02
+    trained = catenary.fit(q, 1.01 * q, units=units, joint_names=names, model="linear", inputs=["q"])
+    kinds = [*CONTROLLERS.values(), *HOLDS.values()]
+    for kind in (one for one in kinds if one.fits(arm)):
+        controller, at = kind.make(arm), Rest(arm.plant.measured_js().q, 0.05)
+        with compilations(in_ticks=True) as compiled:
+            run_loop(arm.plant, controller, at, limits=arm.limits(), corrector=Corrector(trained), max_speed=np.inf)
+        found |= {kind.made_by: compiled} if compiled else {}
+    return found

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.control.limits import TorqueLimits
 from catenary.errors import InputError
+from compilations import compilations
 
 DT = 0.001
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -51,8 +54,36 @@ def test_what_is_no_number_becomes_zero_torque_of_that_joint(bad: float) -> None
     assert limits.not_finite == 2
 
 
-def test_a_torque_of_too_few_joints_is_none_for_the_rest() -> None:
-    assert once(TorqueLimits([2.0, 2.0]), [1.0], [0.0, 0.0]) == [1.0, 0.0]
+ODD = {
+    "(2, 1)": np.ones((2, 1)),
+    "(1, 2)": np.ones((1, 2)),
+    "too few": np.ones(1),
+    "too many": np.ones(3),
+    "scalar": 1.0,
+    "None": None,
+    "complex": np.ones(2, dtype=complex),
+    "text": ["1", "2"],
+    "objects": [1.0, object()],
+}
+
+
+@pytest.mark.parametrize("tau", ODD.values(), ids=ODD)
+def test_a_torque_that_is_no_array_of_numbers_of_the_joints_is_refused(tau: Any) -> None:
+    limits, q = TorqueLimits([2.0, 2.0]), np.zeros(2)
+    for arguments in ((tau, q), (q, tau)):
+        with pytest.raises(InputError, match=r"^(torque|q): expected [a-z ]*shape \(2,\), got|numbers of shape"):
+            limits.apply(*arguments, DT)
+
+
+@pytest.mark.parametrize(
+    "tau", [[3, -1], (3.0, -1.0), np.array([3, -1]), np.array([3.0, -1.0], dtype=np.float32)], ids=repr
+)
+def test_torques_of_any_type_of_number_are_taken_without_compiling_anew(tau: Any) -> None:
+    limits = TorqueLimits([2.0, 2.0])
+    limits.reset(np.zeros(2))
+    with compilations() as found:
+        assert limits.apply(tau, np.zeros(2, dtype=np.float32), 1).tolist() == [2.0, -1.0]  # type: ignore[arg-type]
+    assert found == []
 
 
 @settings(max_examples=300, deadline=None)

@@ -46,7 +46,7 @@ def test_a_loop_without_finite_torques_gives_up(limit: int) -> None:
     plant = MassPlant(AT)
     with pytest.raises(NotFiniteError) as caught:
         run_loop(plant, Gaps(*range(6, 100)), Rest(AT, 0.2), give_up_after=limit)
-    assert re.match(rf'not finite for {limit} ticks in a row: torque of "j0" \({limit} ticks\);', str(caught.value))
+    assert re.match(rf'not finite within {limit} ticks: torque of "j0" \({limit} ticks\);', str(caught.value))
     report = caught.value.loop_report  # type: ignore[attr-defined]
     assert (report.ticks, report.not_finite_ticks, report.finished) == (5 + limit - 1, limit, False)
     verbs = [verb for verb, _ in plant.log]
@@ -57,9 +57,24 @@ def test_a_loop_without_finite_torques_gives_up(limit: int) -> None:
 
 def test_gaps_that_are_shorter_are_zero_torque_and_counted() -> None:
     plant = MassPlant(AT)
-    report = run_loop(plant, Gaps(*range(1, 20), *range(21, 40)), Rest(AT, 0.2))
+    report = run_loop(plant, Gaps(*range(1, 20), *range(101, 120)), Rest(AT, 0.2))
     assert (report.finished, report.not_finite_ticks) == (True, 38)
     assert not np.any([values for verb, values in plant.log if verb == "servo_jf"])
+
+
+@pytest.mark.parametrize(("lost", "of"), [(19, 20), (1, 2), (2, 5)])
+def test_a_loop_that_lacks_torques_in_a_share_of_ticks_for_ever_ends(lost: int, of: int) -> None:
+    plant = MassPlant(AT)
+    gaps = Gaps(*(k for k in range(3000) if k % of < lost))
+    with pytest.raises(NotFiniteError, match=r'torque of "j0" \(\d+ ticks\); .* and in four of five'):
+        run_loop(plant, gaps, Rest(AT, 3.0))
+    assert plant.time < 0.2
+    assert plant.state.state == "PAUSED"
+
+
+def test_a_tenth_of_ticks_without_torque_does_not_end_a_loop() -> None:
+    report = run_loop(MassPlant(AT), Gaps(*range(1, 3000, 10)), Rest(AT, 3.0))
+    assert (report.finished, report.not_finite_ticks) == (True, 300)
 
 
 @pytest.mark.parametrize("controller", [PD, None])

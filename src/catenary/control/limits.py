@@ -9,7 +9,7 @@ from catenary.kernels.compiled import compiled
 
 
 class TorqueLimits:
-    """Bounds every torque that is sent; never raises in the tick.
+    """Bounds every torque that is sent; in the tick it refuses none but what is no array of n numbers.
 
     In this order, per joint:
 
@@ -70,14 +70,21 @@ class TorqueLimits:
     def reset(self, tau: Floats) -> None:
         """Begin from a torque (n,) [Nm|N] that is being applied; NaN counts as none."""
         applied = as_array("tau", tau, self.torque.shape, finite=False)
+        self.apply(applied, applied, 0.0)  # compiles, which a tick has no time for
         self._last[:] = np.clip(np.nan_to_num(applied, nan=0.0), -self.torque, self.torque)
         self._counts[:] = 0
 
     def apply(self, tau: Floats, q: Floats, dt: float) -> Floats:
-        """Return what may be sent of tau (n,) [Nm|N], at positions q (n,) [rad|m], dt [s] after the last."""
-        sent = np.empty(len(self._last))
+        """Return what may be sent of tau (n,) [Nm|N], at positions q (n,) [rad|m], dt [s] after the last.
+
+        Raises:
+            InputError: Torques or positions are no n numbers; NaN and infinity are.
+        """
+        sent, shape = np.empty(len(self._last)), self.torque.shape
+        # compiled code would be compiled anew for every other type
+        wanted, at = as_array("torque", tau, shape, finite=False), as_array("q", q, shape, finite=False)
         bounds = self.torque, self.slew, self.lower, self.upper, self.taper
-        _limit(*bounds, self._last, self._counts, tau, q, dt, sent)
+        _limit(*bounds, self._last, self._counts, wanted, at, float(dt), sent)
         return sent
 
 
@@ -97,8 +104,7 @@ def _limit(
 ) -> None:
     limited, not_finite = False, False
     for j in range(len(sent)):
-        # a torque that is missing is as good as NaN
-        wanted = tau[j] if j < len(tau) and j < len(q) else np.nan
+        wanted = tau[j]
         if not (np.isfinite(wanted) and np.isfinite(q[j])):
             wanted = 0.0
             not_finite = True

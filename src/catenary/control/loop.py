@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop_report import GravityTally, LoopReport, RunningRms
+from catenary.control.motion_guard import LEAP, MotionGuard
 from catenary.control.pd import Controller
 from catenary.control.realtime import Durations, RealTime
 from catenary.control.shutdown import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
 from catenary.errors import InputError, LimitError, SensorError
+from catenary.kernels.compiled import in_motion
 from catenary.plant import JointState, Plant, require_ready
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
@@ -23,9 +25,7 @@ from catenary.trajectories.reference import Reference, Trajectory
 FADE = 1.5  # [s] from a leap until all of it has come on
 SETTLES = 0.2  # [s] time constant of the torques that a correction takes: slower than an arm under PD
 Flags = NDArray[np.bool_]
-# [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
-LEAP = {"rad": 0.02, "m": 0.002}
-# from where it is measured, with a controller: an arm may have sagged under another
+# [rad], [m] to a first reference from where it is measured, with a controller: an arm may have sagged under another
 SAG = {"rad": 0.1, "m": 0.01}
 
 
@@ -119,6 +119,7 @@ def run_loop(
     duration: float | None = None,
     real_time: bool = False,
     give_up_after: int = GIVE_UP_AFTER,
+    max_speed: ArrayLike | None = None,
 ) -> LoopReport:
     """Run a controller on a robot along a trajectory, and return a report of timing, trust and tracking.
 
@@ -145,14 +146,17 @@ def run_loop(
         duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
         real_time: Keep time with a simulated plant too, which otherwise runs as fast as it can.
         give_up_after: Ticks in a row with a torque or a measured position that is NaN or infinite, after which the
-            loop ends. In fewer such a torque is zero.
+            loop ends, or as many more than a quarter of the others. In fewer such a torque is zero.
+        max_speed: Of measured joints and of the reference, one for all or (n,) [rad/s|m/s], infinity for any, beyond
+            which the loop ends; when None 1.2 times the plant's own `velocity_limit`, without one 2 rad/s, .5 m/s.
 
     Raises:
         NotReadyError: The plant is not enabled, not homed or busy; nothing was sent.
         UnsupportedCommandError: It takes no torques, or without controller no positions.
-        LimitError: The trajectory begins elsewhere than the robot is; nothing was sent.
-        InputError: Rate, duration, trajectory or limits do not fit the plant.
-        NotFiniteError: Torques or measured positions were not finite for `give_up_after` ticks in a row.
+        LimitError: The trajectory begins elsewhere than the robot is, and nothing was sent; a joint was too fast, or
+            the reference leapt, and the loop ended (`MotionGuard`).
+        InputError: Rate, duration, trajectory, limits or a torque do not fit the plant.
+        NotFiniteError: Torques or measured positions were not finite in too many ticks.
         SensorError: The source of gravity asks for a stop.
     """
     waits = _require_ready(plant, controller, rate_hz)
@@ -173,7 +177,7 @@ def run_loop(
         _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), LEAP)
     else:
         correction[~_require_near(plant, first, "the robot", state.q, correction, SAG)] = 0.0
-    fade, slow = Fade(correction, dt), SlowTorque(dt)
+    fade, slow, guard = Fade(correction, dt), SlowTorque(dt), MotionGuard(plant, first, dt, max_speed)
     if limits is None:
         limits = TorqueLimits(np.full(n, np.inf))
     limits.reset(state.tau)
@@ -194,6 +198,7 @@ def run_loop(
             compute=compute.timing(),
             jitter=None if clock is None else clock.jitter.timing(),
             overruns=None if clock is None else clock.overruns,
+            longest_gap=None if clock is None else clock.longest_gap,
             has_priority=clock is not None and clock.has_priority,
             outside_valid_range=None if corrector is None else tuple((outside / max(1, ticks)).tolist()),
             tracking_nominal=nominal.value(),
@@ -204,13 +209,14 @@ def run_loop(
             correction=correcting.timing(),
         )
 
+    moving = in_motion.set(True)
     try:
         if clock is not None:
             clock.begin()
         for number in numbers:
             begin = time.perf_counter()
             state = plant.measured_js()
-            q_nominal = state.q
+            q_nominal = as_array("measured q", state.q, (n,), finite=False)
             if corrector is not None:
                 q, was_inside, interval = np.empty(n), inside, np.empty(n)
                 inside = np.empty(n, dtype=bool)
@@ -231,17 +237,21 @@ def run_loop(
                     raise SensorError(f"gravity is not known: {reading.faults.message or 'the sensor is lost'}")
                 state = JointState(*state[:5], reading.gravity, reading.age, reading.base_rates, state.q_interval)
             reference = trajectory(number * dt)
+            q_wanted = as_array("reference q", reference.q, (n,), finite=False)
+            guard.update(state.time, q_nominal, q_wanted)
             tau = None
             if controller is None:
                 finite.update(q_nominal)
-                plant.servo_jp(reference.q)
+                plant.servo_jp(q_wanted)
             else:
-                wanted = controller.torque(state, reference)
+                wanted = as_array("torque", controller.torque(state, reference), (n,), finite=False)
                 tau = limits.apply(wanted, q_nominal, dt)
                 finite.update(q_nominal, wanted)
                 plant.servo_jf(tau)
-            nominal.add(reference.q, q_nominal)
-            calibrated.add(reference.q, state.q)
+            if clock is not None:
+                clock.sent()
+            nominal.add(q_wanted, q_nominal)
+            calibrated.add(q_wanted, state.q)
             outside += ~inside
             ticks += 1
             for observe in observers:
@@ -268,6 +278,7 @@ def run_loop(
         leave_safe(plant, finite.held, error)
         raise
     finally:
+        in_motion.reset(moving)
         if clock is not None:
             clock.end()
 

@@ -59,6 +59,8 @@ class LoopReport:
     not_finite_ticks: int  # in which a torque or position was NaN or infinite, and no torque sent for it
     gravity: GravityReport | None = None  # None without a source of gravity
     correction: Timing | None = None  # [s] of the corrector in a tick; None without one
+    # [s] the longest time between two torques, or positions, that were sent; None when not in real time
+    longest_gap: float | None = None
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]
@@ -68,6 +70,8 @@ class LoopReport:
                 lines.append(f"{name} [us]: " + ", ".join(f"{key} {1e6 * v:.4g}" for key, v in values))
         if self.overruns is not None:
             lines.append(f"overruns: {self.overruns}; real-time priority: {'yes' if self.has_priority else 'no'}")
+        if self.longest_gap is not None:
+            lines.append(f"longest time between two commands: {1e3 * self.longest_gap:.4g} ms")
         for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True)):
             line = f"{name}: tracking error {self.tracking_nominal[j]:.4g} {unit} RMS"
             if self.tracking_calibrated is not None and self.outside_valid_range is not None:

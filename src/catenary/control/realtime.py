@@ -64,8 +64,10 @@ class RealTime:
         self.period = period
         self.jitter = Durations()  # difference between the time of a tick and the period
         self.overruns = 0
+        self.longest_gap = 0.0  # [s] between two commands
         self.has_priority = False
         self._deadline = self._woken = 0.0
+        self._sent = math.inf
         self._before = ExitStack()  # restores what `begin` changed
 
     def begin(self) -> None:
@@ -89,6 +91,11 @@ class RealTime:
     def end(self) -> None:
         """Restore priority and garbage collector."""
         self._before.close()
+
+    def sent(self) -> None:
+        """Take the time of a command."""
+        last, self._sent = self._sent, time.perf_counter()
+        self.longest_gap = max(self.longest_gap, self._sent - last)
 
     def start(self) -> None:
         """Start the clock: the next deadline is a period away."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
 from catenary.dynamics import lines
+from catenary.kernels.compiled import in_motion
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
@@ -68,7 +69,8 @@ class DynamicQuantity(NamedTuple):
     """One quantity of a robot and its one evaluator: the recursion at first, the robot's traced kernel beyond.
 
     The recursion interprets the robot's tree; it needs no compiling for this robot. The kernel takes over from the
-    101st single configuration on, and for 50,000 configurations at once: it differs in rounding only.
+    101st single configuration on, but not while `run_loop` moves a robot, which half a second of compiling would leave
+    alone; and for 50,000 configurations at once. It differs in rounding only.
     """
 
     name: str  # of the kernel
@@ -88,7 +90,7 @@ class DynamicQuantity(NamedTuple):
         """
         kernel = model.kernels.get(self.name, 0)
         if isinstance(kernel, int):  # calls so far
-            if kernel < FEW:
+            if kernel < FEW or in_motion.get():
                 model.kernels[self.name] = kernel + 1
                 return None
             kernel = self.kernel(model)

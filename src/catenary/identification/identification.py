@@ -288,7 +288,8 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
 
 def _with(actuation: Actuation, key: str, effects: Sequence[Effect]) -> Actuation:
     """Return what loads the joints, and more effects of a kind."""
-    return replace(actuation, **{key: (*getattr(actuation, key), *effects)})
+    grown: dict[str, Any] = {key: (*getattr(actuation, key), *effects)}
+    return replace(actuation, **grown)
 
 
 def _fit(

@@ -21,6 +21,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable
+from contextvars import ContextVar
 from functools import cache, update_wrapper
 from hashlib import sha256
 from importlib import import_module
@@ -29,6 +30,7 @@ from types import ModuleType
 from typing import Any, TypeVar, cast
 
 _log = logging.getLogger(__name__)
+in_motion: ContextVar[bool] = ContextVar("in_motion", default=False)  # a loop moves a robot: nothing may be compiled
 _told: list[object] = []  # why code is compiled in memory
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 OTHERS = stat.S_IRWXG | stat.S_IRWXO

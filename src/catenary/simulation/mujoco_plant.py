@@ -1,6 +1,7 @@
 """Any robot on any base, simulated: MuJoCo's rigid bodies, catenary's couplings, friction, springs and stops."""
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
@@ -249,6 +250,9 @@ class MujocoPlant(SimulatedPlant):
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
+        begun = deepcopy(self._motion)  # compiles what a tick runs
+        end_stage(self._joints, begun, self._dynamics.tree, self._effort, 0, self._step)
+        finish_step(self._joints, begun, self._step)
 
     # what a Plant says about itself
 
@@ -261,6 +265,11 @@ class MujocoPlant(SimulatedPlant):
     def upper(self) -> Floats:
         """Joint limits above, (n,)."""
         return np.array(self.model.upper)
+
+    @property
+    def velocity_limit(self) -> Floats:
+        """Largest speeds (n,) [rad/s|m/s], infinity where the model states none."""
+        return np.array(self.model.velocity_limit)
 
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""

@@ -261,7 +261,7 @@ class DrivenArm:
         return run_loop(
             self._plant, None if own else self, self._trajectory, limits=self.arm.limits(),
             corrector=self._corrector, gravity=self.surroundings, observers=[self._observe],
-            duration=np.inf,
+            duration=np.inf, max_speed=np.inf,  # nothing is in the way of a simulated arm that falls
         )  # fmt: skip
 
     # in the loop

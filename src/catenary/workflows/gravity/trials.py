@@ -212,7 +212,8 @@ def hold(
 
     held = Rest(arm.q_true() if calibrated else plant.measured_js().q, seconds)
     report = run_loop(
-        plant, controller, held, limits=limits, rate_hz=rate, gravity=gravity, corrector=corrector, observers=[observe]
-    )
+        plant, controller, held, limits=limits, rate_hz=rate, gravity=gravity, corrector=corrector, observers=[observe],
+        max_speed=np.inf,  # a simulated arm that falls is what is looked for
+    )  # fmt: skip
     time, reported, true = (np.array(column) for column in zip(*rows, strict=True))
     return Holding(plant.joint_names, plant.joint_units, time, reported, true, gravity=report.gravity)
