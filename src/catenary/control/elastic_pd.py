@@ -5,6 +5,7 @@ and experiments", Automatica 41 (2005); P. Tomei, "A simple PD controller for ro
 Automatic Control 36 (1991).
 """
 
+import warnings
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -15,7 +16,7 @@ from catenary.arrays import Floats, as_array, as_positive
 from catenary.control.gains import DrivenJoints
 from catenary.control.gravity_pd import GravityPD
 from catenary.control.pd import Damping, gravity_and_rates, nominal_gravity
-from catenary.errors import InputError
+from catenary.errors import ImplausibleWarning, InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
@@ -137,7 +138,9 @@ def stiffness_margin(
         q = lower + (upper - lower) * np.clip(x[:n], 0.0, 1.0)
         g = fixed if fixed is not None else STANDARD_GRAVITY * _direction(x[n], x[n + 1])
         steps = _STEP * np.eye(n)
-        torques = gravity_torque(model, np.concatenate([q + steps, q - steps]), g)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ImplausibleWarning)  # any direction of gravity is meant here
+            torques = gravity_torque(model, np.concatenate([q + steps, q - steps]), g)
         return (torques[:n] - torques[n:]) / (2.0 * _STEP)
 
     def negative_share(x: Floats) -> float:
