@@ -11,9 +11,11 @@ import numpy as np
 
 from tests.recording.import_formats.test_tracked_pose import NEAR_SINGULAR, NOISES, seen_by_a_tracker
 from tests.truth.bench import (
+    CLOCKS,
     FAILS,
     Outcome,
     checked,
+    clocked,
     evaluated,
     fitted,
     refreshed,
@@ -53,6 +55,7 @@ def outcomes(only: str) -> Iterator[Outcome]:
             for seconds in (120.0, 300.0):
                 if re.search(only, f"check: {known.name}") and windows_of(known, seconds):
                     yield checked(known, seconds, folder)
+        yield from (clocked(clock, folder) for clock in CLOCKS if re.search(only, f"clock: {clock}"))
         if re.search(only, "refresh"):
             yield from refreshes(folder)
         yield from unlike_others(only, folder)
@@ -109,7 +112,7 @@ def main() -> int:
         old = [
             line
             for line in TABLE.read_text().splitlines()
-            if line.startswith(("| fit", "| eval", "| check", "| refr", "| import", "| units"))
+            if line.startswith(("| fit", "| eval", "| check", "| clock", "| refr", "| import", "| units"))
         ]
         written = {line.split(" | ")[0][2:]: line for line in old} | written
     wrong = sum(f"| {FAILS}" in line for line in written.values())

@@ -234,6 +234,29 @@ def refreshed(name: str, train: MotionLog, day: MotionLog, folder: Path, first: 
     return Outcome(case, says, truth, FAILS if harmed else HOLDS if held else NAMED if told else FAILS)
 
 
+# counts a second, and the day at which a clock reads zero; None of one that no computer has
+CLOCKS: dict[str, tuple[float, str | None]] = {
+    "Unix ms": (1e3, "1970-01-01"), "FILETIME": (1e7, "1601-01-01"), ".NET ticks": (1e7, "0001-01-01"),
+    "NTP": (1.0, "1900-01-01"), "Excel": (1 / 86_400, "1899-12-30"), "MATLAB datenum": (1 / 86_400, "-001-12-31"),
+    "a counter of 4 kHz": (4e3, None), "a counter of .1 ms": (1e4, None), "ms since a start": (1e3, None),
+}  # fmt: skip
+
+
+def clocked(clock: str, folder: Path) -> Outcome:
+    """Import a minute whose time is a clock's; hold its length against the true one. Unknown units are to be asked."""
+    case, (count, zero), time = f"clock: {clock}", CLOCKS[clock], np.arange(6000) / 100.0
+    since = 20.0 if zero is None else 1.77e9 - float(np.datetime64(zero, "s").astype(np.int64))
+    stamps = [round((since + t) * count) for t in time] if count >= 1e3 else ((since + time) * count).tolist()
+    rows = [f"{stamp!r},{np.sin(t):.9f},{np.cos(t):.9f}" for stamp, t in zip(stamps, time, strict=True)]
+    path = folder / "clock.csv"
+    path.write_text("\n".join(["time,q1,q2", *rows]) + "\n")
+    found, said = run("import", path, "--map", "q_nominal=q1,q2@rad", "--out", folder / "clock.parquet")
+    if found is None:
+        return Outcome(case, said.splitlines()[0], "59.99 s", REFUSED if zero is None else f"{FAILS}: refused")
+    held = zero is not None and abs(found["seconds"] - time[-1]) < 1e-3
+    return Outcome(case, f"{found['seconds']:.6g} s", "59.99 s", HOLDS if held else FAILS)
+
+
 _MODELS: dict[tuple[str, ...], Path] = {}
 
 

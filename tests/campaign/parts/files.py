@@ -117,6 +117,49 @@ def _read_log(path: Path) -> None:
     read_log(path)
 
 
+@cache
+def _hdf5() -> bytes:
+    import h5py
+    import numpy as np
+
+    path = sample("lab.h5")
+    with h5py.File(path, "w") as file:
+        file["obs/q"], file["time"] = np.random.default_rng(1).normal(size=(200, 3)), np.arange(200) * 0.01
+        file["obs/q"].attrs["units"] = "deg"
+    return path.read_bytes()
+
+
+def _read_tables(path: Path) -> None:
+    from catenary.recording.import_formats.sources import Sources
+
+    Sources([path])
+
+
+def deep_case(seed: int, folder: Path) -> None:
+    """Nest what nests, thousands of levels deep, below a path that may be no UTF-8: it is refused at once."""
+    import h5py
+
+    from catenary.robots.catalog import load_robot
+
+    rng = random.Random(seed)
+    folder, depth = folder / os.fsdecode(rng.choice((b"lab", b"l\xe9b"))), rng.randrange(65, 20_000)
+    folder.mkdir()
+    if rng.random() < 0.2:
+        with h5py.File(folder / "deep.h5", "w") as file:
+            group: Any = file
+            for _ in range(min(depth, 3000)):
+                group = group.create_group("g")
+        _read_tables(folder / "deep.h5")
+    else:
+        dot = rng.choice((".", " . ", '."a".', ".'b c'."))
+        key = dot.join(["a"] * depth)
+        (folder / "deep.toml").write_text(
+            rng.choice((f"{key} = 1\n", f"[{key}]\n", f"[[{key}]]\n", f"a = {{{key} = 1}}\n"))
+        )
+        load_robot(folder / "deep.toml")
+    raise Fell("was read")
+
+
 # archives
 
 
@@ -292,6 +335,8 @@ CASES: dict[str, Callable[[int, Path], None]] = {
     "parquet_log": byte_case("log.parquet", _parquet, _read_log, _damaged_parquet),
     "csv": byte_case("raven.csv", lambda: _csv().read_bytes(), _read_log, _damaged_csv),
     "model_npz": byte_case("model.npz", linear_model, _load_model, _repacked),
+    "hdf5": byte_case("lab.h5", _hdf5, _read_tables),
+    "deep": deep_case,
     "model-json": model_json_case,
     "robot-toml": robot_toml_case,
     "urdf": byte_case("robot.urdf", _urdf, _use, lambda rng, text: spoilt_xml(rng, text.decode())),
