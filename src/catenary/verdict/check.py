@@ -37,6 +37,12 @@ MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses 
 MOST_HASHES = 1_000_000  # that are compared
 MAX_ERROR = "--max-error"
 ROUNDS = 4  # of mends: one fault may hide another
+TIMES = (
+    "time_unit",
+    "sign",
+    "delay",
+    "shift",
+)  # steps that change what delay is found: friction holds back, either way
 REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 
 
@@ -66,14 +72,16 @@ def judged(
     alone: bool = True,  # minutes that are there twice are looked for, too
 ) -> Judged:
     """Find what is wrong with a recording; what a fault hides, as if that were mended by its remedy, and say so."""
-    found, begun = list[Finding](), mend
+    found, seen, begun = list[Finding](), list[Finding](), mend
     for _ in range(ROUNDS):
         mended = mend(log)
         if max_error is not None and mended.q_encoder is not None:
             with np.errstate(invalid="ignore"):
                 within = (np.abs(mended.q_encoder - mended.q_nominal) <= max_error).all(axis=1)
             mended = replace(mended, ok=mended.ok & within)
-        seen = _together(mended, robot, trained, in_step=(mend.delay, mend.shift) != (begun.delay, begun.shift))
+        changed = {step for step in TIMES if getattr(mend, step) != getattr(begun, step)} if mend != begun else None
+        late = [] if changed is None or changed else [each for each in seen if each.name in ("clock", "delay", "lag")]
+        seen = [*_together(mended, robot, trained, changed), *late]
         found += _as_if(mend, begun, seen, found)
         more = mend
         for each in seen:
@@ -107,31 +115,35 @@ def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Fin
 
 
 def _together(
-    log: MotionLog, robot: RobotModel | None, trained: tuple[Floats, Floats] | None, *, in_step: bool
+    log: MotionLog, robot: RobotModel | None, trained: tuple[Floats, Floats] | None, changed: Collection[str] | None
 ) -> list[Finding]:
-    """Find what is wrong with all rows, or with how measurements and commands go together; `in_step` once mended."""
+    """Find what is wrong with all rows, or with how measurements and commands go together.
+
+    `changed` are those steps of a mend that change delays, None before any: without one these are not looked for anew.
+    """
     ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
         wrong = {joint for each in findings if each.refuses for joint in each.joints}
-        findings += _relation(pairs, wrong, in_step=in_step)
+        findings += _relation(pairs, wrong, changed)
         delay = next((each.delay for each in findings if each.delay is not None), None)
         findings += [*arrival_findings(log, delay), *zero_findings(log)]
     return findings
 
 
-def _relation(pairs: Pairs, wrong: Collection[str], *, in_step: bool) -> list[Finding]:
+def _relation(pairs: Pairs, wrong: Collection[str], changed: Collection[str] | None) -> list[Finding]:
     """Find what is wrong between measurements and commands, each under its first cause, but of joints known `wrong`."""
     turns, pairs = turn_findings(pairs)
     place = joints_in_place(pairs)
     still, stuck = sensor_findings(pairs, place)
     # a sensor that stands still lies behind more and more
     moving = replace(pairs, log=replace(pairs.log, ok=pairs.log.ok & ~stuck)) if stuck.any() else pairs
-    late = delay_findings(moving, place)
+    late = delay_findings(moving, place) if changed is None or changed else []
     swapped, single = correspondence_findings(pairs, place)
     if swapped or single:  # sums of joints, and columns of others, lie unlike times behind
         late = [each for each in late if not each.joints]
+    in_step = changed is not None and not {"delay", "shift"}.isdisjoint(changed)
     if not in_step and any(each.refuses and each.name == "delay" for each in late):
         return [*swapped, *turns, *late]  # rows out of step follow nothing, and their slopes mean nothing
     # slopes and leaps of columns of another scale, or of another joint, mean nothing either

@@ -136,17 +136,9 @@ def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: fl
     apart = [(log.joint_names[i], float(d + fine[look.costs(d + fine)[:, 0].argmin()]))
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
-        float(grid[best]),
-        low,
-        high,
-        sure,
-        _change(along, high - low),
-        unit,
-        float(total[best]),
-        tuple(apart),
-        apart_by,
-        float(np.median(own)),
-    )
+        float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]), tuple(apart),
+        apart_by, float(np.median(own)),
+    )  # fmt: skip
 
 
 def reach_of(log: MotionLog) -> tuple[float, float]:
