@@ -28,7 +28,13 @@ from catenary.verdict.sensors import (
     zero_findings,
 )
 from catenary.verdict.stamps import arrival_findings, stamp_findings
-from catenary.verdict.units_and_scale import range_findings, slope_findings, tiny_findings, trained_findings
+from catenary.verdict.units_and_scale import (
+    range_findings,
+    slope_findings,
+    tiny_findings,
+    trained_findings,
+    within_reason,
+)
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
@@ -54,8 +60,9 @@ def _alone(
         with np.errstate(invalid="ignore"):
             within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
         log = replace(log, ok=log.ok & within)
+    log, far = within_reason(log, robot)
     ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
-    findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
+    findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *far, *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
         findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
