@@ -29,6 +29,8 @@ SHOWN = 200  # characters of a value or a message that an error repeats
 # a text of JSON, which may hold // and /*, or a comment; one that does not end goes to the end of the file
 _TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*+(?:"|\\?\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 XML_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)  # MuJoCo allows "--" within, XML does not
+# how binary files begin, and the line ends that follow, which a transfer as text changes; others have none there
+_BINARY = {b"#ROSBAG V2.0": b"\n", b"\x89MCAP0": b"\r\n", b"SQLite format 3\0": b"", b"PK\x03\x04": b"", b"PAR1": b""}
 _ROOT_TAG = re.compile(rb"<([^\s<>/?!][^\s<>/]*)")
 # words between more dots than levels, in a key of TOML; each is looked at from its beginning alone
 _WORD = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
@@ -41,6 +43,20 @@ def no_file(path: Path) -> str:
     return f"{path}: is a folder, expected a file" if path.is_dir() else f"{path}: no such file"
 
 
+def copied_as_text(path: Path | str) -> str:
+    """Return what is to be said of a binary file that cannot be read if its line ends were changed; else nothing."""
+    begin = b""
+    if isinstance(path, Path) and path.is_file():
+        with path.open("rb") as file:
+            begin = file.read(2**20)
+    for mark, ends in _BINARY.items():
+        rest, lines = begin.removeprefix(mark), begin.count(b"\n")
+        changed = rest.lstrip(b"\r").startswith(b"\n") if ends else 0 < lines == begin.count(b"\r\n")
+        if begin.startswith(mark) and changed and not (ends and rest.startswith(ends)):
+            return "; it was copied as text, which changes bytes (line ends): copy it again in binary mode"
+    return ""
+
+
 @contextmanager
 def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]) -> Iterator[None]:
     """Say of what a library raises over a file that it cannot be read as one of a kind."""
@@ -51,7 +67,8 @@ def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]
     except RecursionError as error:
         raise FileFormatError(f"{path}: is nested more than {DEEPEST} levels deep") from error
     except unreadable as error:
-        raise FileFormatError(f"{path}: cannot be read as {kind}: {cut(str(error) or repr(error))}") from error
+        said = f"{cut(str(error) or repr(error))}{copied_as_text(path)}"
+        raise FileFormatError(f"{path}: cannot be read as {kind}: {said}") from error
 
 
 def read_bounded(path: Path, most: int) -> bytes:

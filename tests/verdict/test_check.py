@@ -133,6 +133,27 @@ def test_rows_beyond_the_error_limit_are_not_judged() -> None:
     assert not any(f.name == "outliers" for f in left)
 
 
+@pytest.mark.alike
+@pytest.mark.parametrize("number", [-9999.0, 1e37, -6.8e35, 1e300])
+@pytest.mark.parametrize("arrays", [("q_nominal",), ("q_encoder",), ("q_nominal", "q_encoder")])
+def test_rows_where_no_arm_can_be_are_refused_and_hide_nothing_else(arrays: tuple[str, ...], number: float) -> None:
+    log = recording()
+    spoilt = {}
+    for array in arrays:
+        values = getattr(log, array).copy()
+        values[-40:-38, 1] = number
+        spoilt[array] = values
+    found = findings_of(replace(log, **spoilt))
+    (told,) = [f for f in found if f.refuses]
+    assert (told.name, told.joints) == ("range", log.joint_names[1:2])
+    assert f"2 row(s) where no arm can be: up to {abs(number):.3g} rad" in told.says
+    left = Mend()(replace(log, **spoilt))
+    assert told.remedy == f"--leave-out {len(log) - 40}:{len(log) - 38}"
+    assert not [f for f in findings_of(Mend(leave_out=(told.remedy.split()[1],))(left)) if f.refuses]
+    late = [f.name for f in findings_of(shifted(replace(log, **spoilt), 3)) if f.refuses]
+    assert late == ["range", "delay"]
+
+
 def test_a_joint_that_stands_still_on_purpose_is_a_note() -> None:
     log = recording()
     q = log.q_nominal.copy()

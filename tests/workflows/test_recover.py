@@ -1,7 +1,11 @@
 import errno
 import os
+import shutil
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag1 import Writer as Writer1
@@ -12,6 +16,8 @@ from catenary.recording.bag_reader import JournalReader, open_recording
 from catenary.workflows import recover as module
 from catenary.workflows.recover import recover
 from command_line import catenary, refusal
+from lab_bags import JOINT_STATE, JOINTS, KINDS, Kind, joint_state, true_q
+from lab_bags import write_bag as write_lab_bag
 from oracles.raven_recording import record, write_bag
 
 
@@ -131,6 +137,60 @@ def test_what_holds_no_message_is_refused(tmp_path: Path, content: bytes) -> Non
         recover(tmp_path / "b.bag")
     with pytest.raises(FileFormatError, match="has no file of a bag; it holds nothing"):
         recover(tmp_path / "empty")
+
+
+def one_topic(folder: Path, kind: Kind) -> tuple[Path, Path]:
+    """20 s of an arm at 100 Hz, in one chunk, and the file of it."""
+    messages = [(t, "/arm", joint_state(JOINTS, true_q(t))) for t in np.arange(0.0, 20.0, 0.01)]
+    path = write_lab_bag(folder / "lab", kind, {"/arm": JOINT_STATE}, messages)
+    return path, path if path.is_file() else next(p for p in path.iterdir() if p.suffix in (".mcap", ".db3"))
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_lost_byte_costs_is_told_in_messages_and_seconds(kind: Kind, tmp_path: Path) -> None:
+    path, file = one_topic(tmp_path, kind)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 3] + whole[len(whole) // 3 + 1 :])
+    found = recover(path)
+    (topic,), ((begin, end),) = found.rescue.topics, found.rescue.gaps
+    assert topic.kept + topic.lost == pytest.approx(2000, rel=0.03)  # SQLite's overhead is estimated
+    assert topic.kept == sum(1 for _ in open_recording(found.written).messages())
+    assert (begin, end) == (pytest.approx(topic.kept / 100, abs=0.02), pytest.approx(20.0, rel=0.03))
+    assert f"no message for {end - begin:.1f} s, from {begin:.1f} to {end:.1f} s" in found.rescue.text()
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_whose_joints_an_editor_renamed_holds_no_message(kind: Kind, tmp_path: Path) -> None:
+    path, file = one_topic(tmp_path, kind)
+    file.write_bytes(file.read_bytes().replace(b"outer_yaw", b"outer_yaw_joint"))
+    with pytest.raises(FileFormatError, match=r"no whole message is in it|nothing in it can be saved"):
+        recover(path)
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize("ending", [b"\r\n", b"\n"])
+@pytest.mark.parametrize("kind", [*KINDS, "npz", "parquet", "journal"])
+def test_what_was_copied_as_text_is_told_so(kind: str, ending: bytes, journal: Path, tmp_path: Path) -> None:
+    if kind in KINDS:
+        path, file = one_topic(tmp_path, kind)
+    elif kind == "journal":
+        path, file = tmp_path / "run", tmp_path / "run" / "0000.mcap"
+        shutil.copytree(journal, path)
+    else:
+        path = file = tmp_path / f"a.{kind}"
+        np.savez(path, q=true_q(np.arange(0.0, 20.0, 0.01)))
+        if kind == "parquet":
+            pq.write_table(pa.table({"q": true_q(np.arange(0.0, 20.0, 0.01))[:, 0]}), path)
+    assert "copied as text" not in "".join(catenary("check", path)[1:])
+    if ending == b"\n" and kind not in ("mcap", "journal"):
+        return  # without a line end in its mark nobody sees that some are shorter
+    file.write_bytes(file.read_bytes().replace(b"\r\n" if ending == b"\n" else b"\n", ending))
+    for command in ("check", "import", "recover"):
+        if command == "recover" and kind in ("npz", "parquet"):
+            continue
+        assert "it was copied as text" in refusal(command, path)
 
 
 @pytest.mark.parametrize("kind", ["journal", "bag"])

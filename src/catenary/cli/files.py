@@ -57,9 +57,10 @@ def recover(
 ) -> None:
     """Recover the intact part of a damaged recording.
 
-    It reports what is lost. Use it for recordings that were cut off, not closed, or damaged in the middle, outside a
-    project (inside one, `catenary extract` does it). A journal becomes a journal (folder), a ROS 1 bag a .bag, MCAP a
-    ROS 2 bag (folder). RECORDING is not changed, nothing is overwritten, and an intact recording writes nothing.
+    It reports how much is kept and lost, and from when to when no message is left. Use it for recordings that were cut
+    off, not closed, or damaged in the middle, outside a project (inside one, `catenary extract` does it). A journal
+    becomes a journal (folder), a ROS 1 bag a .bag, MCAP a ROS 2 bag (folder). RECORDING is not changed, nothing is
+    overwritten, and an intact recording writes nothing.
     """
     from catenary.workflows.recover import recover as recover_recording
 

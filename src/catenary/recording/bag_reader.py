@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from catenary.arrays import Integers
-from catenary.documents import reading, shortened
+from catenary.documents import copied_as_text, reading, shortened
 from catenary.errors import FileFormatError
 from catenary.recording.bag_records import DAMAGE, Block, Unpacking
 from catenary.recording.bag_stream import BagConnection, BagStream, Hole, Source, about_of
@@ -27,6 +27,7 @@ from catenary.recording.layout import ABOUT_TOPIC
 from catenary.topics import SECOND
 
 AT_ONCE = 2048  # messages that are in memory at once
+_ROW = 40  # [B] that a row takes beside its message, with its entry in the index of times
 _ROWS = "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id"
 
 
@@ -76,12 +77,12 @@ class SqliteBag(Source):
 
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes as SQLite reads them; of damage, but a page of those before it."""
-        unpacking, seen, left = Unpacking(self.path), -1, self._size
+        unpacking, seen, left, count = Unpacking(self.path), -1, self._size, 0
         (page,) = self._database.execute("PRAGMA page_size").fetchone()
         waiting, held, why = deque[tuple[int, int, bytes]](), 0, ""  # rows within a page of here, and their bytes
-        self.last, self.holes, self.damage, self.ends_early = None, [], [], False
+        self.last, self.until, self.holes, self.damage, self.ends_early = None, None, [], [], False
         try:
-            for place, number, stamp, data in self._database.execute(_ROWS):
+            for count, (place, number, stamp, data) in enumerate(self._database.execute(_ROWS), 1):  # noqa: B007
                 if place <= seen or not isinstance(data, bytes) or not isinstance(stamp, int):
                     why = "a message without its bytes, or out of its place"
                     break
@@ -98,7 +99,9 @@ class SqliteBag(Source):
             why = str(error)
         if why:
             self.holes, self.ends_early = [(self.last, None)], True
-            self.damage.append(f"{self.path}: cannot be read as SQLite to its end: {why}; what is before that was read")
+            self._lose(left - _ROW * count, self._size - left + _ROW * count)
+            why = f"cannot be read as SQLite to its end: {why}; what is before that was read"
+            self.damage.append(f"{self.path}: {why}{copied_as_text(self.path)}")
             return
         for row in waiting:
             yield from self._message(unpacking, *row)
@@ -191,7 +194,7 @@ class Rescue(NamedTuple):
     def stretches(self) -> list[str]:
         """Return in words which stretches of time have no messages."""
         said = [f"no message for {b - a:.1f} s, from {a:.1f} to {b:.1f} s" for a, b in self.gaps if b - a >= _TOLD_GAP]
-        return said + [f"cut off at {self.seconds:.1f} s: all that came behind that is lost"] * self.ends_early
+        return said + [f"nothing behind {self.seconds:.1f} s: its end is missing or damaged"] * self.ends_early
 
 
 def is_journal(path: Path) -> bool:
@@ -255,7 +258,8 @@ class JournalReader(FilesInARow):
                 self._unread.append(str(error))
         super().__init__(path, parts)
         if not self.topics:
-            raise FileFormatError(f"{path}: no whole topic in its {len(files)} file(s): nothing can be read")
+            none = f"{path}: no whole topic in its {len(files)} file(s): nothing can be read"
+            raise FileFormatError("; ".join([none, *self._unread[:1]]))
         self.remarks = list[str]()  # of the recorder, of no loss
         self.lost = 0  # messages that are known to be missing
 

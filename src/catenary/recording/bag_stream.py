@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 
 from catenary.arrays import Integers
-from catenary.documents import cut
+from catenary.documents import copied_as_text, cut
 from catenary.errors import FileFormatError
 from catenary.recording.bag_records import (
     CONNECTION,
@@ -126,6 +126,11 @@ class Source:
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         raise NotImplementedError
 
+    def _lose(self, size: int, read: int) -> None:
+        """Tell until when messages are lost that took `size` bytes: they came at the rate of those `read` before."""
+        if self.first is not None and self.last is not None and size > 0 < read:
+            self.until = max(self.until or 0, self.last + (self.last - self.first) * size // read)
+
     def _keep(self, number: int, connection: BagConnection) -> None:
         """Keep a topic and its type."""
         name, kind = connection.topic, current_name(connection.type)
@@ -157,10 +162,10 @@ class BagStream(Source):
         self._before: int | None = None  # [ns] arrival of the last message of the file before
         self.is_ros1 = begin == ROS1_MAGIC
         self._is_closed = False  # MCAP's own mark is its end
-        if not self.is_ros1 and not begin.startswith(MAGIC) and not is_journal_name(path):
-            raise FileFormatError(
-                f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; nothing in it can be saved"
-            )
+        as_text = "" if self.is_ros1 or begin.startswith(MAGIC) else copied_as_text(path)
+        if as_text or not (self.is_ros1 or begin.startswith(MAGIC) or is_journal_name(path)):
+            none = f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP{as_text}"
+            raise FileFormatError(f"{none}; nothing in it can be saved")
         self.encoding = "ros1" if self.is_ros1 else "cdr"
         self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
         counts = Counter[str]()
@@ -227,11 +232,6 @@ class BagStream(Source):
         if not self.holes or self.holes[-1][0] != self.last:
             self.holes.append((self.last, None))
 
-    def _lose(self, size: int) -> None:
-        """Tell until when messages are lost that took so many bytes: they came at the rate of those before them."""
-        if self.first is not None and self.last is not None and self._held:
-            self.until = self.last + (self.last - self.first) * size // self._held
-
     def _is_followed(self, file: BinaryIO, size: int, kinds: Container[int]) -> bool:
         """Return whether a whole record of these kinds begins here, or MCAP's mark; the place is kept."""
         place, head, kind, length = file.tell(), file.read(9), 0, size
@@ -292,7 +292,7 @@ class BagStream(Source):
                     sized(file, size)
                     yield file.read(end - file.tell())[4:], False
                 else:
-                    self._lose(end - start)
+                    self._lose(end - start, self._held)
                 if following is None and data is None:
                     self._cut_off(size - start)
                     return
@@ -320,7 +320,7 @@ class BagStream(Source):
             if chunk is not None:
                 yield chunk, self._is_followed(file, size, _BEHIND_CHUNKS)
             elif kind == _CHUNK:
-                self._lose(len(data))
+                self._lose(len(data), self._held)
         if missing != 0:
             self.ends_early = True
             self.damage.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
@@ -339,7 +339,7 @@ class BagStream(Source):
             yield chunk, whole[whole[:, KIND] == _MESSAGE], is_sound
             if not is_sound:
                 left = len(chunk) - (int(whole[-1, END]) if len(whole) else 0)
-                self._lose(left)
+                self._lose(left, self._held)
                 self._damaged(f"before byte {file.tell()}: the last {left} bytes of a chunk")
 
     def _chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:

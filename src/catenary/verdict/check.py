@@ -30,7 +30,13 @@ from catenary.verdict.sensors import (
     zero_findings,
 )
 from catenary.verdict.stamps import arrival_findings, stamp_findings
-from catenary.verdict.units_and_scale import range_findings, slope_findings, tiny_findings, trained_findings
+from catenary.verdict.units_and_scale import (
+    range_findings,
+    slope_findings,
+    tiny_findings,
+    trained_findings,
+    within_reason,
+)
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
@@ -121,8 +127,9 @@ def _together(
 
     `changed` are those steps of a mend that change delays, None before any: without one these are not looked for anew.
     """
+    log, far = within_reason(log, robot)
     ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
-    findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
+    findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *far, *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
         wrong = {joint for each in findings if each.refuses for joint in each.joints}

@@ -1,6 +1,7 @@
 """Are the numbers in rad and m? By slopes, by what a robot can reach, by what a model was trained on."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,6 +34,8 @@ SPOKEN = {
     "cm": "centimetres",
     "mdeg": "metres times 180/pi (as RAVEN-II's firmware writes every joint)",
 }
+FEW = 0.05  # share of a joint's rows
+MOST_RUNS = 8  # of rows that are named to be left out
 TINY = {"rad": 2.0 * np.pi / np.rad2deg(1.0), "m": 2e-3}  # a turn and two metres, converted twice
 BEYOND = 5.0  # times half the trained range about its middle: a test rarely goes there, degrees and mm nearly always
 WITHIN = 2.0  # the same of what it becomes in the other unit
@@ -116,6 +119,30 @@ def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Find
         {} if stated else _in_other_units(log, reach > far, near, lambda by: (low <= least / by) & (most / by <= high))
     )
     return _beyond(log, beyond, units, (low, high), "expected")
+
+
+def within_reason(log: MotionLog, robot: RobotModel | None) -> tuple[MotionLog, list[Finding]]:
+    """Find rows far beyond where an arm can be, few of a joint's, and return the recording with those left out."""
+    low, high = limits_of(log, robot, LARGEST)
+    low, high = 2.0 * low - high, 2.0 * high - low
+    told = [values for values in (log.q_nominal, log.q_encoder) if values is not None]
+    with np.errstate(invalid="ignore"):
+        far = np.any([(values < low) | (values > high) for values in told], axis=0)
+    few = far.mean(axis=0) < FEW  # else in another unit, or another joint's
+    far &= few
+    if not far.any():
+        return log, []
+    limited = [np.clip(values, np.where(few, low, -np.inf), np.where(few, high, np.inf)) for values in told]
+    measured = None if log.q_encoder is None else limited[1]
+    left = replace(log, ok=log.ok & ~far.any(axis=1), q_nominal=limited[0], q_encoder=measured)
+    far &= log.ok[:, None]
+    rows, joints = np.flatnonzero(far.any(axis=1)), np.flatnonzero(far.any(axis=0)).tolist()
+    runs = [f"{run[0]}:{run[-1] + 1}" for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(run)]
+    most = [max(float(np.nanmax(np.abs(values[far[:, j], j]))) for values in told) for j in joints]
+    says = ", ".join(f"up to {x:.3g} {log.joint_units[j]}" for j, x in zip(joints, most, strict=True))
+    says = f"{len(rows)} row(s) where no arm can be: {says}"
+    culprit, remedy = "damaged bytes, or a number that means missing", f"--leave-out {','.join(runs[:MOST_RUNS])}"
+    return left, [Finding("range", tuple(log.joint_names[j] for j in joints), says, culprit, remedy)] * bool(runs)
 
 
 def tiny_findings(log: MotionLog) -> Iterator[Finding]:

@@ -164,23 +164,29 @@ def tail(rng: random.Random, data: bytes, tear: int) -> tuple[str, bytes]:
 
 
 def case(seed: int, folder: Path) -> None:
-    """Tear a file, read it, and hold its rows against the intact one's."""
-    from catenary.recording.bag_reader import JournalReader, open_recording
-    from catenary.workflows.recover import recover
-
+    """Tear a file of any kind."""
     rng = random.Random(seed)
     name = rng.choice(sorted(KINDS))
-    data, true, ends = whole(name)
+    data, _, _ = whole(name)
     tear = rng.randrange(len(data) // 5, len(data))
     if rng.random() < 0.3:
         tear -= tear % rng.choice((512, 4096))
     kind, behind = tail(rng, data, tear)
+    torn(name, tear, behind, folder, f"{kind}, ", recovers=seed % 3 == 0)
+
+
+def torn(name: str, tear: int, behind: bytes, folder: Path, said: str = "", *, recovers: bool = True) -> None:
+    """Read a file with these bytes behind a tear, and hold its rows against the intact one's."""
+    from catenary.recording.bag_reader import JournalReader, open_recording
+    from catenary.workflows.recover import recover
+
+    data, true, ends = whole(name)
     is_journal = name in ("journal", "resumed")
     path = folder / ("run" if is_journal else f"a{'.bag' if name.startswith('bag') else '.mcap'}")
     file = path / "0000.mcap" if is_journal else path
-    file.parent.mkdir(exist_ok=True)
+    file.parent.mkdir(parents=True, exist_ok=True)
     file.write_bytes(data[:tear] + behind)
-    what = f"{name}, {kind} of {len(behind)} bytes from {tear} of {len(data)} on"
+    what = f"{name}, {said}{len(behind)} bytes from {tear} of {len(data)} on"
     if name == "resumed":
         left = JournalReader(path).left_off(in_passes=False)
         _journal(path, tuple(m for m in messages(1) if m[1] > left.last + 300_000_000), left)
@@ -195,7 +201,7 @@ def case(seed: int, folder: Path) -> None:
         raise Fell(f"{what}: {len(wrong)} wrong rows, the first at {wrong[0] / 1e9:.3f} s")
     if kept < sum(m[0] == STATE for m in messages(1)) and not source.problems:
         raise Fell(f"{what}: nothing was said of what is lost")
-    if seed % 3:
+    if not recovers:
         return
     found = recover(path, folder / f"saved{'.bag' if name.startswith('bag') else ''}")
     if found.written is None:

@@ -59,7 +59,7 @@ def test_an_interrupted_recording_is_rescued_and_says_so(project: Project) -> No
     assert all(one["kept"] > 50 and one["lost"] / one["kept"] == lost for one in rescued["topics"])
     (log,) = (read_log(motion_log_path(project, "torn")),)
     (note,) = [note for note in log.notes if note.startswith("rescued")]
-    assert "cut off at 2.1 s: all that came behind that is lost" in note
+    assert "nothing behind 2.1 s: its end is missing or damaged" in note
     assert not extract_recording(project, "torn")
 
 
