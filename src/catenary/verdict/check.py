@@ -54,7 +54,7 @@ def _alone(
         with np.errstate(invalid="ignore"):
             within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
         log = replace(log, ok=log.ok & within)
-    ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
+    ranges = ([] if trained is None else trained_findings(log, trained)) or range_findings(log, robot)
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
