@@ -128,7 +128,7 @@ def _together(
     `changed` are those steps of a mend that change delays, None before any: without one these are not looked for anew.
     """
     log, far = within_reason(log, robot)
-    ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
+    ranges = ([] if trained is None else trained_findings(log, trained)) or range_findings(log, robot)
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *far, *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
