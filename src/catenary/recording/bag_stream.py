@@ -242,9 +242,9 @@ class BagStream(Source):
             length = _U32.unpack(head)[0] if len(head) == 4 else size
         elif len(head) == 9:
             kind, length = head[0], _U64.unpack_from(head, 1)[0]
-        is_so = (kind in kinds and length <= size - file.tell()) or head.startswith(MAGIC)
+        room = size - file.tell()
         file.seek(place)
-        return is_so
+        return (kind in kinds and length <= room) or head.startswith(MAGIC)
 
     def _proven(self, chunk: bytes, span: tuple[int, int] = (0, 2**63 - 1)) -> Records:
         """Return the proven records of a chunk for which neither a checksum nor what follows it vouches.
@@ -282,6 +282,8 @@ class BagStream(Source):
             start = file.tell()
             head = sized(file, size)
             values, data = whole_fields(head or b""), None if head is None else sized(file, size)
+            if data == b"" and values.get(b"compression") == b"none":  # being written: its length comes with its end
+                data = None
             if data is None or not values.get(b"op"):
                 # a damaged length may reach beyond the chunks behind it
                 following = next_chunk(file, start + 1, size, is_ros1=True)
@@ -353,19 +355,15 @@ class BagStream(Source):
             if not is_sound:
                 messages = self._decoding(chunk, messages)
             summed = crc32(chunk)
-            if summed in self._seen:  # what the disk held before, right behind a chunk
-                self._damaged(f"before byte {file.tell()}: a chunk out of order, or again")
-                continue
-            self._seen.add(summed)
-            channels = dict.fromkeys(messages[:, CONNECTION].tolist())
-            if self.holes and self.holes[-1][1] is None:  # what the disk held before may lie behind damage
-                before = {channel: self._latest.get(channel, -1) for channel in channels}
-                again = messages[:, TIME] <= np.array([before[channel] for channel in messages[:, CONNECTION].tolist()])
+            if summed in self._seen or (self.holes and self.holes[-1][1] is None):  # the disk's old bytes may lie here
+                latest = [self._latest.get(channel, -1) for channel in messages[:, CONNECTION].tolist()]
+                again = messages[:, TIME] <= np.array(latest, dtype=np.int64)
                 if again.any():
-                    self._damaged(f"before byte {file.tell()}: {again.sum()} messages older than those before them")
+                    self._damaged(f"before byte {file.tell()}: {again.sum()} messages out of order, or again")
                     messages = messages[~again]
+            self._seen.add(summed)
             self._held += int(messages[-1, END]) if len(messages) else 0
-            for channel in channels:
+            for channel in np.unique(messages[:, CONNECTION]).tolist():
                 own = messages[messages[:, CONNECTION] == channel, TIME]
                 self._latest[channel] = int(own.max(initial=self._latest.get(channel, -1)))
             if self.is_journal:

@@ -90,6 +90,17 @@ def _ros1(path: Path, *, packing: str = "", chunk: int = CHUNK) -> Path:
     return path
 
 
+def _active(path: Path) -> Path:
+    """Make of a bag of one chunk what rosbag leaves when it is killed: the chunk's lengths are not written yet."""
+    data = bytearray(path.read_bytes())
+    place = data.index(b"op=\x05") - 4
+    head = data.index(b"size=") + 5
+    end = max(head + 4, place + 8, data.index(b"compression=none") + 16)
+    data[head : head + 4] = data[end : end + 4] = bytes(4)
+    path.write_bytes(data[: data.index(b"ver=")])
+    return path
+
+
 KINDS: dict[str, Callable[[Path], Path]] = {
     "journal": lambda folder: _journal(folder / "run", messages(1)),
     "resumed": lambda folder: _journal(folder / "run", messages(1)),
@@ -104,6 +115,7 @@ KINDS: dict[str, Callable[[Path], Path]] = {
     "bag.bz2": lambda folder: _ros1(folder / "a.bag", packing="BZ2"),
     "bag.lz4": lambda folder: _ros1(folder / "a.bag", packing="LZ4"),
     "bag.one": lambda folder: _ros1(folder / "a.bag", chunk=2**22),
+    "bag.active": lambda folder: _active(_ros1(folder / "a.bag", chunk=2**22)),
 }
 
 
@@ -125,7 +137,7 @@ def whole(kind: str) -> tuple[bytes, dict[int, tuple[float, ...]], list[tuple[in
     file = KINDS[kind](Path(tempfile.mkdtemp(prefix="campaign-tails-")))
     data, found = file.read_bytes(), list[tuple[int, int]]()
     sent = messages(1 if file.suffix == ".bag" or "run" in file.parts else 2)
-    if file.suffix == ".bag" and "." in kind and kind != "bag.one":
+    if file.suffix == ".bag" and "." in kind and kind not in ("bag.one", "bag.active"):
         with Reader(file) as reader:
             ends = [info.pos for info in reader.chunk_infos[1:]]
             spans = [info.end_time for info in reader.chunk_infos]
