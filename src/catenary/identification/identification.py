@@ -58,9 +58,7 @@ class Identification:
     seen: residuals.MovedRange | None = None  # how the recordings moved that were fitted
     moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
     prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
-    unshown: tuple[
-        str, ...
-    ] = ()  # rotors, and frictions of each recording, that the motion does not tell from the rest
+    unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not tell from the rest
 
     @property
     def model(self) -> RobotModel:
