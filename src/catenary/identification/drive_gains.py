@@ -24,7 +24,7 @@ CONVERGED = 1e-7  # of the logarithm of a gain
 VISIBLE = 1e-9  # smallest singular value, columns scaled to one
 LONGEST = 0.5  # step of that logarithm
 OWN = ("coulomb", "viscous", "offset")  # kinds of friction that a loaded arm has otherwise
-BLOCKS = 20  # of time of every recording, each left out in turn: of five, a standard error is itself a third off
+BLOCKS = 20  # of every recording, each left out in turn: of five, a standard error is itself a third off
 SURE = 0.2  # relative standard error of a gain: beyond it the recordings do not show it
 
 
@@ -33,8 +33,7 @@ class DriveGains:
     """Gains with their standard errors, and the load as it was found."""
 
     gains: Floats  # (n,) [Nm/A or N/A]
-    # (n,) relative, standard: of all that is fitted beside them too, friction, the load's centre, what all have in common
-    errors: Floats
+    errors: Floats  # (n,) relative, standard; those that all have in common and of the load's centre are in them
     load: float  # [kg] as stated
     centre: Floats  # (3,) [m] in the tip's frame
 
