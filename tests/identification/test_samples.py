@@ -210,7 +210,7 @@ def swapped(values):
 @pytest.mark.parametrize(("changes", "said"), [
     ({"tau": None}, "has no torques"),
     ({"time": None}, "has no time: full dynamics need `fs` [Hz] or `t` [s]"),
-    ({"seconds": 0.5}, "100 rows from row 0: shorter than the filter, which needs 113"),
+    ({"seconds": 0.5}, "100 rows from row 0: shorter than the filter, which needs 114"),
     ({"q_nominal": degrees(RUN.q_nominal)}, "joint elbow goes from"),
     ({"q_nominal": 1000.0 * RUN.q_nominal, "qd": 1000.0 * RUN.qd}, "is it in degrees, or another joint's?"),
     (

@@ -84,6 +84,11 @@ class BaseParameters:
             *motion, base = samples.motion(part)
             yield part, self.regressor(*motion, base=base, loads=loads[part])
 
+    def named(self, direction: Floats) -> str:
+        """Return the names of most of a direction (b,) of parameters."""
+        most = np.argsort(-np.abs(direction))[:4]
+        return ", ".join(self.names[i] for i in most if abs(direction[i]) > 0.1)
+
     def describe(self, index: int, names: Sequence[str] | None = None, digits: int = 5) -> str:
         """Return one base parameter as the sum that it is, by names (k,) of all: mx(elbow) + 0.4 m(hand)."""
         names = self.parameters.names if names is None else names

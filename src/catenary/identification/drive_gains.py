@@ -16,7 +16,7 @@ from catenary.arrays import Floats
 from catenary.errors import ExcitationError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.least_squares import scaled_solution
-from catenary.identification.samples import FOLDS, Samples, fold_of_rows
+from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
 MOST_ROUNDS = 50
@@ -24,6 +24,7 @@ CONVERGED = 1e-7  # of the logarithm of a gain
 VISIBLE = 1e-9  # smallest singular value, columns scaled to one
 LONGEST = 0.5  # step of that logarithm
 OWN = ("coulomb", "viscous", "offset")  # kinds of friction that a loaded arm has otherwise
+BLOCKS = 20  # of every recording, each left out in turn: of five, a standard error is itself a third off
 SURE = 0.2  # relative standard error of a gain: beyond it the recordings do not show it
 
 
@@ -32,7 +33,7 @@ class DriveGains:
     """Gains with their standard errors, and the load as it was found."""
 
     gains: Floats  # (n,) [Nm/A or N/A]
-    errors: Floats  # (n,) relative, from leaving out every fifth of the recordings in turn
+    errors: Floats  # (n,) relative, standard; those that all have in common and of the load's centre are in them
     load: float  # [kg] as stated
     centre: Floats  # (3,) [m] in the tip's frame
 
@@ -62,11 +63,11 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
         raise InputError(f"load: expected a mass above 0 kg, got {load:g}")
     link, pose = model.frame()
     parts = [(part, with_load) for with_load, group in ((False, free), (True, loaded)) for part in group]
-    folds = [_triangles(base, parts, link, fold) for fold in range(FOLDS)]
+    folds = [_triangles(base, parts, link, block) for block in range(BLOCKS)]
     mass = base.count + sum(name.split()[0] in OWN for name in base.names)  # its column, behind those of friction
     gains, unknown = _solved(folds, mass, load)
-    left_out = np.log([_solved([*folds[:f], *folds[f + 1 :]], mass, load, gains)[0] for f in range(FOLDS)])
-    errors = np.sqrt((FOLDS - 1) / FOLDS * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
+    left_out = np.log([_solved([*folds[:f], *folds[f + 1 :]], mass, load, gains)[0] for f in range(BLOCKS)])
+    errors = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
     unsure = [f"{model.joint_names[i]} ({100.0 * errors[i]:.0f} %)" for i in np.flatnonzero(~(errors < SURE))]
     if unsure:
         raise ExcitationError(
@@ -80,13 +81,13 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
     return DriveGains(gains, errors, load, centre)
 
 
-def _triangles(base: BaseParameters, parts: Sequence[tuple[Samples, bool]], link: int, fold: int) -> list[Floats]:
-    """Return R of [parameters | friction with load | load | current] of each axis, on one fold's rows."""
+def _triangles(base: BaseParameters, parts: Sequence[tuple[Samples, bool]], link: int, block: int) -> list[Floats]:
+    """Return R of [parameters | friction with load | load | current] of each axis, on one block of time."""
     model = base.parameters.model
     own = [k for k, name in enumerate(base.names) if name.split()[0] in OWN]
     stacks: list[list[Floats]] = [[] for _ in range(model.n)]
     for whole, with_load in parts:
-        part = whole.rows(fold_of_rows(whole) == fold, whole.name)
+        part = whole.rows(np.arange(len(whole)) * BLOCKS // len(whole) == block, whole.name)
         for rows, Y in base.chunks(part):
             load = part.body_torques(model, link, rows) * with_load
             A = np.concatenate([Y, Y[:, :, own] * with_load, load, part.tau[rows, :, None]], axis=2)

@@ -11,6 +11,7 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import ExcitationError, InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
 from catenary.identification.identify_options import Terms, actuation_of
+from catenary.identification.least_squares import excitation
 from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
@@ -259,7 +260,9 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
         poses.append(q[best])
         information = information + Y[best].T @ Y[best]
     motion = np.array(poses), np.zeros((count, model.n)), np.zeros((count, model.n))
-    return Excitation(np.arange(count, dtype=float), *motion, shown_condition(base, *motion, g), base, "static")
+    return Excitation(
+        np.arange(count, dtype=float), *motion, condition_of(base, *motion, g, most=_MOST_CONDITION), base, "static"
+    )
 
 
 def shown_parameters(
@@ -267,12 +270,11 @@ def shown_parameters(
 ) -> BaseParameters:
     """Return the base parameters that motion within the limits shows.
 
-    An identified arm's presliding and load-dependent friction, Stribeck's, and that of one recording are left out: in
-    steady sliding they are Coulomb friction, or need torques that only a recording has.
+    Friction that needs a recording's course or torques is left out: in steady sliding it is Coulomb friction, or none.
     """
-    actuation = actuation_of(model)
-    steady = [replace(f, presliding=None, stribeck=None, load=False) for f in actuation.friction if not f.recording]
-    model = replace(model, actuation=replace(actuation, friction=tuple(steady), values=None))
+    own = actuation_of(model)
+    steady = [replace(f, presliding=None, stribeck=None, load=False) for f in own.friction if not f.recording]
+    model = replace(model, actuation=replace(own, friction=tuple(steady), values=None))
     low, high = room.inner()
     size = (200, model.n)
     moving = np.zeros(size), np.zeros(size)
@@ -284,31 +286,22 @@ def shown_parameters(
 _MOST_CONDITION = 1e6  # found: 6 to 700 within a robot's own limits, 5e4 within narrow ones, 1e17 of equal columns
 
 
-def shown_condition(base: BaseParameters, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> float:
-    """Return `condition_of`; ExcitationError, by the columns' names, where rows do not show every parameter."""
-    condition = condition_of(base, q, qd, qdd, gravity)
-    if condition <= _MOST_CONDITION:
-        return condition
-    Y = base.regressor(q, qd, qdd, gravity).reshape(-1, base.count)
-    scale = np.linalg.norm(Y, axis=0)
-    _, sizes, directions = np.linalg.svd(Y / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
-    rank = int((sizes > sizes[0] / _MOST_CONDITION).sum())
-    hidden = np.linalg.norm(directions[rank:], axis=0) if rank < len(sizes) else np.zeros(base.count)
-    names = ", ".join(base.names[i] for i in np.argsort(-hidden)[:4] if hidden[i] > 0.1)
-    raise ExcitationError(
-        f'robot "{base.parameters.model.name}": what was designed shows {rank} of {base.count} base parameters '
-        f"(condition {condition:.3g}, expected {_MOST_CONDITION:g} at most), and not {names}: give wider limits, more "
-        "poses or trials, or a longer motion",
-        rank=rank,
-        n_base=base.count,
-    )
+def condition_of(base: BaseParameters, *motion: Floats, most: float = np.inf) -> float:
+    """Return the condition number of the regressor, columns scaled to length one.
 
-
-def condition_of(base: BaseParameters, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> float:
-    """Return the condition number of the regressor, columns scaled to length one."""
-    Y = base.regressor(q, qd, qdd, gravity).reshape(-1, base.count)
-    size = np.linalg.norm(Y, axis=0)
-    return float(np.linalg.cond(Y / np.where(size > 0.0, size, 1.0)))
+    ExcitationError, naming columns: it is beyond `most`.
+    """
+    Y = base.regressor(*motion).reshape(-1, base.count)
+    rank, condition, weakest = excitation(np.linalg.qr(np.pad(Y, ((0, 0), (0, 1))), mode="r"))
+    if condition > most:
+        raise ExcitationError(
+            f'robot "{base.parameters.model.name}": the design shows {rank} of {base.count} base parameters (condition '
+            f"{condition:.3g}, expected {most:g} at most), least of all {base.named(weakest)}: give wider limits, more "
+            "poses or trials, or a longer motion",
+            rank=rank,
+            n_base=base.count,
+        )
+    return condition
 
 
 ROWS = 120  # of a motion whose condition is looked at
@@ -430,7 +423,7 @@ def fourier_motion(
         )
     time = np.arange(round(period * rate) + 1) / rate
     q, qd, qdd = series.sample(time)
-    shown = shown_condition(base, q, qd, qdd, limits.gravity)
+    shown = condition_of(base, q, qd, qdd, limits.gravity, most=_MOST_CONDITION)
     return Excitation(time, q, qd, qdd, shown, base, "full", series, checked)
 
 

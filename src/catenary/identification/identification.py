@@ -58,9 +58,7 @@ class Identification:
     seen: residuals.MovedRange | None = None  # how the recordings moved that were fitted
     moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
     prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
-    unshown: tuple[
-        str, ...
-    ] = ()  # rotors, and frictions of each recording, that the motion does not tell from the rest
+    unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not tell from the rest
 
     @property
     def model(self) -> RobotModel:
@@ -262,34 +260,25 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
         changes.append(("friction", each))
     unshown: list[str] = []
     for key, effects in changes if options.terms == "full" else ():
-        more, own_terms = _with(actuation, key, effects), {(t.kind, t.name) for t in actuation_terms(actuation)}
-        terms = [t for t in actuation_terms(more) if (t.kind, t.name) not in own_terms]
+        terms = actuation_terms(Actuation(**{key: tuple(effects)}))  # type: ignore[arg-type]  # by the kind's name
         show = terms_show(plain.base, samples, plain.weights, terms, actuation.coulomb_velocity)
         unshown += [effect.name for effect in effects if show is None]
-        # all together, and one by one where the motion does not show them all
-        groups = [effects, *([effect] for effect in effects)] if show else []
-        for group in groups:
-            more = _with(actuation, key, group)
+        groups = [effects] if show else []
+        while groups:
+            group = groups.pop(0)
+            more = replace(actuation, **{key: (*getattr(actuation, key), *group)})
             try:
                 plain = _fit(samples, replace(model, actuation=more), free)
-            except ExcitationError:
-                unshown += [effect.name for effect in group if group is not effects]
-                continue
-            actuation, model = more, replace(model, actuation=more)
-            if group is effects:
-                break
+                actuation, model = more, replace(model, actuation=more)
+            except ExcitationError:  # of all together: one by one
+                unshown += [effect.name for effect in group[:1] if len(group) == 1]
+                groups = groups if len(group) == 1 else [[effect] for effect in group]
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples)
         actuation, parts = choose_friction(plain.base, heard, plain.weights, actuation, options.friction)
     if parts or options.consistent:
         plain = _fit(samples, replace(model, actuation=actuation) if parts else model, options, like=plain)
     return replace(plain, friction=parts, unshown=tuple(unshown))
-
-
-def _with(actuation: Actuation, key: str, effects: Sequence[Effect]) -> Actuation:
-    """Return what loads the joints, and more effects of a kind."""
-    grown: dict[str, Any] = {key: (*getattr(actuation, key), *effects)}
-    return replace(actuation, **grown)
 
 
 def _fit(
@@ -352,11 +341,9 @@ def _base_in(samples: Sequence[Samples]) -> Base:
 
 
 def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats) -> str:
-    parts = np.argsort(-np.abs(weakest))[:4]
-    named = ", ".join(base.names[i] for i in parts if abs(weakest[i]) > 0.1)
     return (
         f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
-        f"{condition:.3g}); least of all a combination of {named}. No parameters and no verdict follow from them: "
+        f"{condition:.3g}); least of all a combination of {base.named(weakest)}. No parameters and no verdict follow: "
         "move every joint, over more of its range and faster; catenary excitation designs such a motion. Columns of "
         "positions in another joint's place look like this too"
     )

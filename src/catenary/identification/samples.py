@@ -172,6 +172,7 @@ EVERY = slice(None)
 HELD_OUT = " (held-out blocks)"  # behind the name of a recording, of which these rows are
 IRREGULAR = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
 BRIDGED = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
+LEFT = 30  # rows that a stretch of time must have beside those cut
 MADE, MOST_MADE = 1.1, 100  # even rows for each one recorded: from which on that is told, and refused
 
 
@@ -244,15 +245,14 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     settings = filter_of(model, options)
     stretches, gaps = _stretches(log, settings)
     grids = [(part, *_grid(f'recording "{log.name}"', log.time[part], settings)) for part in stretches]
-    used = [grid for grid in grids if len(grid[1]) >= _least_rows(settings, grid[2])]
+    used = [grid for grid in grids if len(grid[1]) >= 2 * _cut_rows(settings, grid[2]) + LEFT]
     parts = [_segment(log, *grid, settings) for grid in used]
     if not parts:
         longest, even, step = max(grids, key=lambda grid: len(grid[1]))
         between = f", between {len(gaps)} gap(s) in time" if len(gaps) else ""
         raise InputError(
             f'recording "{log.name}": {len(even)} rows from row {longest.start}{between}: shorter than the filter, '
-            f"which needs {_least_rows(settings, step)} (order {settings.order} at {settings.cutoff_hz:g} Hz, "
-            f"{settings.cut_s:.2g} s cut at each end)"
+            f"which needs {2 * _cut_rows(settings, step) + LEFT} ({settings.cut_s:.2g} s cut at each end)"
         )
     cuts = [_cut_rows(settings, step) for _, _, step in used]
     pieces = list(zip(parts, cuts, strict=True))
@@ -355,11 +355,6 @@ def _filtered(sections: Floats, values: Floats, mirrored: int) -> Floats:
 def _cut_rows(settings: SignalFilter, step: float) -> int:
     """Return how many rows a step [s] apart are left out at either end."""
     return int(np.ceil(settings.cut_s / step))
-
-
-def _least_rows(settings: SignalFilter, step: float) -> int:
-    """Return how many rows a stretch of time needs: what is left out, and as much as the filter's order to fit."""
-    return 2 * _cut_rows(settings, step) + 3 * (2 * settings.order + 1) + 2
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:

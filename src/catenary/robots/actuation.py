@@ -128,12 +128,7 @@ class KnownTorque(Effect):
 
 @dataclass(frozen=True)
 class SignalFilter:
-    """How recordings of this robot are filtered: zero-phase Butterworth, ends cut, resampling.
-
-    What a filter shows of a recording's ends decays with its slowest pole, at 2 pi cut-off times sin(pi / (2 order))
-    [Butterworth, "On the theory of filter amplifiers", 1930]: to exp(-5), under 1 %, after five of its time constants,
-    208 ms of the fourth order at 10 Hz.
-    """
+    """How recordings of this robot are filtered: zero-phase Butterworth, ends cut, resampling."""
 
     __pydantic_config__ = IN_FILES
 
@@ -145,7 +140,7 @@ class SignalFilter:
 
     @property
     def cut_s(self) -> float:
-        """What is left out at either end [s]."""
+        """What is left out at either end [s]; by five constants of its slowest pole it fades to exp(-5), < 1 %."""
         slowest = 2.0 * np.pi * self.cutoff_hz * np.sin(0.5 * np.pi / self.order)
         return float(self.cut_time_constants / slowest)
 
