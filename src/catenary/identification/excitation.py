@@ -292,7 +292,8 @@ def condition_of(base: BaseParameters, *motion: Floats, most: float = np.inf) ->
     ExcitationError, naming columns: it is beyond `most`.
     """
     Y = base.regressor(*motion).reshape(-1, base.count)
-    rank, condition, weakest = excitation(np.linalg.qr(np.pad(Y, ((0, 0), (0, 1))), mode="r"))
+    R: Floats = np.linalg.qr(np.pad(Y, ((0, 0), (0, 1))), mode="r")  # type: ignore[assignment]  # R alone
+    rank, condition, weakest = excitation(R)
     if condition > most:
         raise ExcitationError(
             f'robot "{base.parameters.model.name}": the design shows {rank} of {base.count} base parameters (condition '

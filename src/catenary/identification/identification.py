@@ -266,7 +266,8 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
         groups = [effects] if show else []
         while groups:
             group = groups.pop(0)
-            more = replace(actuation, **{key: (*getattr(actuation, key), *group)})
+            grown: dict[str, Any] = {key: (*getattr(actuation, key), *group)}
+            more = replace(actuation, **grown)
             try:
                 plain = _fit(samples, replace(model, actuation=more), free)
                 actuation, model = more, replace(model, actuation=more)
