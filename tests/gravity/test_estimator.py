@@ -65,7 +65,7 @@ def test_controller_learns_to_hold_the_arm_from_any_start(name: str, scale: floa
     s = compact_regressor(model).parameters()
     estimator = GravityEstimator(model, KP, KD, s0=scale * s)
     plant = HangingPlant(model, q, gravity)
-    run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(q[None], 9.0))
+    run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(q[None], 9.0), max_speed=np.inf)
     held = gravity_torque(model, q, gravity)
     # at Omega = 2 / s, e^-18 of at most 60 Nm would be left; an arm that first falls learns later
     assert_allclose(estimator.torque(plant.q, gravity), held, atol=2e-3)
@@ -78,14 +78,14 @@ def test_a_payload_picked_up_on_the_way_is_learnt() -> None:
     loaded = with_load(PLANAR, 0.8)
     estimator = GravityEstimator(PLANAR, KP, KD, s0=compact_regressor(PLANAR).parameters())
     plant = HangingPlant(PLANAR, POSE, UPRIGHT, loaded=loaded, pick_up=1.0)
-    run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(POSE[None], 8.0))
+    run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(POSE[None], 8.0), max_speed=np.inf)
     assert_allclose(estimator.torque(POSE, UPRIGHT), gravity_torque(loaded, POSE, UPRIGHT), atol=2e-3)
 
 
 def test_observer_and_controller_follow_the_same_law() -> None:
     inside, beside = GravityEstimator(PLANAR, KP, KD), GravityEstimator(PLANAR, KP, KD)
     plant = HangingPlant(PLANAR, POSE, UPRIGHT)
-    run_loop(plant, EstimatedGravityPD(KP, KD, inside), Poses(POSE[None], 4.0), observers=[beside])
+    run_loop(plant, EstimatedGravityPD(KP, KD, inside), Poses(POSE[None], 4.0), observers=[beside], max_speed=np.inf)
     # they differ in when a tick's torque counts, the controller's already containing it
     assert_allclose(beside.s_hat, inside.s_hat, atol=5e-3)
 

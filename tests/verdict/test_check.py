@@ -144,7 +144,10 @@ def test_rows_where_no_arm_can_be_are_refused_and_hide_nothing_else(arrays: tupl
         values[-40:-38, 1] = number
         spoilt[array] = values
     found = findings_of(replace(log, **spoilt))
-    (told,) = [f for f in found if f.refuses]
+    told = next((f for f in found if f.refuses), None)
+    if told is None:  # a number that means missing: the recording itself holds none
+        assert not replace(log, **spoilt).ok[-40:-38].any()
+        return
     assert (told.name, told.joints) == ("range", log.joint_names[1:2])
     assert f"2 row(s) where no arm can be: up to {abs(number):.3g} rad" in told.says
     left = Mend()(replace(log, **spoilt))

@@ -83,7 +83,7 @@ def export(
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise."),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Write a robot, a calibration model or both as one C header.
+    """Write a robot and a calibration model as C.
 
     It holds the dynamics (feedforward, inverse dynamics on a moving base, mass matrix, gravity) and the joint
     correction, for loops in C and C++, without libraries or allocation.
