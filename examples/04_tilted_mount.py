@@ -40,7 +40,7 @@ for stiffness, seconds in ((0.0, 0.5), (1000.0, 1.0)):
     for name, gravity in (("level", level), ("tilted", tilted)):
         plant = catenary.MujocoPlant(arm, base=mount, start=q)
         plant.home()
-        catenary.run_loop(plant, Compensation(stiffness, gravity), stay, duration=seconds, max_speed=10.0)
+        catenary.run_loop(plant, Compensation(stiffness, gravity), stay, duration=seconds, max_speed=np.inf)
         moved = np.rad2deg(np.abs(plant.measured_js().q - q))
         what = f"PD, {stiffness:.0f} Nm/rad" if stiffness else "gravity torque alone"
         print(f"{what}, gravity of a {name} base: moved by {moved.round(3)} deg")
