@@ -357,7 +357,11 @@ def _rows(result: Identification, samples: Sequence[Samples], link: int) -> _Equ
 
 
 def _spread(result: Identification, rows: _Equations, inverse: Floats, left: Floats, rate: float) -> Floats:
-    """Return the covariance (k, k) of sum_t inverse[:, t] left[t], correlated in time (Newey, West 1987)."""
+    """Return the covariance (k, k) of sum_t inverse[:, t] left[t], correlated in time (Newey, West 1987).
+
+    It is widened for the few independent rows of a short recording by the ratio of the 95 % points of Kiefer and
+    Vogelsang (2005, table 1, Bartlett) to a normal distribution's.
+    """
     terms = np.einsum("kta,ta->tk", inverse, left)
     count = len(terms)
     lags = _lags(result, count, rate)
@@ -365,6 +369,8 @@ def _spread(result: Identification, rows: _Equations, inverse: Floats, left: Flo
     for lag in range(1, lags):
         shifted = terms[lag:].T @ terms[:-lag]
         total = total + (1.0 - lag / lags) * (shifted + shifted.T)
+    share = lags / count
+    total *= (1.0 + (2.9694 * share + 0.4160 * share**2 - 0.5324 * share**3) / 1.96) ** 2
     spread: Floats = total * _repeats(result, count) + 1e-30 * np.eye(len(total))
     for part, size, independent in zip(rows.places, rows.zeros, rows.independent, strict=True):
         moved = inverse[:, part].sum(axis=1) * size / np.sqrt(1.0 + independent * size**2)  # by a zero of its size

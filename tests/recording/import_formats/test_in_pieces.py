@@ -119,7 +119,8 @@ def test_what_pieces_say_is_in_the_log_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("pieces")
-def test_memory_is_that_of_a_piece(tmp_path: Path) -> None:
+def test_memory_is_that_of_a_piece_and_of_what_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("catenary.workflows.import_recording.MOST_JUDGED", ROWS)
     most = []
     for times in (1, 3):
         table = written(

@@ -166,9 +166,10 @@ def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]
     """Return what moves; of an arm at rest what is named as positions of joints, in place of others that move."""
     kept = [one for one in found if one.moves]
     others = [one for one in kept if one.kind != "position" or one.role == "measured outside"]
-    still = [one for one in found if one.says_position and len(one.columns) > 1]
+    resting = [one for one in found if len(one.columns) > 1]  # a column alone may be anything
+    still = [one for one in resting if one.says_position]
     if len(others) == len(kept):  # no position moves: any may be of joints
-        still = still or [one for one in found if one.kind == "position" and one.role != "measured outside"]
+        still = still or [one for one in resting if one.kind == "position" and one.role != "measured outside"]
     if still and not any(one.says_position for one in kept):
         draft.decisions += [f"{one.name} never changes: the arm stands still" for one in still]
         kept = [*still, *others]
