@@ -133,6 +133,8 @@ def _unexplained(command: Floats, measured: Floats, ok: Flags, lags: Integers, t
     left = np.zeros(len(lags))
     for k, lag in enumerate(lags):
         inside = rows[max(0, np.searchsorted(rows, lag)) : np.searchsorted(rows, len(command) + min(0, lag))]
+        if not len(inside):
+            continue
         x, y = command[inside - lag], measured[inside]
         x, y = x - x.mean(), y - y.mean()
         size = float(x @ x) * float(y @ y)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from catenary.crtk.topic_names import CrtkTopic, DialectName
 
 MOST_OF_A_TICK = 1e-3  # [s] of processor time, beyond that of an idle tick
+OR_IDLE_TICKS = 8.0  # where a busy machine makes idle ticks slow, too; on an idle one a pose to reach takes 4
 OF_A_CASE = 50  # messages
 AGAIN = 25  # times that a message which took longer is tried, on a busy machine; the quickest counts
 # of the measured joints beyond their soft limits under torques, as docs/reliability.md has it
@@ -102,7 +103,7 @@ class CommandedRobot:
             idle = sorted(self.ticks(1) for _ in range(9))[4]
             self.hears(topic, data)
             beyond = min(beyond, self.ticks(count) - idle)
-            if beyond < MOST_OF_A_TICK:
+            if beyond < max(MOST_OF_A_TICK, OR_IDLE_TICKS * idle):
                 return
         raise Fell(f"{topic.name}: a tick took {1e3 * beyond:.2f} ms longer than an idle one")
 
