@@ -81,6 +81,7 @@ def _of_compiled_code() -> list[Path]:
     return sorted(found)
 
 
+@pytest.hookimpl(optionalhook=True)  # without pytest-xdist, one process runs all
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Give a file to one worker, and all programs that run in real time to one together: each wants a processor.
 
