@@ -9,7 +9,7 @@ import typer
 
 import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GivenGravity, SensingOptions
-from catenary.cli.options import AS_JSON, REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
+from catenary.cli.options import REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
 from catenary.cli.robot_options import (
     ROBOT,
     SIMULATED_SEED,
@@ -19,7 +19,7 @@ from catenary.cli.robot_options import (
     beyond_limits,
     one_or_each,
 )
-from catenary.cli.terminal import print_notes, print_result
+from catenary.cli.terminal import print_notes, print_result, prints_json
 from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
 from catenary.errors import InputError
 from catenary.reports.page import Column, Table
@@ -131,7 +131,6 @@ def gravity(
     robot: str = ROBOT,
     latex: bool = option(None, "Print formulas for LaTeX, without --q.", False, not_with=("q", "q_deg", "as_json")),
     vendor: str | None = option("ur|kortex|franka", "Also print the vendor's command for it.", flag="--for"),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
 
@@ -175,8 +174,8 @@ def gravity(
     rows = list(zip(model.joint_names, torques, on_level, apart, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if told is None else f"{vendor}: {told['command'] or 'no command'}"
-    print_result(as_json, found, Table(columns, rows, title), command_line)
-    if told is not None and not as_json:
+    print_result(found, Table(columns, rows, title), command_line)
+    if told is not None and not prints_json():
         print_notes([f"{vendor}: {told['limits']}"])
 
 
@@ -209,7 +208,6 @@ def track(
     seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0),
     damping: str = option("relative|absolute", "Relative to the motion's, or as RAVEN-II does.", "relative"),
     report: Path | None = REPORT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Compare controllers as a simulated arm follows a motion.
 
@@ -240,7 +238,7 @@ def track(
     times = np.linspace(0.0, chosen.trajectory.duration, SHOWN_POSES)
     poses = np.array([chosen.trajectory(time).q for time in times])
     shown = arm.model, poses, felt, "at the beginning of the motion, and at times along it"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
 def hold(
@@ -253,7 +251,6 @@ def hold(
     seconds: float = option("S", "How long to watch.", 10.0),
     calibrated: bool = option(None, "Use true joint positions instead of those that the robot reports.", False),
     report: Path | None = REPORT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Test how far an arm drifts under gravity compensation.
 
@@ -280,7 +277,7 @@ def hold(
     settings = {"robot": robot, "controller": controller, "calibrated": calibrated}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
     shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
 def _conclude(
@@ -288,7 +285,6 @@ def _conclude(
     result: "Tracking | Holding",
     settings: Mapping[str, Any],
     report: Path | None,
-    as_json: bool,
     shown: "tuple[catenary.RobotModel, Floats, Floats, str]",
 ) -> None:
     from catenary.reports.gravity import gravity_table, write_gravity_report
@@ -301,4 +297,4 @@ def _conclude(
         write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=felt))
     gravity = None if result.gravity is None else str(result.gravity)
     page = None if report is None else f"page:  {report}"
-    print_result(as_json, {**settings, **result.as_data()}, gravity_table(result, title), gravity, page)
+    print_result({**settings, **result.as_data()}, gravity_table(result, title), gravity, page)

@@ -12,7 +12,6 @@ import typer
 import catenary
 from catenary.cli.gravity_options import GRAVITY, StatedGravity
 from catenary.cli.options import (
-    AS_JSON,
     REPORT,
     REQUIRED,
     Names,
@@ -28,7 +27,7 @@ from catenary.cli.options import (
 from catenary.cli.out_files import EXCITATION, EXTERNAL, NAMED_AS_TYPED, PARAMETERS, TRAJECTORY, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
 from catenary.cli.robot_options import LoadedOptions
-from catenary.cli.terminal import print_notes, print_page, print_result
+from catenary.cli.terminal import print_notes, print_page, print_result, prints_json
 from catenary.errors import InputError
 from catenary.files import card_path
 from catenary.reports.page import Column, Table
@@ -68,7 +67,6 @@ def identify(
     accept: Sequence[str] = ACCEPT,
     urdf: Path | None = option("FILE", "Also write the robot as URDF; not with --free.", writes=URDF),
     report: Path | None = REPORT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Identify an arm's dynamics from recordings of it.
 
@@ -104,13 +102,13 @@ def identify(
     content = {**result.summary(), "file": str(out), "card": str(card_path(out))}
     tables = residual_table(found), absolute_table(found), mass_table(found), rotor_table(found)
     lines = [f"{name}: {text}" for name, text in excitation_facts(found)[:2]]
-    print_result(as_json, content, *tables, *lines, f"parameters: {out}\ncard:  {card_path(out)}", notes=result.notes)
+    print_result(content, *tables, *lines, f"parameters: {out}\ncard:  {card_path(out)}", notes=result.notes)
     if report is not None:  # last: whatever goes wrong with it, the parameters are there
         from catenary.reports.identification import write_identification_report
 
         shown = result.tests or result.training
         write_identification_report(report, found, result.card, shown, notes=result.notes)
-        print_page(report, as_json)
+        print_page(report)
 
 
 def identify_cable(
@@ -119,7 +117,6 @@ def identify_cable(
         "LOG", "Recording with positions, torques and, where there is one, an encoder at the joints."
     ),
     accept: Sequence[str] = ACCEPT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Find friction and stiffness of each joint's cable.
 
@@ -147,7 +144,7 @@ def identify_cable(
     table = Table(columns, loops, "Cables, in rad and Nm or m and N")
     lines = [f"{loop.joint}: not told: {why}" for loop in loops for why in loop.untold]
     content = {"log": log.name, "joints": [loop._asdict() for loop in loops], "notes": notes}
-    print_result(as_json, content, table, *lines, notes=notes)
+    print_result(content, table, *lines, notes=notes)
 
 
 def payload(
@@ -167,7 +164,6 @@ def payload(
     ),
     cutoff_hz: float | None = CUT_OFF,
     accept: Sequence[str] = ACCEPT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Estimate an arm's payload, a wrist's tool, or a push.
 
@@ -182,12 +178,12 @@ def payload(
 
     require_one(model=model, wrist_sensor=wrist_sensor)
     if model is None:
-        _wrist_tool(data, wrist_sensor or "", sensor_frame, StatedGravity(gravity).stated(), as_json)
+        _wrist_tool(data, wrist_sensor or "", sensor_frame, StatedGravity(gravity).stated())
         return
     reading = recordings.reading()
     how: dict[str, Any] = {"unloaded": unloaded, "cutoff_hz": cutoff_hz, "reading": reading, "accept": accept}
     if external is not None:
-        _external(data, model, external, as_json, **how)
+        _external(data, model, external, **how)
         return
     result = payload_of_files(data, model, at=None if at is None else (at[0], at[1:]), **how)
     best, parts = result.payload, list[Any]()
@@ -210,10 +206,10 @@ def payload(
         title = "Links that could carry it, and what it would explain of the residual there"
         likely: list[Column] = ["link", ("probability", "probability:.2f"), ("explained", "explained:.1f %")]
         parts.append(Table(likely, [best, *result.candidates], title))
-    print_result(as_json, result.summary(), *parts, notes=result.notes)
+    print_result(result.summary(), *parts, notes=result.notes)
 
 
-def _external(data: Sequence[Path], model: Path, out: Path, as_json: bool, **how: Any) -> None:
+def _external(data: Sequence[Path], model: Path, out: Path, **how: Any) -> None:
     from catenary.workflows.identify import external_torques_of_file
 
     if len(data) != 1:
@@ -231,10 +227,10 @@ def _external(data: Sequence[Path], model: Path, out: Path, as_json: bool, **how
             f"moment then: {', '.join(told[3:])} Nm",
         ]
     content = {**found.summary(), "file": str(out)}
-    print_result(as_json, content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
+    print_result(content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
 
 
-def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: "Floats", as_json: bool) -> None:
+def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: "Floats") -> None:
     from catenary.workflows.identify import wrist_tool_of_file
 
     if len(data) != 1:
@@ -250,7 +246,7 @@ def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: "F
         shown, off = (", ".join(f"{v:.4f}" for v in row) for row in (values, deviations))
         facts.append((name, f"{shown} {unit}, standard deviations {off}"))
     left = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")
-    print_result(as_json, tool._asdict() | {"notes": notes}, [*facts, left], notes=notes)
+    print_result(tool._asdict() | {"notes": notes}, [*facts, left], notes=notes)
 
 
 Touching = tuple[str, str]
@@ -336,7 +332,6 @@ def excitation(
     rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz"),
     trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1),
     seed: int = option("N", "Seed of everything random.", 0, least=0),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Design a motion to identify an arm from; moves nothing.
 
@@ -363,7 +358,7 @@ def excitation(
     write_motion(out, model, design.time, design.q, design.qd, design.qdd)
     if trajectory is not None:
         write_trajectory(design, model.joint_names, trajectory, ros=ros)
-    print_notes([note for note in result.notes if not as_json or note.startswith("warning: ")])
+    print_notes([note for note in result.notes if not prints_json() or note.startswith("warning: ")])
     files = {"file": str(out), **({} if trajectory is None else {"trajectory": str(trajectory)})}
     what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
     parts: list[Any] = [
@@ -372,4 +367,4 @@ def excitation(
         *result.kept(),
     ]
     lines = [f"{name}: {path}" for name, path in files.items()]
-    print_result(as_json, {**result.summary(), "seed": seed, **files}, *parts, *lines)
+    print_result({**result.summary(), "seed": seed, **files}, *parts, *lines)

@@ -13,9 +13,9 @@ import typer
 
 import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
-from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one
+from catenary.cli.options import REQUIRED, Triple, json_help, option, require_one
 from catenary.cli.robot_options import CARRIER, NODE_NAME, SIMULATED_SEED
-from catenary.cli.terminal import announce, print_json_line, print_notes, print_result
+from catenary.cli.terminal import announce, print_json_line, print_notes, print_result, prints_json
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,9 +23,11 @@ if TYPE_CHECKING:
     from catenary.nodes.gravity_node import GravityStatus
     from catenary.nodes.serve import ServerStatus
 
+LINES_AS_JSON = json_help("Print a JSON line a second, and one at the end.")
 DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
 
 
+@LINES_AS_JSON
 def serve(
     robot: str = option("ROBOT", "Robot to simulate.", "raven2"),
     dialect: str | None = option("raven|crtk", "Dialect of the topics. [default: the robot's own]"),
@@ -46,7 +48,6 @@ def serve(
     start: bool = option(None, "Press the silver button at once; with crtk: enable and home.", False),
     grav_dir: Triple | None = option("X,Y,Z", "Gravity for the robot's own compensation, in whole cm/s2, z down."),
     duration: float | None = DURATION,
-    as_json: bool = LINES_AS_JSON,
 ) -> None:
     """Serve a simulated robot over ROS, in real time.
 
@@ -79,10 +80,10 @@ def serve(
         where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}[ros]
         pressed = "" if server.button is None else "; `catenary button` presses the silver button"
         print_notes([f"serving {server.published} topics in dialect {dialect} {where}; Ctrl-C ends it{pressed}"])
-        final = run(server, start=start, show=_show_json if as_json else _show, duration=duration)
+        final = run(server, start=start, show=_show_json if prints_json() else _show, duration=duration)
     arms = ", ".join(f"{name} {text}" for name, text in final.states.items())
     print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
-    if as_json:
+    if prints_json():
         _show_json(final, final=True)
         return
     print(
@@ -92,14 +93,14 @@ def serve(
     )
 
 
-def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_JSON) -> None:
+def button(ros: str = CARRIER, name: str | None = NODE_NAME) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.client import press_button
     from catenary.crtk.network import make_transport, node_name
 
     with make_transport(ros, node_name("button", name)) as transport:
         success, message = press_button(transport)
-    print_result(as_json, {"success": success, "message": message}, message)
+    print_result({"success": success, "message": message}, message)
     if not success:
         raise typer.Exit(1)
 
@@ -123,6 +124,7 @@ def _show_json(status: "ServerStatus", *, final: bool = False) -> None:
     print_json_line(status._asdict() | {"final": final})
 
 
+@LINES_AS_JSON
 def encoders(
     port: str = option("PORT", "Serial port, as /dev/ttyUSB0.", REQUIRED),
     ros: str = CARRIER,
@@ -131,7 +133,6 @@ def encoders(
     direction: Triple = option("D,D,D", "-1 for an encoder that counts against its joint.", (1.0, 1.0, 1.0)),
     state: str = option("TOPIC", "Topic of the homing robot's operating state.", "/arm1/operating_state"),
     duration: float | None = DURATION,
-    as_json: bool = LINES_AS_JSON,
 ) -> None:
     """Publish the counts and positions of joint encoders.
 
@@ -153,13 +154,14 @@ def encoders(
         board.wait_ready()
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
-        show = _shown(_encoder_line, as_json)
+        show = _shown(_encoder_line)
         final = publish(node, rate_hz=RATE, duration=duration, show=show)
     show(final, final=True)
     if not final.reading.is_valid:
         raise typer.Exit(1)
 
 
+@LINES_AS_JSON
 def gravity_node(
     sensing: SensingOptions,
     reading: ReadingOptions,
@@ -179,7 +181,6 @@ def gravity_node(
     urscript: str | None = option("TOPIC", "Also set gravity on a Universal Robot, by its driver's script topic."),
     no_gyroscope: bool = option(None, "Ignore the IMU's angular rates.", False),
     duration: float | None = DURATION,
-    as_json: bool = LINES_AS_JSON,
 ) -> None:
     """Publish gravity as a sensor on the base measures it.
 
@@ -224,19 +225,19 @@ def gravity_node(
         node = GravityNode(
             transport, source, topic=topic, frame_id=frame, urscript=urscript, arm=arm, link=lambda: asdict(counts)
         )
-        show = _shown(_gravity_line, as_json)
+        show = _shown(_gravity_line)
         final = publish(node, rate_hz=rate, duration=duration, show=show)
     show(final, final=True)
     if "live" not in node.tally.report().ticks:
         raise typer.Exit(1)
 
 
-def _shown(line: Callable[[Any], tuple[str, Sequence[str]]], as_json: bool) -> Callable[..., None]:
+def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., None]:
     """Return what prints a status: as JSON, or as a line to read and those remarks that are new."""
     said: list[str] = []
 
     def show(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
-        if as_json:
+        if prints_json():
             print_json_line({"final": status.as_data()} if final else status.as_data())
             return
         text, remarks = line(status)

@@ -25,7 +25,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_o
 import typer
 
 from catenary.cli.out_files import PAGE, FileKind, out_path, refuse_outputs
-from catenary.cli.terminal import without_notes
+from catenary.cli.terminal import in_json, without_notes
 from catenary.crtk.dds.arguments import said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
@@ -35,6 +35,7 @@ Triple = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
 Read = Callable[[str], Any]
 Group = TypeVar("Group")
+Command = TypeVar("Command", bound=Callable[..., None])
 REQUIRED: Any = ...  # the default of what must be given
 _CHOICES = re.compile(r"[a-z0-9-]+(\|[a-z0-9-]+)+")
 _METAVARS = {int: "N", float: "NUMBER", str: "NAME"}
@@ -91,14 +92,15 @@ def group(cls: type[Group]) -> type[Group]:
 def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command as typer takes it: with the options of its groups in place of the groups.
 
-    Help lists a command's own options, then those of its groups, then --json, --transport, --ros-distro and, of every
-    command, --no-notes. Before the command runs, options that would have no effect are refused.
+    Help lists a command's own options, then those of its groups, then --json, of what is on ROS --transport and
+    --ros-distro, then --no-notes. Before the command runs, options that would have no effect are refused.
     """
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
     asked = [_Asked(p.name, p.annotation, p.default) for p in own if p.name not in groups]
     asked += [_Asked(f.name, f.type, f.metadata["option"]) for g in groups.values() for f in fields(g)]
-    asked.sort(key=lambda one: one.name == "as_json")
+    as_json = option(None, getattr(command, "json_help", "Print JSON."), False, flag="--json")
+    asked.append(_Asked("as_json", bool, as_json))
     if any(one.option.joins_ros for one in asked):
         asked += [_Asked("transport", str, _TRANSPORT), _Asked("ros_distro", str, _ROS_DISTRO)]
 
@@ -111,7 +113,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
             say_ros_arguments(replace(said_ros_arguments(), **chosen))
         for name, kind in groups.items():
             values[name] = kind(**{each.name: values.pop(each.name) for each in fields(kind)})
-        with without_notes(no_notes):
+        with without_notes(no_notes), in_json(values["as_json"]):
             command(**{p.name: values[p.name] for p in own})
 
     parameters = [one.parameter() for one in (*asked, _Asked("no_notes", bool, _NO_NOTES))]
@@ -119,6 +121,16 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     return run
+
+
+def json_help(help: str) -> Callable[[Command], Command]:
+    """Say in a command's help what its --json prints, where that is not one result at the end."""
+
+    def told(command: Command) -> Command:
+        command.json_help = help  # type: ignore[attr-defined]
+        return command
+
+    return told
 
 
 class _Asked:
@@ -267,6 +279,4 @@ _ROS_DISTRO = option(
     "NAME", "On ROS 2: distribution of the other programs. [default: ROS_DISTRO, or jazzy]", goes_with=_ON_ROS
 )
 _NO_NOTES = option(None, "Print no notes: results and errors only.", False)
-AS_JSON = option(None, "Print JSON.", False, flag="--json")
-LINES_AS_JSON = option(None, "Print a JSON line a second, and one at the end.", False, flag="--json")
 REPORT = option("HTML", "Also write a self-contained page, e.g. arm.html.", writes=PAGE)

@@ -13,9 +13,9 @@ import typer
 
 import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
-from catenary.cli.options import Names, group, option, require_one, values_of
+from catenary.cli.options import Names, group, json_help, option, require_one, values_of
 from catenary.cli.out_files import MOUNTING, refuse_outputs
-from catenary.cli.terminal import print_notes, print_result
+from catenary.cli.terminal import print_notes, print_result, prints_json
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ class ReplayOptions:
         )
 
 
+@json_help("Print one JSON summary at the end.")
 def sense(
     sensing: SensingOptions,
     replaying: ReplayOptions,
@@ -85,7 +86,6 @@ def sense(
     out: Path | None = option(
         "FILE", "What --tumble writes. [default: mounting.toml]", writes=MOUNTING, goes_with="tumble"
     ),
-    as_json: bool = option(None, "Print one JSON summary at the end.", False, flag="--json"),
 ) -> None:
     """Show gravity as a sensor on the base measures it.
 
@@ -129,7 +129,7 @@ def sense(
             outcome = run_tumble(simulated_reader(model, seed=seed), start=told)
         else:
             outcome = replaying.calibrated(recording, told)
-        _conclude_tumble(outcome, out, as_json)
+        _conclude_tumble(outcome, out)
         return
     with ExitStack() as stack:
         if recording is not None:
@@ -148,25 +148,25 @@ def sense(
             feed = simulated_feed(sensor, paced=sys.stdout.isatty())
         if tumble:
             print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
-            _conclude_tumble(run_tumble(_by_hand(feed), start=told, taken=feed.taken), out, as_json)
+            _conclude_tumble(run_tumble(_by_hand(feed), start=told, taken=feed.taken), out)
         else:
-            _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration, as_json)
+            _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration)
 
 
-def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_json: bool) -> None:
+def _watch(feed: "Feed", source: "SensedGravity", duration: float | None) -> None:
     from catenary.workflows.sense import watch
 
-    length = (math.inf if sys.stdout.isatty() and not as_json else 5.0) if duration is None else duration
+    length = (math.inf if sys.stdout.isatty() and not prints_json() else 5.0) if duration is None else duration
     last = -math.inf
 
     def line(reading: "GravityReading", time: float) -> None:
         nonlocal last
-        if time - last >= _LINE_EVERY and not as_json:
+        if time - last >= _LINE_EVERY and not prints_json():
             last = time
             print(f"{time:8.1f} s  {_lines(reading, source.mounting.base)[0]}  {' '.join(reading.faults.names)}")
 
     summary = watch(feed, source, length, show=line)
-    print_result(as_json, summary.as_data(), *_in_words(summary))
+    print_result(summary.as_data(), *_in_words(summary))
     if not summary.was_live:
         raise typer.Exit(1)
 
@@ -221,7 +221,7 @@ def _enter_pressed() -> bool:
     return bool(sys.stdin.readline())  # not at the end of standard input
 
 
-def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
+def _conclude_tumble(outcome: "TumbleOutcome", out: Path) -> None:
     from catenary.sensing.mounting import save_mounting
 
     m, section = outcome.mounting, outcome.section
@@ -240,6 +240,6 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None
     facts += [("gyroscope", "turns as gravity does" if m.checked else unchecked), ("base", m.base)]
     facts += [] if section.residual_m_s2 is None else [("residual", f"{section.residual_m_s2:.4f} m/s2")]
     facts += [("WRONG:", fault) for fault in outcome.faults]
-    print_result(as_json, content, facts, "nothing written" if outcome.faults else f"written to {out}")
+    print_result(content, facts, "nothing written" if outcome.faults else f"written to {out}")
     if outcome.faults:
         raise typer.Exit(1)
