@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from catenary.cli import projects
+from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.fit import ROBOT_OF_DATA, ModelOptions
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import Names, argument, option
@@ -229,7 +230,7 @@ def _too_slow(took: float, period: float) -> None:
         f"error: the model does not keep up: {1e3 * took:.2f} ms in the median, expected at most the "
         f"{1e3 * period:.2f} ms from one message to the next"
     )
-    raise typer.Exit(1)
+    raise typer.Exit(FAULT_FOUND)
 
 
 def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import typer
 
+from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.options import REQUIRED, Numbers, argument, option
 from catenary.cli.out_files import HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
@@ -46,7 +47,7 @@ def check(
     facts += [("verdict", found.verdict), *([("next", found.next)] if found.next else [])]
     print_result(found.as_data(), f"{file}: {found.kind}", list(found.lines), joints, facts)
     if found.faults:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 def recover(

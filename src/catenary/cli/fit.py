@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
+from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.options import REPORT, REQUIRED, Names, Numbers, argument, group, numbers, option, values_of, words
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
@@ -230,7 +231,7 @@ def drift(
         write_drift_report(held.report, found, model=held.model.name, notes=notes)
         print_page(held.report)
     if any(first is not None for first in found.since):
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 def _print_fit(out: Path, result: "FitResult") -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from catenary.cli.exit_codes import code_of_signal
 from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option, require_one
 from catenary.cli.robot_options import MovedRobot, PacedRobot, chosen_robot, some_joint_values
-from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import LimitError
 from catenary.reports.page import Table
@@ -139,7 +139,7 @@ def teleop(
 
 
 def _say(summary: "MotionSummary", what: str, *, si: bool = False, asked: "Floats | None" = None) -> None:
-    """Print how a motion went, with `what` was done at its end; one that was ended earlier exits as `exit_code` says.
+    """Print how a motion went, with `what` was done at its end; exit by the signal that ended it earlier, if any.
 
     `si` shows rad and m, not deg and mm; the tip was to go to `asked` (3,) [m], if to any place.
     """
@@ -162,7 +162,7 @@ def _say(summary: "MotionSummary", what: str, *, si: bool = False, asked: "Float
     print_result(summary.as_data(), title, joints, *lines, notes=[late] if summary.late_ticks else [])
     if summary.ended_by is not None:
         sys.stdout.flush()
-        raise typer.Exit(exit_code(summary.ended_by))
+        raise typer.Exit(code_of_signal(summary.ended_by))
 
 
 def joints_table(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
+from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import REQUIRED, Triple, json_help, option, require_one
 from catenary.cli.robot_options import CARRIER, NODE_NAME, SIMULATED_SEED
@@ -102,7 +103,7 @@ def button(ros: str = CARRIER, name: str | None = NODE_NAME) -> None:
         success, message = press_button(transport)
     print_result({"success": success, "message": message}, message)
     if not success:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 def _show(status: "ServerStatus") -> None:
@@ -158,7 +159,7 @@ def encoders(
         final = publish(node, rate_hz=RATE, duration=duration, show=show)
     show(final, final=True)
     if not final.reading.is_valid:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 @LINES_AS_JSON
@@ -229,7 +230,7 @@ def gravity_node(
         final = publish(node, rate_hz=rate, duration=duration, show=show)
     show(final, final=True)
     if "live" not in node.tally.report().ticks:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., None]:

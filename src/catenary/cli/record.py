@@ -11,11 +11,11 @@ import typer
 
 import catenary
 from catenary.cli import projects
+from catenary.cli.exit_codes import code_of_signal
 from catenary.cli.motion import joints_table
 from catenary.cli.options import argument, option
 from catenary.cli.out_files import EXCITATION
 from catenary.cli.robot_options import DIALECT, PacedRobot, TerminalGuide, chosen_robot
-from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import InputError
 
@@ -200,4 +200,4 @@ def _record_others(project: "Project", access: projects.RobotAccess, hours: floa
         content = {"seconds": before + recorded.seconds, "ended_by": ended_by or None, "topics": topics}
         projects.say_step(opened, what, True, content)
     if ended_by and hours is not None:  # it was to last as long
-        raise typer.Exit(exit_code(ended_by))
+        raise typer.Exit(code_of_signal(ended_by))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
+from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import Names, group, json_help, option, require_one, values_of
 from catenary.cli.out_files import MOUNTING, refuse_outputs
@@ -168,7 +169,7 @@ def _watch(feed: "Feed", source: "SensedGravity", duration: float | None) -> Non
     summary = watch(feed, source, length, show=line)
     print_result(summary.as_data(), *_in_words(summary))
     if not summary.was_live:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 def _lines(reading: "GravityReading", base: str) -> list[str]:
@@ -242,4 +243,4 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path) -> None:
     facts += [("WRONG:", fault) for fault in outcome.faults]
     print_result(content, facts, "nothing written" if outcome.faults else f"written to {out}")
     if outcome.faults:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)

@@ -268,12 +268,10 @@ def conclude(
 
     def work() -> None:
         write(evaluation, concluded.summary())
-        groups = {name: result.model.groups for name, result in results.items()}
-        counts = {name: {j: len(g.columns) for g in each for j in g.joints} for name, each in groups.items()}
         fitted_to, tested_on = (recordings_for(best.model, paths, reading) for paths in (train, test))
         write_project_report(
             page, project.settings.connection, best.model, best.card, concluded.evaluations, fitted_to, tested_on,
-            deployment, notes=best.notes, inputs={name: [of[j] for j in sorted(of)] for name, of in counts.items()},
+            deployment, notes=best.notes,
         )  # fmt: skip
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
