@@ -14,7 +14,7 @@ from catenary.cli import projects
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.fit import ROBOT_OF_DATA, ModelOptions
 from catenary.cli.gravity_options import GRAVITY_TOPIC
-from catenary.cli.options import Names, argument, option
+from catenary.cli.options import Names, argument, group, option, values_of
 from catenary.cli.out_files import out_path
 from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project
 from catenary.cli.recording_options import ACCEPT, RecordingOptions
@@ -164,32 +164,62 @@ def _steps() -> Iterator[Callable[[str], Callable[[float], None]]]:
         yield step
 
 
+@group
+class DeployedOnRos:
+    """Options of a robot on ROS whose messages a model corrects."""
+
+    ros: int | None = option("1|2", "With a robot on ROS: publish its corrected messages.", joins_ros=True)
+    arm: str = option("gold|green", "With --ros: left or right.", "gold", goes_with="ros")
+    dialect: str | None = DIALECT
+    gravity: str | None = GRAVITY_TOPIC
+    namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros")
+    rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros")
+    name: str | None = replace(NODE_NAME, goes_with="ros")
+    gravity_torque: bool = option(None, "With --ros: also publish gravity torques.", False, goes_with="ros")
+    for_control: bool = option(None, "With --ros: for a controller of the corrected positions.", False, goes_with="ros")
+
+    def run(self, model: "CalibrationModel", seconds: float) -> "tuple[WireReport, BaseException | None]":
+        """Correct a robot's messages for so long; return how it went, and by which error it ended."""
+        from catenary.crtk.network import make_transport, node_name
+        from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
+
+        if self.gravity_torque and self.gravity is None:
+            print_notes(["gravity torques are those of a level base; --gravity tells of another"])
+        robot = values_of(self, "dialect", "namespace", "gravity")
+        topics_of = {"rate_hz": self.rate, **values_of(self, "gravity_torque", "for_control")}
+        with (
+            make_transport(str(self.ros), node_name("deploy", self.name)) as transport,
+            reader_of(model.joint_names, transport, self.arm, **robot) as client,
+        ):
+            topics = CalibratedTopics(client, model, **topics_of)
+            failure: BaseException | None = None
+            try:
+                _tell_while_deployed(topics, client, seconds)
+            except KeyboardInterrupt:
+                pass  # the usual end
+            except BaseException as error:
+                failure = error
+            report = topics.report()
+            topics.close()
+        return report, failure
+
+
 def deploy(
+    wire: DeployedOnRos,
     model: Path = argument("MODEL", "Calibration model of the project's robot."),
     project: Path | None = argument("PROJECT", "Its folder; not with --ros.", None, not_with=("ros", "ros_distro")),
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
     real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
-    ros: int | None = option("1|2", "With a robot on ROS: publish its corrected messages.", joins_ros=True),
-    arm: str = option("gold|green", "With --ros: left or right.", "gold", goes_with="ros"),
-    dialect: str | None = DIALECT,
-    gravity: str | None = GRAVITY_TOPIC,
-    namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros"),
-    rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros"),
-    name: str | None = replace(NODE_NAME, goes_with="ros"),
     as_is: bool = option(None, "The robot's reports are corrected already: take them as they are.", False),
-    gravity_torque: bool = option(None, "With --ros: also publish gravity torques.", False, goes_with="ros"),
-    for_control: bool = option(
-        None, "With --ros: for a controller of the corrected positions.", False, goes_with="ros"
-    ),
 ) -> None:
     """Run a model in a robot's loop, or next to a robot on ROS.
 
     Prints latency, the share of time in the valid range, and the error while it runs. The exit code is 1 when it takes
     longer than a tick in the median.
     """
-    if ros is None and project is None:
+    if wire.ros is None and project is None:
         raise InputError("deploy: expected a model and its project's folder, or a model and --ros 1 or 2")
-    if ros is not None and seconds is not None and not seconds > 0.0:
+    if wire.ros is not None and seconds is not None and not seconds > 0.0:
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     from catenary.calibration.model_file import load_model
 
@@ -198,26 +228,8 @@ def deploy(
     if project is not None:
         _in_a_loop(project, loaded, 20.0 if seconds is None else seconds, real_time=real_time)
         return
-    from catenary.crtk.network import make_transport, node_name
-    from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
-
-    if gravity_torque and gravity is None:
-        print_notes(["gravity torques are those of a level base; --gravity tells of another"])
-    with (
-        make_transport(str(ros), node_name("deploy", name)) as transport,
-        reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, gravity=gravity) as client,
-    ):
-        topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque, for_control=for_control)
-        failure: BaseException | None = None
-        try:
-            _tell_while_deployed(topics, client, float("inf") if seconds is None else seconds)
-        except KeyboardInterrupt:
-            pass  # the usual end
-        except BaseException as error:
-            failure = error
-        report = topics.report()
-        topics.close()
-    _show_deployment(model, arm, report)
+    report, failure = wire.run(loaded, float("inf") if seconds is None else seconds)
+    _show_deployment(model, wire.arm, report)
     if failure is not None:
         raise failure  # after the report
     if not report.keeps_up and report.latency is not None and report.rate_hz is not None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from catenary.calibration.fit_recordings import FitResult
     from catenary.workflows.calibration_model import HeldAgainst
 
-LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
+_MAX_SEED = 2**32 - 1  # that scikit-learn takes
 ROBOT_OF_DATA = option("ROBOT", "Catalogue name or file of the robot: joint names and units.")
 
 
@@ -100,7 +100,7 @@ def fit(
     data: Sequence[Path] = RECORDINGS,
     out: Path = option("MODEL", f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
     robot: str | None = ROBOT_OF_DATA,
-    seed: int = option("N", "Seed of all randomness.", 0, least=0, most=LARGEST_SEED),
+    seed: int = option("N", "Seed of all randomness.", 0, least=0, most=_MAX_SEED),
     accept: Sequence[str] = ACCEPT,
     workers: int = option("N", "Processes that read and fit side by side.", 1, least=1),
     cluster: str | None = option("ADDRESS", "A Dask scheduler in their place, such as tcp://HOST:8786."),

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from catenary.simulation.base_motion import MovingBase, Wave
     from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
-SHOWN_POSES = 9  # of a motion, in its report
-FAR_OFF = 0.5  # [deg|mm] of a reported position, from which on that is told
-SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
+_SHOWN_POSES = 9  # of a motion, in its report
+_TOLD_OFFSET = 0.5  # [deg|mm] of a reported position, from which on that is told
+_SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WAVE = "M/S2,HZ[,DEG]"
 
@@ -195,17 +195,24 @@ def _unseen(model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
     ]
 
 
+@group
+class FollowedMotion:
+    """Options of the motion that is followed."""
+
+    motion: str = option("cartesian|random|poses", "Sinusoids of the tip, random, or rests of joint 1.", "cartesian")
+    amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0)
+    axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z"))
+    seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0)
+
+
 def track(
+    followed: FollowedMotion,
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,
     joints: JointOptions,
-    robot: str = SIMULATED,
+    robot: str = _SIMULATED,
     controller: str = option("NAME", f"{'; '.join(map(str, CONTROLLERS.values()))}.", "dg"),
-    motion: str = option("cartesian|random|poses", "Sinusoids of the tip, random, or rests of joint 1.", "cartesian"),
-    amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0),
-    axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z")),
-    seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0),
     damping: str = option("relative|absolute", "Relative to the motion's, or as RAVEN-II does.", "relative"),
     report: Path | None = REPORT,
 ) -> None:
@@ -228,14 +235,15 @@ def track(
     arm = conditions.arm(robot, description)
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
-        motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
-        q_start=joints.given(arm.model), amplitude=amplitude_mm / 1000.0, axes=axes, seconds=seconds,
+        followed.motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
+        q_start=joints.given(arm.model), amplitude=followed.amplitude_mm / 1000.0,
+        axes=followed.axes, seconds=followed.seconds,
     )  # fmt: skip
     source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
-    settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}
-    title = f"{robot} (simulated), controller {controller}, {motion}"
-    times = np.linspace(0.0, chosen.trajectory.duration, SHOWN_POSES)
+    settings = {"robot": robot, "controller": controller, "motion": followed.motion, "damping": damping}
+    title = f"{robot} (simulated), controller {controller}, {followed.motion}"
+    times = np.linspace(0.0, chosen.trajectory.duration, _SHOWN_POSES)
     poses = np.array([chosen.trajectory(time).q for time in times])
     shown = arm.model, poses, felt, "at the beginning of the motion, and at times along it"
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
@@ -246,7 +254,7 @@ def hold(
     sensing: SensingOptions,
     description: DescriptionOptions,
     joints: JointOptions,
-    robot: str = SIMULATED,
+    robot: str = _SIMULATED,
     controller: str = option("|".join(HOLDS), "Gravity of a level base, or sensed gravity.", "dg"),
     seconds: float = option("S", "How long to watch.", 10.0),
     calibrated: bool = option(None, "Use true joint positions instead of those that the robot reports.", False),
@@ -267,7 +275,7 @@ def hold(
         pose = start_pose(arm.model, arm.plant, HOLD_START)
     felt = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
-    joints_off = [each for each in result.as_data()["joints"] if not calibrated and each["reported_off"] > FAR_OFF]
+    joints_off = [each for each in result.as_data()["joints"] if not calibrated and each["reported_off"] > _TOLD_OFFSET]
     if joints_off:
         far = ", ".join(f"{each['name']} by up to {each['reported_off']:.2g} {each['unit']}" for each in joints_off)
         print_notes([

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from catenary.workflows.project.kinds import ProjectKind
     from catenary.workflows.robot.topic_recorder import RecordedTopics
 
-MOTION_ROWS_PER_SECOND = 20.0  # of a file, between which catenary follow goes straight
+_ROWS_PER_SECOND = 20.0  # of a file, between which catenary follow goes straight
 
 
 def home(
@@ -117,7 +117,7 @@ def _write_refresh_motion(kind: "ProjectKind", out: Path) -> None:
 
     motion, _ = kind.refresh_motion()
     model, n = catenary.load_robot(kind.model), len(kind.joints)
-    time = np.linspace(0.0, motion.duration, 1 + round(MOTION_ROWS_PER_SECOND * motion.duration))
+    time = np.linspace(0.0, motion.duration, 1 + round(_ROWS_PER_SECOND * motion.duration))
     q, qd, qdd = (np.array(each) for each in zip(*map(motion, time.tolist()), strict=True))
     write_motion(out, Joints(kind.joints, model.joint_units[:n]), time, q, qd, qdd)
     content = {"file": str(out), "seconds": motion.duration, "joints": kind.joints}

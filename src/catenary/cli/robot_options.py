@@ -5,7 +5,7 @@ Joints are --q in rad and m, --q-deg in deg and mm.
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -17,6 +17,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.crtk.transport import Transport
     from catenary.plant import Jointed
     from catenary.robots.model import Massless
     from catenary.workflows.robot.operated_robot import OperatedRobot
@@ -130,10 +131,24 @@ def beyond_limits(model: "catenary.RobotModel", values: "Floats") -> list[str]:
 
 
 NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
-CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
+_CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
 DIALECT = option("raven|crtk", "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
-NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
+_NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
+
+
+@group
+class Network:
+    """Options of a program of its own on a network."""
+
+    ros: str = _CARRIER
+    name: str | None = NODE_NAME
+
+    def joined(self, command: str) -> "AbstractContextManager[Transport]":
+        """Join it, under the name of the command where no other is given."""
+        from catenary.crtk.network import make_transport, node_name
+
+        return make_transport(self.ros, node_name(command, self.name))
 
 
 @group
@@ -142,7 +157,7 @@ class RobotPlace:
 
     ros: int | None = option("1|2", "The robot is on ROS 1 or 2. [default: simulated here]", joins_ros=True)
     dialect: str | None = DIALECT
-    namespace: str | None = NAMESPACE
+    namespace: str | None = _NAMESPACE
     name: str | None = replace(NODE_NAME, goes_with="ros")
     simulated: bool = option(None, "With --ros: the robot is simulated; no workspace to clear.", False, goes_with="ros")
     robot_seed: int | None = replace(SIMULATED_SEED, not_with="ros")

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from catenary.spatial import Pose
     from catenary.workflows.regressor_report import RegressorReport
 
-ROOM_FOR_NAMES = 30  # characters, so that a robot's line fits into a terminal of 80
+_MAX_NAMES_LENGTH = 30  # characters, so that a robot's line fits into a terminal of 80
 Quaternion = tuple[float, float, float, float]
-FRAME_NAME = option("FRAME", "Frame of the robot. [default: its tip]")
-IN_FRAME = option("FRAME", "Frame that the pose is expressed in. [default: base]", flag="--in")
+_FRAME_NAME = option("FRAME", "Frame of the robot. [default: its tip]")
+_IN_FRAME = option("FRAME", "Frame that the pose is expressed in. [default: base]", flag="--in")
 
 
 def robots() -> None:
@@ -46,11 +46,11 @@ def _kinds(model: "catenary.RobotModel") -> str:
 
 def _names_in_brief(model: "catenary.RobotModel") -> str:
     names = ", ".join(model.joint_names)
-    return names if len(names) <= ROOM_FOR_NAMES else f"{model.joint_names[0]} ... {model.joint_names[-1]}"
+    return names if len(names) <= _MAX_NAMES_LENGTH else f"{model.joint_names[0]} ... {model.joint_names[-1]}"
 
 
 def fk(
-    joints: JointOptions, robot: str = ROBOT, frame: str | None = FRAME_NAME, in_frame: str | None = IN_FRAME
+    joints: JointOptions, robot: str = ROBOT, frame: str | None = _FRAME_NAME, in_frame: str | None = _IN_FRAME
 ) -> None:
     """Print the pose of a robot's frame.
 
@@ -79,8 +79,8 @@ def ik(
         "R,P,Y", "Orientation of the frame: turned about fixed x, y, z.", goes_with="position_mm", not_with="quaternion"
     ),
     quaternion: Quaternion | None = option("W,X,Y,Z", "Orientation of the frame.", goes_with="position_mm"),
-    frame: str | None = FRAME_NAME,
-    in_frame: str | None = IN_FRAME,
+    frame: str | None = _FRAME_NAME,
+    in_frame: str | None = _IN_FRAME,
     seed: int = option("N", "Seed of the random starts, where a search needs several.", 0, least=0),
 ) -> None:
     """Print the joints that bring a robot's frame to a pose.

@@ -14,8 +14,8 @@ from catenary.reports import page
 from catenary.reports.robot_plot import robot_picture
 from catenary.units import TORQUE_UNIT
 
-SHOWN = 3000  # rows a picture draws; more are not seen
-SHOWN_POSES = 9  # of a recording
+_MAX_POINTS = 3000  # rows a picture draws; more are not seen
+_SHOWN_POSES = 9  # of a recording
 
 
 def write_identification_report(
@@ -37,8 +37,8 @@ def write_identification_report(
         page.Facts(excitation_facts(found)),
     ]
     for samples in shown[:1]:  # with the masses that were found where these are each link's
-        rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
-        caption = f"The robot in {SHOWN_POSES} poses of {samples.name}, the first of them whole."
+        rows = np.linspace(0, len(samples) - 1, _SHOWN_POSES).astype(int)
+        caption = f"The robot in {_SHOWN_POSES} poses of {samples.name}, the first of them whole."
         robot = found.model if found.phi is None else found.robot()
         blocks.append(robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity))
     for samples in shown:
@@ -120,7 +120,7 @@ def excitation_facts(found: Identification) -> list[tuple[str, str]]:
 
 def torque_picture(found: Identification, samples: Samples) -> page.Picture:
     """Draw measured and predicted torque of every axis over time."""
-    every = max(1, len(samples) // SHOWN)
+    every = max(1, len(samples) // _MAX_POINTS)
     tau, time = samples.tau[::every], samples.time[::every]
     predicted = found.predict_samples(samples)[::every]
     figure, panels = page.joint_panels(found.model.n, 1.7)

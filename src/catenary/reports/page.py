@@ -15,8 +15,9 @@ from catenary.files import write_atomically
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DOTS_PER_INCH = 150
-LARGEST_SVG = 1_000_000  # [B] of a picture on a page
+GREY, BLUE, ORANGE = "#b8c0cc", "#4b6b94", "#d9622b"  # of what is drawn: before, after, and what stands out
+_DOTS_PER_INCH = 150
+_MAX_SVG_BYTES = 1_000_000  # of a picture on a page
 # a heading with its unit, and what of a record stands below: a function, or KEY:FORM as "rmse:.3f", ":.1f %" of a share
 Column = str | tuple[str, str | Callable[[Any], Any]]
 
@@ -149,10 +150,10 @@ def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
     png, svg = io.BytesIO(), io.BytesIO()
-    figure.savefig(png, format="png", dpi=DOTS_PER_INCH)
+    figure.savefig(png, format="png", dpi=_DOTS_PER_INCH)
     with rc_context({"svg.hashsalt": "catenary"}):  # the same bytes each time
         figure.savefig(svg, format="svg", metadata={"Date": None})
-    drawn = svg.getvalue() if svg.tell() <= LARGEST_SVG else b""
+    drawn = svg.getvalue() if svg.tell() <= _MAX_SVG_BYTES else b""
     return Picture(base64.b64encode(png.getvalue()).decode(), caption, alt, base64.b64encode(drawn).decode())
 
 
@@ -171,7 +172,7 @@ def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
     kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"
     buffer = io.BytesIO()
     with rc_context({"pdf.fonttype": 42}):
-        figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
+        figure.savefig(buffer, format=kind, dpi=_DOTS_PER_INCH)
     write_atomically(path, buffer.getvalue())
 
 

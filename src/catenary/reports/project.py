@@ -11,10 +11,10 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
 from catenary.reports.joint_errors import percent
-from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
+from catenary.reports.page import BLUE, Block, Column, Heading, Picture, Table, Text, picture
 from catenary.units import DISPLAY
 
-TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
+_TEST_COLOR = "#d9a441"
 _MAX_POINTS = 6_000  # of a recording
 
 
@@ -114,7 +114,7 @@ def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
     figure = Figure(figsize=(3.4 * len(pairs), 3.3), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(pairs)))
     for ax, (i, j) in zip(axes, pairs, strict=True):
-        for logs, color, label in ((test, TEST_COLOR, "test"), (train, TRAIN_COLOR, "training")):
+        for logs, color, label in ((test, _TEST_COLOR, "test"), (train, BLUE, "training")):
             points = scale * np.concatenate([log.q_nominal for log in logs])
             x, y = points[:: max(1, len(points) // _MAX_POINTS), [i, j]].T
             ax.plot(x, y, ".", markersize=1.5, color=color, alpha=0.6, label=label)
