@@ -17,7 +17,7 @@ from catenary.cli.terminal import announce, print_notes, print_result, progress_
 from catenary.errors import LimitError
 from catenary.reports.page import Table
 from catenary.teleop.terminal import RawTerminal
-from catenary.units import in_words
+from catenary.units import from_display, in_words
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
@@ -46,7 +46,7 @@ def goto(
     from catenary.workflows.robot.operator_motion import go_to_joints, joints_at
 
     require_one(q_deg=q_deg, q=q, position_mm=position_mm)
-    place = None if position_mm is None else np.array(position_mm) / 1000.0
+    place = None if position_mm is None else from_display(np.array(position_mm), "m")
     with chosen_robot(robot, "goto") as opened:
         names = joints
         if place is not None:
@@ -103,9 +103,9 @@ def follow(
     motion = read_followed_file(file, rows_per_second=rows_per_second)
     print_notes(motion.notes)
     fastest = dict(LARGEST_VELOCITY)
-    for unit, typed, scale in (("rad", largest_deg_s, math.pi / 180.0), ("m", largest_mm_s, 1e-3)):
+    for unit, typed in (("rad", largest_deg_s), ("m", largest_mm_s)):
         if typed is not None:
-            fastest[unit] = typed * scale
+            fastest[unit] = from_display(typed, unit)
     assert motion.time is not None  # of a file to follow
     away = leaves_rows(motion, blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
@@ -155,9 +155,9 @@ def _say(summary: "MotionSummary", what: str, *, si: bool = False, asked: "Float
     x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
     lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
     if asked is not None:
-        lines.append(f"distance from the goal: {1000.0 * math.dist(summary.tip, asked):.2f} mm")
+        lines.append(f"distance from the goal: {in_words(math.dist(summary.tip, asked), 'm', 2)}")
     if summary.tip_error is not None:
-        error = f"{1000.0 * summary.tip_error:.2f} mm"
+        error = in_words(summary.tip_error, "m", 2)
         lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
     print_result(summary.as_data(), title, joints, *lines, notes=[late] if summary.late_ticks else [])
     if summary.ended_by is not None:

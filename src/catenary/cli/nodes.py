@@ -1,7 +1,6 @@
 """catenary serve, button, encoders, gravity-node: simulated robots and devices as topics."""
 
 import logging
-import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -18,6 +17,7 @@ from catenary.cli.options import REQUIRED, Triple, group, json_help, option, req
 from catenary.cli.robot_options import CARRIER, SIMULATED_SEED, Network
 from catenary.cli.terminal import announce, print_json_line, print_notes, print_result, prints_json
 from catenary.errors import InputError
+from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.nodes.encoder_node import EncoderStatus
@@ -292,8 +292,7 @@ def _encoder_line(status: "EncoderStatus") -> tuple[str, Sequence[str]]:
     counts = " ".join(f"{value:.0f}" for value in reading.counts)
     place = reading.reason
     if reading.is_valid:
-        a, b, c = reading.q_encoder * [180.0 / math.pi, 180.0 / math.pi, 1e3]
-        place = f"{a:.3f} deg {b:.3f} deg {c:.3f} mm"
+        place = " ".join(in_words(q, unit, 3) for q, unit in zip(reading.q_encoder, ("rad", "rad", "m"), strict=True))
     robot = f"  robot {status.robot}" if status.robot else ""
     text = f"{status.seconds:7.0f} s  {reading.rate_hz:4.0f} Hz  {counts} counts  {place}{robot}"
     return text, [reading.complaint] if reading.complaint else []

@@ -14,6 +14,7 @@ from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE
 from catenary.cli.options import Names, Numbers, Six, Triple, argument, group, option
 from catenary.cli.terminal import announce
 from catenary.errors import InputError
+from catenary.units import from_display
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
@@ -114,7 +115,7 @@ def some_joint_values(
         wanted = joints_text(Joints(chosen, units))
         raise InputError(f"{option}: expected {len(chosen)} finite numbers for {wanted}, got {values.tolist()}")
     if q_deg is not None:
-        values = np.where(np.array(units) == "rad", np.deg2rad(values), values / 1000.0)
+        values = np.array([from_display(value, unit) for value, unit in zip(values, units, strict=True)])
     return values, chosen
 
 
@@ -131,7 +132,7 @@ def beyond_limits(model: "catenary.RobotModel", values: "Floats") -> list[str]:
 
 
 NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
-_CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
+CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
 DIALECT = option("raven|crtk", "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
 _NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
@@ -141,7 +142,7 @@ SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the 
 class Network:
     """Options of a program of its own on a network."""
 
-    ros: str = _CARRIER
+    ros: str = CARRIER
     name: str | None = NODE_NAME
 
     def joined(self, command: str) -> "AbstractContextManager[Transport]":

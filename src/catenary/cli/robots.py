@@ -13,7 +13,7 @@ from catenary.cli.robot_options import ROBOT, DescriptionOptions, JointOptions, 
 from catenary.cli.terminal import print_notes, print_result, without_notes
 from catenary.errors import InputError
 from catenary.reports.page import Column, Table, write_picture
-from catenary.units import in_words
+from catenary.units import from_display, in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
@@ -152,10 +152,10 @@ def _goal(position_mm: Triple, rpy_deg: Triple | None, quaternion: Numbers | Non
 
     rotation = np.eye(3)
     if rpy_deg is not None:
-        rotation = rotation_from_rpy(np.deg2rad(as_array("--rpy-deg", rpy_deg, (3,))))
+        rotation = rotation_from_rpy(from_display(as_array("--rpy-deg", rpy_deg, (3,)), "rad"))
     elif quaternion is not None:
         rotation = rotation_from_quaternion(quaternion)
-    return Pose(rotation, as_array("--position-mm", position_mm, (3,)) / 1000.0)
+    return Pose(rotation, from_display(as_array("--position-mm", position_mm, (3,)), "m"))
 
 
 def plot(

@@ -70,13 +70,12 @@ def holding_picture(result: Holding) -> page.Picture:
     figure, rows, shown = _per_joint(result, columns=1)
     t = result.time[shown]
     for j, (axes,) in enumerate(rows):
-        unit, scale = DISPLAY[result.joint_units[j]]
+        scale = DISPLAY[result.joint_units[j]][1]
         for q, color, label in ((result.q, page.GREY, "as reported"), (result.q_true, page.BLUE, "joint")):
             axes.plot(t, scale * (q[shown, j] - q[0, j]), color=color, linewidth=1.2, label=label)
         low, high = axes.get_ylim()
         # rounding that fills a whole picture would look like a drift
         axes.set_ylim(min(low, -_MIN_REACH), max(high, _MIN_REACH))
-        axes.set_ylabel(f"{result.joint_names[j]}\n[{unit}]")
     rows[0][0].legend(frameon=False, fontsize=8, ncols=2)
     return page.picture(figure, "Distance of every joint from where it began.")
 
@@ -86,9 +85,8 @@ def tracking_picture(result: Tracking) -> page.Picture:
     figure, rows, shown = _per_joint(result, columns=2)
     t = result.time[shown]
     for j, (left, right) in enumerate(rows):
-        unit, scale = DISPLAY[result.joint_units[j]]
+        scale = DISPLAY[result.joint_units[j]][1]
         left.plot(t, scale * result.error[shown, j], color=page.BLUE, linewidth=0.8)
-        left.set_ylabel(f"{result.joint_names[j]}\nerror [{unit}]")
         right.plot(t, result.torque[shown, j], color=page.GREY, linewidth=1.2, label="torque")
         right.plot(t, result.feedback[shown, j], color=page.ORANGE, linewidth=0.8, label="PD term")
         right.set_ylabel(f"[{TORQUE_UNIT[result.joint_units[j]]}]")
@@ -98,7 +96,8 @@ def tracking_picture(result: Tracking) -> page.Picture:
 
 def _per_joint(result: Tracking | Holding, *, columns: int) -> tuple[Any, Any, slice]:
     """Return a figure, a row of axes over time for every joint, and which ticks to draw."""
-    figure, rows = page.joint_panels(len(result.joint_names), 1.9, columns)
+    joints = [(name, DISPLAY[unit][0]) for name, unit in zip(result.joint_names, result.joint_units, strict=True)]
+    figure, rows = page.joint_panels(joints, 1.9, columns)
     for axes in rows.flat:
         axes.margins(x=0.01)
     for axes in rows[-1]:

@@ -123,7 +123,8 @@ def torque_picture(found: Identification, samples: Samples) -> page.Picture:
     every = max(1, len(samples) // _MAX_POINTS)
     tau, time = samples.tau[::every], samples.time[::every]
     predicted = found.predict_samples(samples)[::every]
-    figure, panels = page.joint_panels(found.model.n, 1.7)
+    units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
+    figure, panels = page.joint_panels(list(zip(found.model.joint_names, units, strict=True)), 1.7)
     for i, (axis,) in enumerate(panels):
         for values, colour, label in (
             (tau[:, i], "#5b6675", "measured"),
@@ -131,7 +132,6 @@ def torque_picture(found: Identification, samples: Samples) -> page.Picture:
             (tau[:, i] - predicted[:, i], "#1d6fb8", "residual"),
         ):
             axis.plot(time, values, color=colour, linewidth=0.8, label=label)
-        axis.set_ylabel(f"{found.model.joint_names[i]} [{TORQUE_UNIT[found.model.joint_units[i]]}]")
     panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
     axis.set_xlabel("row" if found.options.terms == "static" else "time [s]")
     return page.picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")

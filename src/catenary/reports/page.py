@@ -157,12 +157,17 @@ def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     return Picture(base64.b64encode(png.getvalue()).decode(), caption, alt, base64.b64encode(drawn).decode())
 
 
-def joint_panels(n: int, height: float, columns: int = 1, *, spare: float = 0.0) -> tuple["Figure", Any]:
-    """Return a figure with a row of axes for each of n joints, `height` [inch] each, and these axes (n, columns)."""
+def joint_panels(
+    joints: Sequence[tuple[str, str]], height: float, columns: int = 1, *, spare: float = 0.0
+) -> tuple["Figure", Any]:
+    """Return a figure with a row of axes, `height` [inch], for each joint (name, unit), and its axes (n, columns)."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, height * n + spare), layout="constrained")
-    return figure, figure.subplots(n, columns, sharex=True, squeeze=False)
+    figure = Figure(figsize=(10.0, height * len(joints) + spare), layout="constrained")
+    panels = figure.subplots(len(joints), columns, sharex=True, squeeze=False)
+    for axes, (name, unit) in zip(panels[:, 0], joints, strict=True):
+        axes.set_ylabel(f"{name} [{unit}]")
+    return figure, panels
 
 
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:

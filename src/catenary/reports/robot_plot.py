@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Part = Literal["frames", "masses", "gravity", "torques"]
-_PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
+PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
 _AXIS_COLORS = {"x": "#c0392b", "y": "#2a7f4f", "z": "#1d6fb8"}
 _MASS_COLOR, _GRAVITY_COLOR = "#8a6d1f", "#7a3e9d"
 _MIN_EXTENT_MM = 1.0  # of a picture
@@ -66,9 +66,9 @@ def plot(
     """
     rows, _ = as_batch("q", middle_pose(model) if q is None else q, model.n)
     down = as_array("gravity", gravity, (3,))
-    unknown = [part for part in hide if part not in _PARTS]
+    unknown = [part for part in hide if part not in PARTS]
     if unknown:
-        raise InputError(f"hide: {', '.join(unknown)}: expected some of {', '.join(_PARTS)}")
+        raise InputError(f"hide: {', '.join(unknown)}: expected some of {', '.join(PARTS)}")
     if len(rows) == 0:
         raise InputError("q: no pose, expected (n,) or (N, n) with N of 1 or more")
     axes, bars = _places(model, on, with_bars="torques" not in hide and not model.missing_inertia)
