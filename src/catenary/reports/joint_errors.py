@@ -9,7 +9,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.evaluate import Evaluation, Spread, Window
+from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.fit_recordings import LeftOut
 from catenary.calibration.model import CalibrationModel
 from catenary.reports.page import BLUE, ORANGE, Block, Column, Heading, Picture, Table, Text, joint_columns, picture
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MAX_WINDOWS = 200  # rows of a page's table
-_MAX_COLUMNS = 8  # joints side by side on a page
 RAW, OFFSET, MODEL, INTERVAL = "#8a94a3", BLUE, ORANGE, "#2a7f4f"
 MAX_POINTS = 10_000  # of a line; more would hide each other
 _GAP_STEPS = 5.0  # times the median step of a recording: beyond it rows are missing
@@ -69,27 +67,11 @@ def percent(value: float, digits: int) -> str:
 
 def window_table(evaluation: Evaluation) -> Table:
     """Return the RMSE after the model per window of time."""
-    return _windows(evaluation, range(len(evaluation.joints)), evaluation.windows)
-
-
-def window_blocks(evaluation: Evaluation, name: str) -> list[Block]:
-    """Return what a page says of the errors over time: tables of so many joints that a sheet of paper holds them."""
-    joints, shown = range(len(evaluation.joints)), evaluation.windows[:_MAX_WINDOWS]
-    found: list[Block] = [
-        Heading(f"RMSE of {name} over time"),
-        *(_windows(evaluation, joints[k : k + _MAX_COLUMNS], shown) for k in joints[::_MAX_COLUMNS]),
-    ]
-    if len(evaluation.windows) > _MAX_WINDOWS:
-        found.append(Text(f"The first {_MAX_WINDOWS} of {len(evaluation.windows):,} windows."))
-    return found
-
-
-def _windows(evaluation: Evaluation, joints: Sequence[int], windows: Sequence[Window]) -> Table:
     unit = evaluation.window_unit
     first: list[Column] = ["recording", (f"from [{unit}]", "start:.0f"), (f"to [{unit}]", "end:.0f"), ("rows", "n")]
-    shown = [(evaluation.joints[j].name, evaluation.joints[j].unit) for j in joints]
-    per_joint = joint_columns(shown, lambda window, k: window.rmse[joints[k]], ".3f")
-    return Table([*first, *per_joint], windows, "RMSE of the model over time")
+    joints = [(joint.name, joint.unit) for joint in evaluation.joints]
+    per_joint = joint_columns(joints, lambda window, k: window.rmse[k], ".3f")
+    return Table([*first, *per_joint], evaluation.windows, "RMSE of the model over time")
 
 
 def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:

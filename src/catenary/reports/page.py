@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 GREY, BLUE, ORANGE = "#b8c0cc", "#4b6b94", "#d9622b"  # of what is drawn: before, after, and what stands out
 _DOTS_PER_INCH = 150
-_MAX_SVG_BYTES = 1_000_000  # of a picture on a page
 # a heading with its unit, and what of a record stands below: a function, or KEY:FORM as "rmse:.3f", ":.1f %" of a share
 Column = str | tuple[str, str | Callable[[Any], Any]]
 
@@ -113,12 +112,11 @@ class Remarks(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """An image, as base64 of a PNG, and of an SVG for papers and talks."""
+    """An image, as base64 of a PNG."""
 
     png: str
     caption: str
     alt: str = ""  # what is seen, for who does not see it; the caption where empty
-    svg: str = ""  # empty where it would be large
 
 
 class Listing(NamedTuple):
@@ -145,16 +143,11 @@ def _told(value: object) -> str:
 
 def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     """Draw a matplotlib figure into a picture block, its axes open above and to the right."""
-    from matplotlib import rc_context
-
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
-    png, svg = io.BytesIO(), io.BytesIO()
+    png = io.BytesIO()
     figure.savefig(png, format="png", dpi=_DOTS_PER_INCH)
-    with rc_context({"svg.hashsalt": "catenary"}):  # the same bytes each time
-        figure.savefig(svg, format="svg", metadata={"Date": None})
-    drawn = svg.getvalue() if svg.tell() <= _MAX_SVG_BYTES else b""
-    return Picture(base64.b64encode(png.getvalue()).decode(), caption, alt, base64.b64encode(drawn).decode())
+    return Picture(base64.b64encode(png.getvalue()).decode(), caption, alt)
 
 
 def joint_panels(
