@@ -14,7 +14,7 @@ import catenary
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import REQUIRED, Triple, group, json_help, option, require_one, values_of
-from catenary.cli.robot_options import CARRIER, SIMULATED_SEED, Network
+from catenary.cli.robot_options import CARRIER, SIMULATED_SEED, NodeOptions
 from catenary.cli.terminal import announce, print_json_line, print_notes, print_result, prints_json
 from catenary.errors import InputError
 from catenary.units import in_words
@@ -110,7 +110,7 @@ def serve(
     )
 
 
-def button(network: Network) -> None:
+def button(network: NodeOptions) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.client import press_button
 
@@ -142,7 +142,7 @@ def _show_json(status: "ServerStatus", *, final: bool = False) -> None:
 
 @_prints_json_lines
 def encoders(
-    network: Network,
+    network: NodeOptions,
     port: str = option("PORT", "Serial port, as /dev/ttyUSB0.", REQUIRED),
     bits: int = option("16|24|32", "Width of the board's counters.", 32),
     direction: Triple = option("D,D,D", "-1 for an encoder that counts against its joint.", (1.0, 1.0, 1.0)),
@@ -195,7 +195,7 @@ class GravitySensor:
 
 
 @group
-class PublishedGravity:
+class GravityOutputs:
     """Options of what is published."""
 
     rate: float = option("HZ", "Rate at which gravity is published.", 100.0)
@@ -211,8 +211,8 @@ def gravity_node(
     sensor: GravitySensor,
     sensing: SensingOptions,
     reading: ReadingOptions,
-    published: PublishedGravity,
-    network: Network,
+    published: GravityOutputs,
+    network: NodeOptions,
     mounting: Path | None = MOUNTING_FILE,
     duration: float | None = _DURATION,
 ) -> None:

@@ -139,7 +139,7 @@ SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the 
 
 
 @group
-class Network:
+class NodeOptions:
     """Options of a program of its own on a network."""
 
     ros: str = CARRIER
