@@ -104,7 +104,7 @@ class Option:
             "min": self.least, "max": self.most, "autocompletion": robots_beginning if self.names_robot else None,
         }  # fmt: skip
         made = typer.Argument(**settings) if self.is_argument else typer.Option(self.typed, **settings)
-        whole = list[kind] if self.is_repeatable else kind
+        whole = list[kind] if self.is_repeatable else kind  # type: ignore[valid-type]
         return Parameter(
             self.name,
             Parameter.KEYWORD_ONLY,
@@ -150,7 +150,9 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
         asked += [_TRANSPORT.declared("transport", str), _ROS_DISTRO.declared("ros_distro", str)]
 
     def run(*, no_notes: bool, **given: Any) -> None:
-        values = {one.name: tuple(given[one.name] or ()) if one.is_repeatable else given[one.name] for one in asked}
+        values: dict[str, Any] = {
+            one.name: tuple(given[one.name] or ()) if one.is_repeatable else given[one.name] for one in asked
+        }
         _refuse_wrong(asked, values)
         _refuse_files(asked, values)
         if "ros_distro" in values:
