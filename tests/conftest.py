@@ -190,7 +190,7 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     from catenary.workflows.project import calibrate
     from catenary.workflows.robot import motion
 
-    monkeypatch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
+    monkeypatch.setattr(calibrate, "_DEPLOY_S", 2.0)
     for gentle in ("GENTLE_VELOCITY", "GENTLE_ACCELERATION"):
         monkeypatch.setattr(motion, gentle, {unit: 4.0 * value for unit, value in getattr(motion, gentle).items()})
 

@@ -37,7 +37,7 @@ def calibrate_short(folder: Path, *, with_page: bool = True, **changes: Any) -> 
     """Calibrate a project by linear models, two seconds in the loop; a page takes as long as all the rest."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
-        patch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
+        patch.setattr(calibrate, "_DEPLOY_S", 2.0)
         if not with_page:
             patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
         return calibrate.calibrate_robot(Project(folder, replace(SHORT, **changes)))

@@ -1,6 +1,7 @@
 """Conversion of units of joints and torques: to SI where something is read, to degrees and millimetres where shown."""
 
 import math
+from typing import Any
 
 # units of files and options: the SI unit, and how many of it one of them is
 TO_SI = {
@@ -17,6 +18,11 @@ RATE_UNITS = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "none": 0.0}  # [rad/s]
 # what people read: the unit, and how many of it make one SI unit
 DISPLAY = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1000.0)}
 TORQUE_UNIT = {"rad": "Nm", "m": "N"}
+
+
+def from_display(shown: Any, unit: str) -> Any:
+    """Return numbers or arrays that are shown, in deg or mm, in a joint's unit, rad or m."""
+    return shown * TO_SI["deg"][1] if unit == "rad" else shown / 1000.0
 
 
 def in_words(value: float, unit: str, digits: int) -> str:

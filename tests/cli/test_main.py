@@ -7,10 +7,11 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from catenary import __version__
 from catenary.cli import main as main_module
-from catenary.cli.main import GROUPS, Commands
+from catenary.cli.main import GROUPS, Commands, app
 from catenary.visible import ClosedOutput, VisibleStream
 from command_line import catenary, in_its_own_process
 
@@ -208,3 +209,24 @@ def test_a_fault_of_decoding_is_no_name_that_cannot_be_written(monkeypatch: pyte
     monkeypatch.setattr(main_module, "app", fails)
     with pytest.raises(UnicodeDecodeError):
         catenary("robots")
+
+
+def completed(*words: str) -> list[str]:
+    """What completes the last of the words, as bash asks for it."""
+    asked = {"COMP_WORDS": " ".join(["catenary", *words]), "COMP_CWORD": str(len(words))}
+    environment = asked | {"_CATENARY_COMPLETE": "complete_bash"}
+    return CliRunner().invoke(app, [], prog_name="catenary", env=environment).output.split()
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("mon",), ["monitor"]),
+        (("fit", "--held"), ["--held-out"]),
+        (("fk", "raven2_f"), ["raven2_full", "raven2_full_right"]),
+        (("goto", "--robot", "two"), ["two_link"]),
+        (("check", "no_robot_is_called_so"), []),  # bash then completes files
+    ],
+)
+def test_commands_options_and_robots_complete(words: tuple[str, ...], found: list[str]) -> None:
+    assert completed(*words) == found

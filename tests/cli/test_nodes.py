@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from catenary.cli.signals import EndedBySignal
 from catenary.crtk import network
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.nodes import serve
 from command_line import catenary
-from oracles.manual_time import BoardTime
+from oracles.manual_time import BoardTime, ManualTime
 from oracles.simulated_board import SimulatedBoard
 from oracles.simulated_encoders import SimulatedEncoders
 
@@ -66,3 +68,42 @@ def test_a_topic_on_which_nothing_comes_is_told():
     assert outcome.code == 1
     assert "nominal" in outcome.out
     assert "nothing_received" in outcome.err
+
+
+@pytest.fixture
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ticks take no time, and time passes between them only."""
+    monkeypatch.setattr(serve, "time", ManualTime())
+
+
+@pytest.mark.usefixtures("_no_waiting")
+def test_serving_prints_a_line_a_second_and_sums_up():
+    result = catenary("serve", "--ros", "none", "--homed", "--duration", "1.5", "--json")
+    assert result.code == 0, result.err
+    lines = [json.loads(line) for line in result.out.splitlines()]
+    assert [line["final"] for line in lines] == [False, True]
+    assert lines[-1]["states"] == {"gold": "PAUSED homed", "green": "parked"}
+    assert lines[-1]["rate_hz"] == pytest.approx(1000.0, rel=1e-3)
+    assert lines[-1]["lost_ticks"] == 0
+
+
+@pytest.mark.usefixtures("_no_waiting")
+def test_a_signal_pauses_the_arms_and_the_last_lines_say_so(monkeypatch):
+    heard = []
+
+    def show(status):
+        heard.append(status)
+        raise EndedBySignal("SIGTERM")
+
+    monkeypatch.setattr("catenary.cli.nodes._show", show)
+    result = catenary("serve", "--ros", "none", "--homed", "--start", "--duration", "60")
+    assert heard
+    assert "ended by SIGTERM: gold PAUSED homed, green parked" in result.err
+
+
+@pytest.mark.usefixtures("_no_waiting")
+def test_a_person_reads_state_and_rate():
+    options = ("--dialect", "crtk", "--duration", "1.2", "--rate", "200")
+    result = catenary("serve", "--ros", "none", "--homed", *options)
+    assert "gold DISABLED homed" in result.out
+    assert "to nobody" in result.err

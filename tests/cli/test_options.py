@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from catenary.cli.main import app
 from catenary.cli.options import Numbers, argument, as_typed, group, numbers, option, require_one, words
-from catenary.cli.terminal import print_notes, print_result, progress_bar
+from catenary.cli.terminal import in_json, print_notes, print_result, progress_bar
 from catenary.crtk import network
 from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments, say_ros_arguments
 from catenary.crtk.loopback import Loopback
@@ -150,7 +150,8 @@ def test_ros_1_and_none_refuse_what_is_for_ros_2(said: RosArguments) -> None:
 
 
 def test_what_json_does_not_know_is_null(capsys: pytest.CaptureFixture[str]) -> None:
-    print_result(True, {"a": [math.nan, math.inf, -math.inf, 1.5, True, None, "µ"], "b": (1,)})
+    with in_json(True):
+        print_result({"a": [math.nan, math.inf, -math.inf, 1.5, True, None, "µ"], "b": (1,)})
     shown = "".join(capsys.readouterr().out.split())
     assert shown == '{"a":[null,null,null,1.5,true,null,"\\u00b5"],"b":[1]}'
 
@@ -164,14 +165,14 @@ def test_long_facts_fill_the_lines_of_a_terminal(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("COLUMNS", "40")
     shown = Terminal()
     monkeypatch.setattr(sys, "stdout", shown)
-    print_result(False, {}, [("sources", 10 * "seven77 "), ("verdicts", "")])
+    print_result({}, [("sources", 10 * "seven77 "), ("verdicts", "")])
     lines = shown.getvalue().split("\n")
     assert max(map(len, lines)) <= 40
     assert lines[1].startswith(" " * 12 + "seven77")
 
 
 def test_a_pipe_gets_facts_on_one_line_and_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    print_result(False, {}, [("sources", 30 * "word ")])
+    print_result({}, [("sources", 30 * "word ")])
     assert capsys.readouterr().out.count("\n") == 1
     print_notes(["one", "two"])
     with progress_bar("fitting") as progress:

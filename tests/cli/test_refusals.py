@@ -32,8 +32,8 @@ A_ZIGZAG_THAT_CANNOT_BE = {
 } | {f"--sparsity={value}": "sparsity: expected" for value in ("0", ",", "nan", "1e-9", "1e999999999")}
 
 REFUSALS = {
-    **{f"{c} new {o}": w for c in ("home", "excite", "calibrate") for o, w in A_ROBOT_THAT_CANNOT_BE.items()},
-    **{f"{c} new {o}": w for c in ("excite", "calibrate") for o, w in A_ZIGZAG_THAT_CANNOT_BE.items()},
+    **{f"{c} new {o}": w for c in ("home", "calibrate") for o, w in A_ROBOT_THAT_CANNOT_BE.items()},
+    **{f"excite new {o}": w for o, w in A_ZIGZAG_THAT_CANNOT_BE.items()},
     **{
         f"{command} --hours={hours}": "test motion: expected"
         for command in ("record {begun}", "calibrate new")

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from catenary.cli import projects
+from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.fit import ROBOT_OF_DATA, ModelOptions
 from catenary.cli.gravity_options import GRAVITY_TOPIC
-from catenary.cli.options import AS_JSON, Names, argument, option
+from catenary.cli.options import Names, argument, group, option, values_of
 from catenary.cli.out_files import out_path
 from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project
 from catenary.cli.recording_options import ACCEPT, RecordingOptions
 from catenary.cli.robot_options import DIALECT, NODE_NAME, SIMULATED_SEED
-from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
+from catenary.cli.terminal import announce, print_notes, print_result, prints_json, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
 from catenary.reports.page import Column, Table
 
@@ -33,7 +34,6 @@ def extract(
     project: Path = projects.BEGUN_FOLDER,
     bag: str | None = option("ros1|mcap", "Also write bags."),
     columns: Names | None = option("NAME,...", "Further columns of raven_state to keep, or all. [default: none]"),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Extract and synchronise the project's recordings.
 
@@ -68,7 +68,7 @@ def extract(
     for name, report in found.items():
         parts.append(Table(columns_of_topics, report["topics"], f"{name}: {report['rows']} rows"))
         parts.append(f"log: {report['log']}\n")
-    print_result(as_json, found, *parts, notes=[each for report in found.values() for each in report["problems"]])
+    print_result(found, *parts, notes=[each for report in found.values() for each in report["problems"]])
     for name, failure in failed.items():
         if found and opened.outputs_of(f"record {name}") is None:
             print_notes([f"{name}: was interrupted and is left out: {failure}"])
@@ -88,7 +88,6 @@ def calibrate(
     robot: str | None = ROBOT_OF_DATA,
     accept: Sequence[str] = ACCEPT,
     namespace: str | None = projects.ARM_NAMESPACE,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
 
@@ -109,13 +108,12 @@ def calibrate(
         else:
             with projects.robot_of(opened, access, "calibrate") as moved:
                 result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
-    _conclude(result, as_json)
+    _conclude(result)
 
 
 def demo(
     out: Path = option("FOLDER", "Folder to write; new, empty, or from an earlier demo.", Path("demo"), read=out_path),
     seed: int | None = SIMULATED_SEED,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Calibrate a simulated RAVEN-II in two minutes.
 
@@ -127,12 +125,12 @@ def demo(
     settings = ProjectSettings(seed=seed, sparsities=(1 / 2, 1 / 3), test_minutes=5.0)
     with _steps() as progress:
         result = calibrate_robot(Project(out, settings), progress=progress)
-    _conclude(result, as_json)
-    if not as_json:
+    _conclude(result)
+    if not prints_json():
         print(f"see it: catenary view {out}")
 
 
-def _conclude(result: "CalibrationResult", as_json: bool) -> None:
+def _conclude(result: "CalibrationResult") -> None:
     from catenary.reports.project import comparison_table, corrector_time
 
     title = "RMSE on a recording that no model saw (per cent of the fixed offset)"
@@ -149,7 +147,7 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
     if not result.repeated:
         lines.append("nothing to do: every step is done already")
     lines.append(f"page:  {result.page}\nmodel: {result.model_path}")
-    print_result(as_json, result.summary(), comparison_table(result.evaluations, title), *lines)
+    print_result(result.summary(), comparison_table(result.evaluations, title), *lines)
 
 
 @contextmanager
@@ -166,61 +164,72 @@ def _steps() -> Iterator[Callable[[str], Callable[[float], None]]]:
         yield step
 
 
+@group
+class DeployedOnRos:
+    """Options of a robot on ROS whose messages a model corrects."""
+
+    ros: int | None = option("1|2", "With a robot on ROS: publish its corrected messages.", joins_ros=True)
+    arm: str = option("gold|green", "With --ros: left or right.", "gold", goes_with="ros")
+    dialect: str | None = DIALECT
+    gravity: str | None = GRAVITY_TOPIC
+    namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros")
+    rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros")
+    name: str | None = replace(NODE_NAME, goes_with="ros")
+    gravity_torque: bool = option(None, "With --ros: also publish gravity torques.", False, goes_with="ros")
+    for_control: bool = option(None, "With --ros: for a controller of the corrected positions.", False, goes_with="ros")
+
+    def run(self, model: "CalibrationModel", seconds: float) -> "tuple[WireReport, BaseException | None]":
+        """Correct a robot's messages for so long; return how it went, and by which error it ended."""
+        from catenary.crtk.network import make_transport, node_name
+        from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
+
+        if self.gravity_torque and self.gravity is None:
+            print_notes(["gravity torques are those of a level base; --gravity tells of another"])
+        robot = values_of(self, "dialect", "namespace", "gravity")
+        topics_of = {"rate_hz": self.rate, **values_of(self, "gravity_torque", "for_control")}
+        with (
+            make_transport(str(self.ros), node_name("deploy", self.name)) as transport,
+            reader_of(model.joint_names, transport, self.arm, **robot) as client,
+        ):
+            topics = CalibratedTopics(client, model, **topics_of)
+            failure: BaseException | None = None
+            try:
+                _tell_while_deployed(topics, client, seconds)
+            except KeyboardInterrupt:
+                pass  # the usual end
+            except BaseException as error:
+                failure = error
+            report = topics.report()
+            topics.close()
+        return report, failure
+
+
 def deploy(
+    wire: DeployedOnRos,
     model: Path = argument("MODEL", "Calibration model of the project's robot."),
     project: Path | None = argument("PROJECT", "Its folder; not with --ros.", None, not_with=("ros", "ros_distro")),
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
     real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
-    ros: int | None = option("1|2", "With a robot on ROS: publish its corrected messages.", joins_ros=True),
-    arm: str = option("gold|green", "With --ros: left or right.", "gold", goes_with="ros"),
-    dialect: str | None = DIALECT,
-    gravity: str | None = GRAVITY_TOPIC,
-    namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros"),
-    rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros"),
-    name: str | None = replace(NODE_NAME, goes_with="ros"),
     as_is: bool = option(None, "The robot's reports are corrected already: take them as they are.", False),
-    gravity_torque: bool = option(None, "With --ros: also publish gravity torques.", False, goes_with="ros"),
-    for_control: bool = option(
-        None, "With --ros: for a controller of the corrected positions.", False, goes_with="ros"
-    ),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Run a model in a robot's loop, or next to a robot on ROS.
 
     Prints latency, the share of time in the valid range, and the error while it runs. The exit code is 1 when it takes
     longer than a tick in the median.
     """
-    if ros is None and project is None:
+    if wire.ros is None and project is None:
         raise InputError("deploy: expected a model and its project's folder, or a model and --ros 1 or 2")
-    if ros is not None and seconds is not None and not seconds > 0.0:
+    if wire.ros is not None and seconds is not None and not seconds > 0.0:
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     from catenary.calibration.model_file import load_model
 
     loaded, _ = load_model(model)
     loaded = replace(loaded, mends={}) if as_is else loaded
     if project is not None:
-        _in_a_loop(project, loaded, 20.0 if seconds is None else seconds, real_time=real_time, as_json=as_json)
+        _in_a_loop(project, loaded, 20.0 if seconds is None else seconds, real_time=real_time)
         return
-    from catenary.crtk.network import make_transport, node_name
-    from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
-
-    if gravity_torque and gravity is None:
-        print_notes(["gravity torques are those of a level base; --gravity tells of another"])
-    with (
-        make_transport(str(ros), node_name("deploy", name)) as transport,
-        reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, gravity=gravity) as client,
-    ):
-        topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque, for_control=for_control)
-        failure: BaseException | None = None
-        try:
-            _tell_while_deployed(topics, client, float("inf") if seconds is None else seconds)
-        except KeyboardInterrupt:
-            pass  # the usual end
-        except BaseException as error:
-            failure = error
-        report = topics.report()
-        topics.close()
-    _show_deployment(model, arm, report, as_json=as_json)
+    report, failure = wire.run(loaded, float("inf") if seconds is None else seconds)
+    _show_deployment(model, wire.arm, report)
     if failure is not None:
         raise failure  # after the report
     if not report.keeps_up and report.latency is not None and report.rate_hz is not None:
@@ -233,10 +242,10 @@ def _too_slow(took: float, period: float) -> None:
         f"error: the model does not keep up: {1e3 * took:.2f} ms in the median, expected at most the "
         f"{1e3 * period:.2f} ms from one message to the next"
     )
-    raise typer.Exit(1)
+    raise typer.Exit(FAULT_FOUND)
 
 
-def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool) -> None:
+def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool) -> None:
     from catenary.config import plain_data
     from catenary.reports.project import corrector_time, deployed_table
     from catenary.simulation.plant_state import restore_plant
@@ -256,7 +265,7 @@ def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real
     took = None if result.compute_us is None or not real_time else result.compute_us["median"]
     content = plain_data(result)
     table = deployed_table(content, title="RMSE while the loop ran")
-    print_result(as_json, content, str(result.loop), *corrector_time(content), table)
+    print_result(content, str(result.loop), *corrector_time(content), table)
     if took is not None and took > 1e6 * plant.period:
         _too_slow(1e-6 * took, plant.period)
 
@@ -281,7 +290,7 @@ def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", secon
         said = now
 
 
-def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bool) -> None:
+def _show_deployment(model: Path, arm: str, report: "WireReport") -> None:
     rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
     corrected = (
         f"{report.published} of {report.messages} messages corrected in {report.seconds:.1f} s, {rate}; "
@@ -296,4 +305,4 @@ def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bo
     shares = [*zip(report.joint_names, report.outside, strict=True)]
     outside = Table(["joint", ("share", ":.1f %")], shares, "Messages outside the valid range")
     content = {"model": str(model), "arm": arm, **report.as_data()}
-    print_result(as_json, content, corrected, silences, latency, outside)
+    print_result(content, corrected, silences, latency, outside)

@@ -7,11 +7,12 @@ from typing import Any
 
 import typer
 
-from catenary.cli.options import AS_JSON, REQUIRED, Numbers, argument, option
+from catenary.cli.exit_codes import FAULT_FOUND
+from catenary.cli.options import REQUIRED, Numbers, argument, option
 from catenary.cli.out_files import HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
 from catenary.cli.robot_options import LoadedOptions, one_or_each
-from catenary.cli.terminal import print_notes, print_result, progress_bar, without_notes
+from catenary.cli.terminal import print_notes, print_result, prints_json, progress_bar, without_notes
 from catenary.errors import InputError
 from catenary.files import write_atomically
 from catenary.reports.page import Column, Table, write_picture
@@ -23,7 +24,6 @@ def check(
     max_error: Numbers | None = MAX_ERROR,
     robot: str | None = option("ROBOT", "Robot of a recording: its limits, and joints' names and units."),
     picture: Path | None = option("FILE", "Also draw commands over measurements, .png, .svg or .pdf.", writes=PICTURE),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Say what a file is, what is wrong, what to do next.
 
@@ -45,15 +45,14 @@ def check(
     joints = None if found.joints is None else found.joints.text().rstrip()
     facts = [("remark:", each) for each in found.shown_remarks] + [("WRONG:", each) for each in found.faults]
     facts += [("verdict", found.verdict), *([("next", found.next)] if found.next else [])]
-    print_result(as_json, found.as_data(), f"{file}: {found.kind}", list(found.lines), joints, facts)
+    print_result(found.as_data(), f"{file}: {found.kind}", list(found.lines), joints, facts)
     if found.faults:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 def recover(
     recording: Path = argument("RECORDING", "Journal (folder or one of its files), .bag, .mcap or its folder."),
     out: Path | None = option("PATH", "Recording to write. [default: NAME.recovered, in its folder]", read=out_path),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Recover the intact part of a damaged recording.
 
@@ -70,7 +69,7 @@ def recover(
     lines = ["whole: nothing to recover, nothing written"]
     if found.written is not None:
         lines = [*found.rescue.stretches(), f"written: {found.written}"]
-    print_result(as_json, found.as_data(), table, *lines, notes=found.problems)
+    print_result(found.as_data(), table, *lines, notes=found.problems)
 
 
 def export(
@@ -81,7 +80,6 @@ def export(
     rate_hz: float = option("HZ", "Rate of the loop.", 1000.0),
     friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N."),
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise."),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Write a robot and a calibration model as C.
 
@@ -107,7 +105,7 @@ def export(
     write_atomically(c, header.text.encode("ascii"))
     facts = [("written", str(c)), ("functions", ", ".join(header.functions))]
     print_notes(header.notes)
-    print_result(as_json, {"file": str(c), "functions": header.functions}, facts)
+    print_result({"file": str(c), "functions": header.functions}, facts)
 
 
 def import_recording(
@@ -120,7 +118,6 @@ def import_recording(
     robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
     yes: bool = option(None, "Accept the proposed mapping, unless a question is open.", False),
     answer: Sequence[str] = option("QUESTION=ANSWER", "Answer an open question, as q_encoder=cam; repeatable."),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Import a third-party recording into a motion log.
 
@@ -139,12 +136,12 @@ def import_recording(
     if mapping is None and layout is None and not ((yes or answers) and out is not None):
         proposal = propose_mapping(sources, units=units, robot=robot, answers=answers)
         content = {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
-        print_result(as_json, {**content, "not_used": proposal.not_used}, proposal.toml.rstrip("\n"))
+        print_result({**content, "not_used": proposal.not_used}, proposal.toml.rstrip("\n"))
         todo = "answer what is marked OPEN there (or by --answer, with --out), " if proposal.questions else "check it, "
         note = f"this is a proposal; nothing was imported. Write it to a file, {todo}and: catenary import "
         note += f"{shlex.join(map(str, sources))} --mapping FILE.toml --out LOG.parquet"
         note += "" if proposal.questions else ", or take it as it is: --yes --out LOG.parquet"
-        print_notes([note] * (not as_json))
+        print_notes([note] * (not prints_json()))
         if out is not None:
             raise InputError(f"--out {out}: nothing was written: there is no mapping yet")
         return
@@ -169,4 +166,4 @@ def import_recording(
     notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
     notes += [f"{each.name}: {each}" for each in done.findings if not each.refuses and str(each) != delay]
     notes += ["if columns hold measured joints, name them: --map q_encoder=COLUMNS"] * (not done.measured)
-    print_result(as_json, report, facts, notes=notes)
+    print_result(report, facts, notes=notes)

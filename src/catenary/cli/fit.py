@@ -8,19 +8,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
-from catenary.cli.options import (
-    AS_JSON,
-    REPORT,
-    REQUIRED,
-    Names,
-    Numbers,
-    argument,
-    group,
-    numbers,
-    option,
-    values_of,
-    words,
-)
+from catenary.cli.exit_codes import FAULT_FOUND
+from catenary.cli.options import REPORT, REQUIRED, Names, Numbers, argument, group, numbers, option, values_of, words
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_page, print_result, progress_bar
@@ -34,7 +23,7 @@ if TYPE_CHECKING:
     from catenary.calibration.fit_recordings import FitResult
     from catenary.workflows.calibration_model import HeldAgainst
 
-LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
+_MAX_SEED = 2**32 - 1  # that scikit-learn takes
 ROBOT_OF_DATA = option("ROBOT", "Catalogue name or file of the robot: joint names and units.")
 
 
@@ -111,12 +100,11 @@ def fit(
     data: Sequence[Path] = RECORDINGS,
     out: Path = option("MODEL", f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
     robot: str | None = ROBOT_OF_DATA,
-    seed: int = option("N", "Seed of all randomness.", 0, least=0, most=LARGEST_SEED),
+    seed: int = option("N", "Seed of all randomness.", 0, least=0, most=_MAX_SEED),
     accept: Sequence[str] = ACCEPT,
     workers: int = option("N", "Processes that read and fit side by side.", 1, least=1),
     cluster: str | None = option("ADDRESS", "A Dask scheduler in their place, such as tcp://HOST:8786."),
     report: Path | None = REPORT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Fit a calibration model; print its error on other data.
 
@@ -131,10 +119,10 @@ def fit(
     with progress_bar(f"fitting {fitting.kind}") as progress, on_workers(workers, cluster):
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
-    _print_fit(out, result, as_json)
+    _print_fit(out, result)
     if report is not None:  # last: whatever goes wrong with it, the model is there
         _write_fit_report(report, result, arm)
-        print_page(report, as_json)
+        print_page(report)
 
 
 @group
@@ -160,7 +148,6 @@ def evaluate(
     robot: str | None = option(
         "ROBOT", "Catalogue name or file of the robot: with --report, the error of its tip. [default: the model's]"
     ),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Print a model's error on recordings, before and after.
 
@@ -175,7 +162,7 @@ def evaluate(
     result = held.against().evaluate(window)
     judged = result.evaluation
     tables = error_table(judged), coverage_table(judged), window_table(judged)
-    print_result(as_json, result.as_data(), *tables, notes=result.notes)
+    print_result(result.as_data(), *tables, notes=result.notes)
     if held.report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
         if result.seen_in_training:
@@ -184,13 +171,11 @@ def evaluate(
             held.report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes,
             unseen=not result.seen_in_training, robot=arm,
         )  # fmt: skip
-        print_page(held.report, as_json)
+        print_page(held.report)
 
 
 def refresh(
-    held: HeldModel,
-    out: Path = option("MODEL", f"Refreshed model to write. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
-    as_json: bool = AS_JSON,
+    held: HeldModel, out: Path = option("MODEL", f"Refreshed model to write. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL)
 ) -> None:
     """Bring a model up to date with minutes of a new day.
 
@@ -209,18 +194,17 @@ def refresh(
     content = {"model": str(out), "card": str(card_path(out)), **result.as_data()}
     table = refresh_table(result.refreshed.changes, len(result.data))
     files = f"{PROMISE}\nmoved: {result.moved}\nmodel: {out}\ncard:  {card_path(out)}"
-    print_result(as_json, content, table, files, notes=result.notes)
+    print_result(content, table, files, notes=result.notes)
     if held.report is not None:
         write_refresh_report(
             held.report, result.refreshed, result.data, model=held.model.name, moved=result.moved, notes=result.notes
         )
-        print_page(held.report, as_json)
+        print_page(held.report)
 
 
 def drift(
     held: HeldModel,
     factor: float = option("K", "For a model without intervals: multiple of its card's error that is drift.", 2.0),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Print errors over days, of a model or of cards.
 
@@ -242,15 +226,15 @@ def drift(
         found, notes = held.against().drift(factor)
     since = "\n".join(since_in_words(found)) or "no joint is beyond at the end"
     lines = f"beyond: {found.judged_by}", since
-    print_result(as_json, drift_summary(found, notes), *drift_tables(found), *lines, notes=notes)
+    print_result(drift_summary(found, notes), *drift_tables(found), *lines, notes=notes)
     if held.report is not None:
         write_drift_report(held.report, found, model=held.model.name, notes=notes)
-        print_page(held.report, as_json)
+        print_page(held.report)
     if any(first is not None for first in found.since):
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
-def _print_fit(out: Path, result: "FitResult", as_json: bool) -> None:
+def _print_fit(out: Path, result: "FitResult") -> None:
     from catenary.reports.joint_errors import coverage_table, error_table, left_out_table, spread_table
     from catenary.workflows.calibration_model import interval_summary, warnings_of
 
@@ -276,7 +260,7 @@ def _print_fit(out: Path, result: "FitResult", as_json: bool) -> None:
         "intervals": None if held_out is None else interval_summary(held_out),
         "notes": notes,
     }
-    print_result(as_json, content, *parts, f"model: {out}\ncard:  {card}", notes=notes)
+    print_result(content, *parts, f"model: {out}\ncard:  {card}", notes=notes)
 
 
 def _write_fit_report(path: Path, result: "FitResult", robot: "catenary.RobotModel | None") -> None:

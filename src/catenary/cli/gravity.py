@@ -9,7 +9,7 @@ import typer
 
 import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GivenGravity, SensingOptions
-from catenary.cli.options import AS_JSON, REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
+from catenary.cli.options import REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
 from catenary.cli.robot_options import (
     ROBOT,
     SIMULATED_SEED,
@@ -19,7 +19,7 @@ from catenary.cli.robot_options import (
     beyond_limits,
     one_or_each,
 )
-from catenary.cli.terminal import print_notes, print_result
+from catenary.cli.terminal import print_notes, print_result, prints_json
 from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
 from catenary.errors import InputError
 from catenary.reports.page import Column, Table
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from catenary.simulation.base_motion import MovingBase, Wave
     from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
-SHOWN_POSES = 9  # of a motion, in its report
-FAR_OFF = 0.5  # [deg|mm] of a reported position, from which on that is told
-SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
+_SHOWN_POSES = 9  # of a motion, in its report
+_TOLD_OFFSET = 0.5  # [deg|mm] of a reported position, from which on that is told
+_SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WAVE = "M/S2,HZ[,DEG]"
 
@@ -131,7 +131,6 @@ def gravity(
     robot: str = ROBOT,
     latex: bool = option(None, "Print formulas for LaTeX, without --q.", False, not_with=("q", "q_deg", "as_json")),
     vendor: str | None = option("ur|kortex|franka", "Also print the vendor's command for it.", flag="--for"),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
 
@@ -175,8 +174,8 @@ def gravity(
     rows = list(zip(model.joint_names, torques, on_level, apart, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if told is None else f"{vendor}: {told['command'] or 'no command'}"
-    print_result(as_json, found, Table(columns, rows, title), command_line)
-    if told is not None and not as_json:
+    print_result(found, Table(columns, rows, title), command_line)
+    if told is not None and not prints_json():
         print_notes([f"{vendor}: {told['limits']}"])
 
 
@@ -196,20 +195,26 @@ def _unseen(model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
     ]
 
 
+@group
+class FollowedMotion:
+    """Options of the motion that is followed."""
+
+    motion: str = option("cartesian|random|poses", "Sinusoids of the tip, random, or rests of joint 1.", "cartesian")
+    amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0)
+    axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z"))
+    seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0)
+
+
 def track(
+    followed: FollowedMotion,
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,
     joints: JointOptions,
-    robot: str = SIMULATED,
+    robot: str = _SIMULATED,
     controller: str = option("NAME", f"{'; '.join(map(str, CONTROLLERS.values()))}.", "dg"),
-    motion: str = option("cartesian|random|poses", "Sinusoids of the tip, random, or rests of joint 1.", "cartesian"),
-    amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0),
-    axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z")),
-    seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0),
     damping: str = option("relative|absolute", "Relative to the motion's, or as RAVEN-II does.", "relative"),
     report: Path | None = REPORT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Compare controllers as a simulated arm follows a motion.
 
@@ -230,17 +235,18 @@ def track(
     arm = conditions.arm(robot, description)
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
-        motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
-        q_start=joints.given(arm.model), amplitude=amplitude_mm / 1000.0, axes=axes, seconds=seconds,
+        followed.motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
+        q_start=joints.given(arm.model), amplitude=followed.amplitude_mm / 1000.0,
+        axes=followed.axes, seconds=followed.seconds,
     )  # fmt: skip
     source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
-    settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}
-    title = f"{robot} (simulated), controller {controller}, {motion}"
-    times = np.linspace(0.0, chosen.trajectory.duration, SHOWN_POSES)
+    settings = {"robot": robot, "controller": controller, "motion": followed.motion, "damping": damping}
+    title = f"{robot} (simulated), controller {controller}, {followed.motion}"
+    times = np.linspace(0.0, chosen.trajectory.duration, _SHOWN_POSES)
     poses = np.array([chosen.trajectory(time).q for time in times])
     shown = arm.model, poses, felt, "at the beginning of the motion, and at times along it"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
 def hold(
@@ -248,12 +254,11 @@ def hold(
     sensing: SensingOptions,
     description: DescriptionOptions,
     joints: JointOptions,
-    robot: str = SIMULATED,
+    robot: str = _SIMULATED,
     controller: str = option("|".join(HOLDS), "Gravity of a level base, or sensed gravity.", "dg"),
     seconds: float = option("S", "How long to watch.", 10.0),
     calibrated: bool = option(None, "Use true joint positions instead of those that the robot reports.", False),
     report: Path | None = REPORT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Test how far an arm drifts under gravity compensation.
 
@@ -270,7 +275,7 @@ def hold(
         pose = start_pose(arm.model, arm.plant, HOLD_START)
     felt = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
-    joints_off = [each for each in result.as_data()["joints"] if not calibrated and each["reported_off"] > FAR_OFF]
+    joints_off = [each for each in result.as_data()["joints"] if not calibrated and each["reported_off"] > _TOLD_OFFSET]
     if joints_off:
         far = ", ".join(f"{each['name']} by up to {each['reported_off']:.2g} {each['unit']}" for each in joints_off)
         print_notes([
@@ -280,7 +285,7 @@ def hold(
     settings = {"robot": robot, "controller": controller, "calibrated": calibrated}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
     shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
 def _conclude(
@@ -288,7 +293,6 @@ def _conclude(
     result: "Tracking | Holding",
     settings: Mapping[str, Any],
     report: Path | None,
-    as_json: bool,
     shown: "tuple[catenary.RobotModel, Floats, Floats, str]",
 ) -> None:
     from catenary.reports.gravity import gravity_table, write_gravity_report
@@ -301,4 +305,4 @@ def _conclude(
         write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=felt))
     gravity = None if result.gravity is None else str(result.gravity)
     page = None if report is None else f"page:  {report}"
-    print_result(as_json, {**settings, **result.as_data()}, gravity_table(result, title), gravity, page)
+    print_result({**settings, **result.as_data()}, gravity_table(result, title), gravity, page)

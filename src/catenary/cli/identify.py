@@ -12,7 +12,6 @@ import typer
 import catenary
 from catenary.cli.gravity_options import GRAVITY, StatedGravity
 from catenary.cli.options import (
-    AS_JSON,
     REPORT,
     REQUIRED,
     Names,
@@ -24,58 +23,78 @@ from catenary.cli.options import (
     numbers,
     option,
     require_one,
+    values_of,
 )
 from catenary.cli.out_files import EXCITATION, EXTERNAL, NAMED_AS_TYPED, PARAMETERS, TRAJECTORY, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
 from catenary.cli.robot_options import LoadedOptions
-from catenary.cli.terminal import print_notes, print_page, print_result
+from catenary.cli.terminal import print_notes, print_page, print_result, prints_json
 from catenary.errors import InputError
 from catenary.files import card_path
 from catenary.reports.page import Column, Table
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.identification.identify_options import IdentifyOptions
     from catenary.workflows.excitation import MotionSurroundings
 
 Place = tuple[str, float, float, float]
-LOGS = argument("LOG", "Recordings: .parquet, or .npz with q, dq, tau and fs or t (SI); others with --map.")
+_LOGS = argument("LOG", "Recordings: .parquet, or .npz with q, dq, tau and fs or t (SI); others with --map.")
 _CONSISTENT = "--consistent/--free"
-CUT_OFF = option("F", "Cut-off of the filter. [default: the robot file's]")
+_CUT_OFF = option("F", "Cut-off of the filter. [default: the robot file's]")
+
+
+@group
+class IdentificationOptions:
+    """Options of an identification, by the names of IdentifyOptions where it has them."""
+
+    terms: str = option("full|static", "All dynamics, or poses at rest.", "full")
+    cutoff_hz: float | None = _CUT_OFF
+    period: int | None = option("N", "Samples of the motion's period. [default: the robot file's]", least=1)
+    weighting: str | None = option("none|range|spread|residual", "Weight of the axes. [default: the robot file's]")
+    consistent: bool = option(None, "Only physically possible parameters; or any that fit.", True, flag=_CONSISTENT)
+    friction: Names | None = option(
+        "PART,...", "Friction to try: asymmetric, stribeck, load, presliding, recording; or none. [default: all]"
+    )
+    prior: bool = option(None, "Pull masses towards those of the robot's file.", True, flag="--prior/--no-prior")
+    rotors: Numbers | None = option("J,J,...", "Known rotor inertias at the joints, kg m2, kg. [default: identified]")
+    no_rotors: bool = option(None, "No rotors but those of the robot's file.", False, not_with="rotors")
+    blocks: float | None = option("S", "Hold out every second block of S seconds (static: S rows).")
+
+    def under(self, gravity: "Floats") -> "IdentifyOptions":
+        """Return them for recordings under this gravity, (3,) in base axes [m/s2]."""
+        from catenary.identification.identify_options import FRICTION_PARTS, IdentifyOptions
+
+        named = self.friction if self.friction != ("none",) else ()
+        asked: dict[str, Any] = values_of(
+            self, "terms", "cutoff_hz", "weighting", "consistent", "prior", "rotors", "blocks"
+        )
+        return IdentifyOptions(
+            gravity=cast(Any, tuple(gravity.tolist())), period_samples=self.period, find_rotors=not self.no_rotors,
+            friction=FRICTION_PARTS if named is None else named, **asked,
+        )  # fmt: skip
 
 
 def identify(
+    identification: IdentificationOptions,
     recordings: RecordingOptions,
     gravity: StatedGravity,
-    data: Sequence[Path] = LOGS,
+    data: Sequence[Path] = _LOGS,
     robot: str = option("ROBOT", "Catalogue name or file; needs no inertia.", REQUIRED),
     out: Path = option("FILE", f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=PARAMETERS),
     test: Sequence[Path] = option("LOG", "A recording to judge the result by; may be repeated."),
-    terms: str = option("full|static", "All dynamics, or poses at rest.", "full"),
-    cutoff_hz: float | None = CUT_OFF,
-    period: int | None = option("N", "Samples of the motion's period. [default: the robot file's]", least=1),
-    weighting: str | None = option("none|range|spread|residual", "Weight of the axes. [default: the robot file's]"),
-    consistent: bool = option(None, "Only physically possible parameters; or any that fit.", True, flag=_CONSISTENT),
-    friction: Names | None = option(
-        "PART,...", "Friction to try: asymmetric, stribeck, load, presliding, recording; or none. [default: all]"
-    ),
-    prior: bool = option(None, "Pull masses towards those of the robot's file.", True, flag="--prior/--no-prior"),
-    rotors: Numbers | None = option("J,J,...", "Known rotor inertias at the joints, kg m2, kg. [default: identified]"),
-    no_rotors: bool = option(None, "No rotors but those of the robot's file.", False, not_with="rotors"),
-    blocks: float | None = option("S", "Hold out every second block of S seconds (static: S rows)."),
     joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
     currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
     load: tuple[float, Path] | None = option("KG LOG", "Mass at the tip, recording with it.", goes_with="currents"),
     accept: Sequence[str] = ACCEPT,
     urdf: Path | None = option("FILE", "Also write the robot as URDF; not with --free.", writes=URDF),
     report: Path | None = REPORT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Identify an arm's dynamics from recordings of it.
 
     Example: catenary identify psm_one.npz --robot dvrk_psm_motors --test another_day.npz --out psm.npz
     """
     from catenary.identification.identification_file import save_identification
-    from catenary.identification.identify_options import FRICTION_PARTS, IdentifyOptions
     from catenary.reports.identification import (
         absolute_table,
         excitation_facts,
@@ -85,13 +104,8 @@ def identify(
     )
     from catenary.workflows.identify import identify_files
 
-    parts = FRICTION_PARTS if friction is None else () if friction == ("none",) else friction
-    options = IdentifyOptions(
-        terms=cast(Any, terms), gravity=cast(Any, tuple(gravity.stated().tolist())), cutoff_hz=cutoff_hz,
-        period_samples=period, weighting=cast(Any, weighting), consistent=consistent, friction=parts, prior=prior,
-        find_rotors=not no_rotors, rotors=rotors, blocks=blocks,
-    )  # fmt: skip
-    if urdf is not None and not consistent:
+    options = identification.under(gravity.stated())
+    if urdf is not None and not options.consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     reading = replace(recordings.reading(), currents=currents)
     result = identify_files(data, robot, options, tests=test, reading=reading, load=load, joints=joints, accept=accept)
@@ -104,13 +118,13 @@ def identify(
     content = {**result.summary(), "file": str(out), "card": str(card_path(out))}
     tables = residual_table(found), absolute_table(found), mass_table(found), rotor_table(found)
     lines = [f"{name}: {text}" for name, text in excitation_facts(found)[:2]]
-    print_result(as_json, content, *tables, *lines, f"parameters: {out}\ncard:  {card_path(out)}", notes=result.notes)
+    print_result(content, *tables, *lines, f"parameters: {out}\ncard:  {card_path(out)}", notes=result.notes)
     if report is not None:  # last: whatever goes wrong with it, the parameters are there
         from catenary.reports.identification import write_identification_report
 
         shown = result.tests or result.training
         write_identification_report(report, found, result.card, shown, notes=result.notes)
-        print_page(report, as_json)
+        print_page(report)
 
 
 def identify_cable(
@@ -119,7 +133,6 @@ def identify_cable(
         "LOG", "Recording with positions, torques and, where there is one, an encoder at the joints."
     ),
     accept: Sequence[str] = ACCEPT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Find friction and stiffness of each joint's cable.
 
@@ -147,16 +160,23 @@ def identify_cable(
     table = Table(columns, loops, "Cables, in rad and Nm or m and N")
     lines = [f"{loop.joint}: not told: {why}" for loop in loops for why in loop.untold]
     content = {"log": log.name, "joints": [loop._asdict() for loop in loops], "notes": notes}
-    print_result(as_json, content, table, *lines, notes=notes)
+    print_result(content, table, *lines, notes=notes)
+
+
+@group
+class WristSensor:
+    """Options of a force/torque sensor at an arm's wrist."""
+
+    wrist_sensor: str | None = option("ROBOT", "In place of --model: this arm's wrist sensor; LOG: a table of poses.")
+    sensor_frame: str | None = option("FRAME", "Frame of that sensor. [default: the tip]", goes_with="wrist_sensor")
+    gravity: Triple | None = replace(GRAVITY, goes_with="wrist_sensor")
 
 
 def payload(
+    wrist: WristSensor,
     recordings: ModelRecordingOptions,
-    data: Sequence[Path] = LOGS,
+    data: Sequence[Path] = _LOGS,
     model: Path | None = option("FILE", "Parameters that catenary identify wrote."),
-    wrist_sensor: str | None = option("ROBOT", "In place of --model: this arm's wrist sensor; LOG: a table of poses."),
-    sensor_frame: str | None = option("FRAME", "Frame of that sensor. [default: the tip]", goes_with="wrist_sensor"),
-    gravity: Triple | None = replace(GRAVITY, goes_with="wrist_sensor"),
     at: Place | None = option("FRAME X Y Z", "Place of the payload in a frame, in m. [default: anywhere]"),
     unloaded: Sequence[Path] = option("LOG", "A recording of the same day without payload; may be repeated."),
     external: Path | None = option(
@@ -165,9 +185,8 @@ def payload(
         writes=EXTERNAL,
         not_with=("at", "wrist_sensor"),
     ),
-    cutoff_hz: float | None = CUT_OFF,
+    cutoff_hz: float | None = _CUT_OFF,
     accept: Sequence[str] = ACCEPT,
-    as_json: bool = AS_JSON,
 ) -> None:
     """Estimate an arm's payload, a wrist's tool, or a push.
 
@@ -180,14 +199,14 @@ def payload(
     """
     from catenary.workflows.identify import payload_of_files
 
-    require_one(model=model, wrist_sensor=wrist_sensor)
+    require_one(model=model, wrist_sensor=wrist.wrist_sensor)
     if model is None:
-        _wrist_tool(data, wrist_sensor or "", sensor_frame, StatedGravity(gravity).stated(), as_json)
+        _wrist_tool(data, wrist)
         return
     reading = recordings.reading()
     how: dict[str, Any] = {"unloaded": unloaded, "cutoff_hz": cutoff_hz, "reading": reading, "accept": accept}
     if external is not None:
-        _external(data, model, external, as_json, **how)
+        _external(data, model, external, **how)
         return
     result = payload_of_files(data, model, at=None if at is None else (at[0], at[1:]), **how)
     best, parts = result.payload, list[Any]()
@@ -210,10 +229,10 @@ def payload(
         title = "Links that could carry it, and what it would explain of the residual there"
         likely: list[Column] = ["link", ("probability", "probability:.2f"), ("explained", "explained:.1f %")]
         parts.append(Table(likely, [best, *result.candidates], title))
-    print_result(as_json, result.summary(), *parts, notes=result.notes)
+    print_result(result.summary(), *parts, notes=result.notes)
 
 
-def _external(data: Sequence[Path], model: Path, out: Path, as_json: bool, **how: Any) -> None:
+def _external(data: Sequence[Path], model: Path, out: Path, **how: Any) -> None:
     from catenary.workflows.identify import external_torques_of_file
 
     if len(data) != 1:
@@ -231,15 +250,16 @@ def _external(data: Sequence[Path], model: Path, out: Path, as_json: bool, **how
             f"moment then: {', '.join(told[3:])} Nm",
         ]
     content = {**found.summary(), "file": str(out)}
-    print_result(as_json, content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
+    print_result(content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
 
 
-def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: "Floats", as_json: bool) -> None:
+def _wrist_tool(data: Sequence[Path], wrist: WristSensor) -> None:
     from catenary.workflows.identify import wrist_tool_of_file
 
     if len(data) != 1:
         raise InputError(f"--wrist-sensor: expected one table of poses, got {len(data)} files")
-    tool, notes = wrist_tool_of_file(data[0], catenary.load_robot(robot), frame, gravity)
+    arm, gravity = catenary.load_robot(wrist.wrist_sensor or ""), StatedGravity(wrist.gravity).stated()
+    tool, notes = wrist_tool_of_file(data[0], arm, wrist.sensor_frame, gravity)
     facts = [("mass", f"{tool.mass:.4f} kg, standard deviation {tool.mass_deviation:.4f} kg")]
     told = (
         ("centre", tool.center, tool.center_deviation, "m in the sensor's axes"),
@@ -250,7 +270,7 @@ def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: "F
         shown, off = (", ".join(f"{v:.4f}" for v in row) for row in (values, deviations))
         facts.append((name, f"{shown} {unit}, standard deviations {off}"))
     left = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")
-    print_result(as_json, tool._asdict() | {"notes": notes}, [*facts, left], notes=notes)
+    print_result(tool._asdict() | {"notes": notes}, [*facts, left], notes=notes)
 
 
 Touching = tuple[str, str]
@@ -317,7 +337,19 @@ class LimitOptions:
     effort: Numbers | None = option("T,T,...", "Limits of torque to keep, Nm and N. [default: the robot's]")
 
 
+@group
+class DesignOptions:
+    """Options of the motion or the poses that are designed."""
+
+    static: int | None = option("N", "N poses to hold, in place of one period of a Fourier motion.", least=1)
+    period: float = option("S", "Period of the motion.", 10.0, flag="--period-s")
+    harmonics: int = option("N", "Harmonics of the motion, 3 or more.", 5)
+    rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz")
+    trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1)
+
+
 def excitation(
+    motion: DesignOptions,
     loaded: LoadedOptions,
     gravity: StatedGravity,
     limits: LimitOptions,
@@ -330,13 +362,7 @@ def excitation(
         "FILE", "Also write a ROS JointTrajectory, .json or .yaml.", writes=TRAJECTORY, not_with="static"
     ),
     ros: int = option("1|2", "ROS that --trajectory is for.", 2, goes_with="trajectory"),
-    static: int | None = option("N", "N poses to hold, in place of one period of a Fourier motion.", least=1),
-    period: float = option("S", "Period of the motion.", 10.0, flag="--period-s"),
-    harmonics: int = option("N", "Harmonics of the motion, 3 or more.", 5),
-    rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz"),
-    trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1),
     seed: int = option("N", "Seed of everything random.", 0, least=0),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Design a motion to identify an arm from; moves nothing.
 
@@ -351,19 +377,18 @@ def excitation(
 
     model = loaded.load(robot)
     given = {name: values for name, values in vars(limits).items() if values is not None}
-    if static is not None:  # poses are held: how fast they are reached is the robot's
+    if motion.static is not None:  # poses are held: how fast they are reached is the robot's
         given.setdefault("velocity", (1.0,) * model.n)
     room = room_of(model, **given)
     around = collisions.around(robot, model)
     result = design_excitation(
-        model, room, around, np.random.default_rng(seed), gravity=gravity.stated(),
-        static=static, period=period, harmonics=harmonics, rate=rate, trials=trials,
-    )  # fmt: skip
+        model, room, around, np.random.default_rng(seed), gravity=gravity.stated(), **vars(motion)
+    )
     design = result.design
     write_motion(out, model, design.time, design.q, design.qd, design.qdd)
     if trajectory is not None:
         write_trajectory(design, model.joint_names, trajectory, ros=ros)
-    print_notes([note for note in result.notes if not as_json or note.startswith("warning: ")])
+    print_notes([note for note in result.notes if not prints_json() or note.startswith("warning: ")])
     files = {"file": str(out), **({} if trajectory is None else {"trajectory": str(trajectory)})}
     what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
     parts: list[Any] = [
@@ -372,4 +397,4 @@ def excitation(
         *result.kept(),
     ]
     lines = [f"{name}: {path}" for name, path in files.items()]
-    print_result(as_json, {**result.summary(), "seed": seed, **files}, *parts, *lines)
+    print_result({**result.summary(), "seed": seed, **files}, *parts, *lines)

@@ -14,8 +14,9 @@ import typer
 from typer.core import TyperGroup
 
 from catenary import __version__
+from catenary.cli.exit_codes import REFUSED, code_of_signal
 from catenary.cli.options import as_typed
-from catenary.cli.signals import exit_code, signals_interrupt
+from catenary.cli.signals import signals_interrupt
 from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
 from catenary.errors import CatenaryError, ImplausibleWarning
 from catenary.visible import ClosedOutput, VisibleStream
@@ -41,7 +42,8 @@ GROUPS: dict[str, dict[str, str]] = {
     "Files": {"check": "files", "import": "files", "export": "files", "recover": "files"},
 }  # fmt: skip
 _MODULES = {name: module for group in GROUPS.values() for name, module in group.items()}
-HELP_NAMES = {"help_option_names": ["--help", "-h"]}
+_HELP_NAMES = {"help_option_names": ["--help", "-h"]}
+_MAX_MESSAGE_LENGTH = 10_000  # of an error: names in it may be as long as a file
 # run without arguments; others then show their help
 _COMPLETE = {"home", "teleop", "monitor", "view", "serve", "button", "robots", "demo"}
 
@@ -57,7 +59,7 @@ class Commands(Mapping[str, Any]):
             function = "import_recording" if name == "import" else name.replace("-", "_")
             app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
             command = getattr(import_module(f"catenary.cli.{_MODULES[name]}"), function)
-            app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(as_typed(command))
+            app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=_HELP_NAMES)(as_typed(command))
             self._made[name] = typer.main.get_command(app)
             for each in self._made[name].params:
                 if each.param_type_name == "argument":
@@ -121,14 +123,12 @@ class CommandGroup(TyperGroup):
         return options
 
 
-MOST_SAID = 10_000  # characters of an error: names in it may be as long as a file
-
 app = typer.Typer(
     name="catenary",
     cls=CommandGroup,
     help="Make an arm's low-level model true: where cable-driven joints really are, what gravity asks of them.",
     no_args_is_help=True,
-    context_settings=HELP_NAMES,
+    context_settings=_HELP_NAMES,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help: nothing is cut, and it comes in half the time
 )
@@ -148,7 +148,7 @@ def _options(
 
 
 def main() -> None:
-    """Run the command; bad input ends with exit code 2 and a message, a found fault with 1."""
+    """Run the command; how it ends is told by its exit code (cli/exit_codes.py), an error also by a message."""
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # a service may have closed it
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
@@ -178,26 +178,26 @@ def _run() -> None:
             sys.stdout.flush()
             log.removeHandler(notes)
     except CatenaryError as error:
-        _fail(str(error), 2, error)
+        _fail(str(error), REFUSED, error)
     except (InterruptedCommand, KeyboardInterrupt) as error:
         cause = error.__cause__ or error
         name = str(cause)
-        _fail(f"ended by {name}" if name else "interrupted", exit_code(name), cause)
+        _fail(f"ended by {name}" if name else "interrupted", code_of_signal(name), cause)
     except ClosedOutput as error:
         _close_output()  # nothing is left to say
         sys.exit(getattr(error.__context__, "code", 0))  # as the command had ended
     except OSError as error:
         _close_output()
-        _fail(f"{error.filename or 'standard output'}: {error.strerror or error}", 2)
+        _fail(f"{error.filename or 'standard output'}: {error.strerror or error}", REFUSED)
     except UnicodeEncodeError as error:
-        _fail(f"a name cannot be written as text: {error}", 2)
+        _fail(f"a name cannot be written as text: {error}", REFUSED)
 
 
 def _fail(message: str, code: int, error: BaseException | None = None) -> NoReturn:
     """End with an error's message and its notes, such as that a robot could not be paused."""
     said = "; ".join([message, *getattr(error, "__notes__", [])])
     with contextlib.suppress(OSError):  # a terminal that was closed
-        print(f"catenary: {said[:MOST_SAID]}", file=sys.stderr)
+        print(f"catenary: {said[:_MAX_MESSAGE_LENGTH]}", file=sys.stderr)
     sys.exit(code)
 
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option, require_one
+from catenary.cli.exit_codes import code_of_signal
+from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option, require_one
 from catenary.cli.robot_options import MovedRobot, PacedRobot, chosen_robot, some_joint_values
-from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import LimitError
 from catenary.reports.page import Table
 from catenary.teleop.terminal import RawTerminal
-from catenary.units import in_words
+from catenary.units import from_display, in_words
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
@@ -32,7 +32,6 @@ def goto(
     joints: Names | None = option("NAME,...", "Which joints; the others stay.", goes_with=("q", "q_deg")),
     position_mm: Triple | None = option("X,Y,Z", "In place of joints: where the tool goes, in the base frame."),
     speed: float = option(None, "Factor on 0.2 rad/s and 10 mm/s, at most 5.", 1.0),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot to a place.
 
@@ -47,7 +46,7 @@ def goto(
     from catenary.workflows.robot.operator_motion import go_to_joints, joints_at
 
     require_one(q_deg=q_deg, q=q, position_mm=position_mm)
-    place = None if position_mm is None else np.array(position_mm) / 1000.0
+    place = None if position_mm is None else from_display(np.array(position_mm), "m")
     with chosen_robot(robot, "goto") as opened:
         names = joints
         if place is not None:
@@ -61,14 +60,13 @@ def goto(
             if q is None or np.abs(goal).max() <= 2.0 * np.pi:
                 raise
             raise LimitError(f"{error}; --q takes rad and m, --q-deg takes deg and mm") from error
-    _say(summary, as_json, "arrived", si=q is not None, asked=place)
+    _say(summary, "arrived", si=q is not None, asked=place)
 
 
 def random(
     robot: PacedRobot,
     seconds: float = option(None, "Length of the motion.", REQUIRED),
     seed: int = option(None, "Seed of the motion.", 0, least=0),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot at random, without recording it.
 
@@ -81,7 +79,7 @@ def random(
 
     with chosen_robot(robot, "random") as opened, progress_bar("random") as tell:
         summary = run_random(opened, seconds, rng=np.random.default_rng(seed), progress=tell)
-    _say(summary, as_json, "done")
+    _say(summary, "done")
 
 
 def follow(
@@ -92,7 +90,6 @@ def follow(
     largest_deg_s: float | None = option(None, "Refuse to turn faster. [default: 28.6]"),
     largest_mm_s: float | None = option(None, "Refuse to slide faster. [default: 10]"),
     from_afar: bool = option(None, "Allow a start over 60 deg, 150 mm away.", False),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot along the rows of a file.
 
@@ -106,22 +103,20 @@ def follow(
     motion = read_followed_file(file, rows_per_second=rows_per_second)
     print_notes(motion.notes)
     fastest = dict(LARGEST_VELOCITY)
-    for unit, typed, scale in (("rad", largest_deg_s, math.pi / 180.0), ("m", largest_mm_s, 1e-3)):
+    for unit, typed in (("rad", largest_deg_s), ("m", largest_mm_s)):
         if typed is not None:
-            fastest[unit] = typed * scale
+            fastest[unit] = from_display(typed, unit)
     assert motion.time is not None  # of a file to follow
     away = leaves_rows(motion, blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with chosen_robot(robot, "follow") as opened, progress_bar("follow") as tell:
         summary = follow_file(opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell)
-    _say(summary, as_json, "followed to its end")
+    _say(summary, "followed to its end")
 
 
 def teleop(
-    robot: MovedRobot,
-    not_homed: bool = option(None, "Simulated: begin with a robot that was just switched on.", False),
-    as_json: bool = AS_JSON,
+    robot: MovedRobot, not_homed: bool = option(None, "Simulated: begin with a robot that was just switched on.", False)
 ) -> None:
     """Move a robot from the keyboard.
 
@@ -140,13 +135,11 @@ def teleop(
         state, q = opened.plant.operating_state(), opened.plant.measured_js().q
     content = {"robot": opened.name, "ended_by": why, "state": state._asdict(), "q": q, "late_ticks": opened.late()}
     notes = [session.message] if "not paused" in session.message else []
-    print_result(as_json, content, f"{opened.name}: ended by {why}; the robot is {state.state}", notes=notes)
+    print_result(content, f"{opened.name}: ended by {why}; the robot is {state.state}", notes=notes)
 
 
-def _say(
-    summary: "MotionSummary", as_json: bool, what: str, *, si: bool = False, asked: "Floats | None" = None
-) -> None:
-    """Print how a motion went, with `what` was done at its end; one that was ended earlier exits as `exit_code` says.
+def _say(summary: "MotionSummary", what: str, *, si: bool = False, asked: "Floats | None" = None) -> None:
+    """Print how a motion went, with `what` was done at its end; exit by the signal that ended it earlier, if any.
 
     `si` shows rad and m, not deg and mm; the tip was to go to `asked` (3,) [m], if to any place.
     """
@@ -162,14 +155,14 @@ def _say(
     x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
     lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
     if asked is not None:
-        lines.append(f"distance from the goal: {1000.0 * math.dist(summary.tip, asked):.2f} mm")
+        lines.append(f"distance from the goal: {in_words(math.dist(summary.tip, asked), 'm', 2)}")
     if summary.tip_error is not None:
-        error = f"{1000.0 * summary.tip_error:.2f} mm"
+        error = in_words(summary.tip_error, "m", 2)
         lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
-    print_result(as_json, summary.as_data(), title, joints, *lines, notes=[late] if summary.late_ticks else [])
+    print_result(summary.as_data(), title, joints, *lines, notes=[late] if summary.late_ticks else [])
     if summary.ended_by is not None:
         sys.stdout.flush()
-        raise typer.Exit(exit_code(summary.ended_by))
+        raise typer.Exit(code_of_signal(summary.ended_by))
 
 
 def joints_table(

@@ -25,7 +25,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_o
 import typer
 
 from catenary.cli.out_files import PAGE, FileKind, out_path, refuse_outputs
-from catenary.cli.terminal import without_notes
+from catenary.cli.terminal import in_json, without_notes
 from catenary.crtk.dds.arguments import said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
@@ -35,6 +35,7 @@ Triple = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
 Read = Callable[[str], Any]
 Group = TypeVar("Group")
+Command = TypeVar("Command", bound=Callable[..., None])
 REQUIRED: Any = ...  # the default of what must be given
 _CHOICES = re.compile(r"[a-z0-9-]+(\|[a-z0-9-]+)+")
 _METAVARS = {int: "N", float: "NUMBER", str: "NAME"}
@@ -56,6 +57,18 @@ class Option:
     not_with: str | Names = ()  # parameters, none of which may be given with it
     is_argument: bool = False
     joins_ros: bool = False  # the command then takes --transport, --ros-distro, and what stands behind --ros-args
+    name: str = ""  # of the parameter that it is declared for
+    kind: Any = None  # the parameter's type
+
+    def declared(self, name: str, kind: Any) -> "Option":
+        """Return it as the option of a parameter."""
+        default = () if self.default is None and get_origin(kind) is Sequence else self.default
+        return replace(self, name=name, kind=kind, default=default)
+
+    @property
+    def typed(self) -> str:
+        """Its name, as it is typed."""
+        return str(self.metavar) if self.is_argument else self.flag or f"--{self.name.replace('_', '-')}"
 
     @property
     def choices(self) -> Names:
@@ -66,6 +79,38 @@ class Option:
     def names_robot(self) -> bool:
         """Whether it may name a robot, of the catalogue or of a file."""
         return (self.metavar or "").lstrip("[").startswith("ROBOT")
+
+    @property
+    def is_repeatable(self) -> bool:
+        """Whether it may be given several times."""
+        return get_origin(self.kind) is Sequence
+
+    def parameter(self) -> Parameter:
+        """Return the parameter that typer makes its option from."""
+        kind, default = self.kind, self.default
+        rest = [one for one in get_args(kind) if one is not NoneType]  # of what need not be given
+        if NoneType in get_args(kind) and len(rest) == 1:
+            (kind,) = rest
+        if self.is_repeatable:
+            (kind,), default = rest, REQUIRED if default is REQUIRED else None
+        elif isinstance(default, tuple):
+            default = ",".join(f"{one:g}" if isinstance(one, float) else one for one in default)
+        metavar = self.metavar or _METAVARS.get(kind)
+        read = self.read or (_reader(kind) if self.writes is None else out_path)
+        if read is not None:
+            kind = str
+        settings: dict[str, Any] = {
+            "metavar": metavar, "help": self.help, "parser": read,
+            "min": self.least, "max": self.most, "autocompletion": robots_beginning if self.names_robot else None,
+        }  # fmt: skip
+        made = typer.Argument(**settings) if self.is_argument else typer.Option(self.typed, **settings)
+        whole = list[kind] if self.is_repeatable else kind  # type: ignore[valid-type]
+        return Parameter(
+            self.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if default is REQUIRED else default,
+            annotation=Annotated[whole if default is REQUIRED else whole | None, made],
+        )
 
 
 def option(metavar: str | None, help: str, default: Any = None, **settings: Any) -> Any:
@@ -84,26 +129,30 @@ def group(cls: type[Group]) -> type[Group]:
     for name, kind in cls.__annotations__.items():
         declared = cls.__dict__.get(name)
         if isinstance(declared, Option):
-            setattr(cls, name, field(default=_default(declared, kind), metadata={"option": declared}))
+            made = declared.declared(name, kind)
+            setattr(cls, name, field(default=made.default, metadata={"option": made}))
     return dataclass(frozen=True)(cls)
 
 
 def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command as typer takes it: with the options of its groups in place of the groups.
 
-    Help lists a command's own options, then those of its groups, then --json, --transport, --ros-distro and, of every
-    command, --no-notes. Before the command runs, options that would have no effect are refused.
+    Help lists a command's own options, then those of its groups, then --json, of what is on ROS --transport and
+    --ros-distro, then --no-notes. Before the command runs, options that would have no effect are refused.
     """
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
-    asked = [_Asked(p.name, p.annotation, p.default) for p in own if p.name not in groups]
-    asked += [_Asked(f.name, f.type, f.metadata["option"]) for g in groups.values() for f in fields(g)]
-    asked.sort(key=lambda one: one.name == "as_json")
-    if any(one.option.joins_ros for one in asked):
-        asked += [_Asked("transport", str, _TRANSPORT), _Asked("ros_distro", str, _ROS_DISTRO)]
+    asked: list[Option] = [p.default.declared(p.name, p.annotation) for p in own if p.name not in groups]
+    asked += [each.metadata["option"] for kind in groups.values() for each in fields(kind)]
+    as_json = option(None, getattr(command, "json_help", "Print JSON."), False, flag="--json")
+    asked.append(as_json.declared("as_json", bool))
+    if any(one.joins_ros for one in asked):
+        asked += [_TRANSPORT.declared("transport", str), _ROS_DISTRO.declared("ros_distro", str)]
 
     def run(*, no_notes: bool, **given: Any) -> None:
-        values = {one.name: one.value(given[one.name]) for one in asked}
+        values: dict[str, Any] = {
+            one.name: tuple(given[one.name] or ()) if one.is_repeatable else given[one.name] for one in asked
+        }
         _refuse_wrong(asked, values)
         _refuse_files(asked, values)
         if "ros_distro" in values:
@@ -111,90 +160,54 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
             say_ros_arguments(replace(said_ros_arguments(), **chosen))
         for name, kind in groups.items():
             values[name] = kind(**{each.name: values.pop(each.name) for each in fields(kind)})
-        with without_notes(no_notes):
+        with without_notes(no_notes), in_json(values["as_json"]):
             command(**{p.name: values[p.name] for p in own})
 
-    parameters = [one.parameter() for one in (*asked, _Asked("no_notes", bool, _NO_NOTES))]
+    parameters = [one.parameter() for one in (*asked, _NO_NOTES.declared("no_notes", bool))]
     run.__doc__ = re.sub(r"\n+(?= *Example:)", "\n\n", command.__doc__ or "")  # each on lines of its own
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     return run
 
 
-class _Asked:
-    """What a command asks for: a parameter, its type and its option."""
+def json_help(help: str) -> Callable[[Command], Command]:
+    """Say in a command's help what its --json prints, where that is not one result at the end."""
 
-    def __init__(self, name: str, kind: Any, declared: Option) -> None:
-        self.name, self.option = name, declared
-        self.default = _default(declared, kind)
-        rest = [one for one in get_args(kind) if one is not NoneType]  # of what need not be given
-        self._kind = rest[0] if NoneType in get_args(kind) and len(rest) == 1 else kind
-        self._is_repeatable = _is_repeatable(kind)
+    def told(command: Command) -> Command:
+        command.json_help = help  # type: ignore[attr-defined]
+        return command
 
-    @property
-    def typed(self) -> str:
-        """Its name, as it is typed."""
-        if self.option.is_argument:
-            return str(self.option.metavar)
-        return self.option.flag or f"--{self.name.replace('_', '-')}"
-
-    def value(self, given: Any) -> Any:
-        """Return what the command gets of what typer read."""
-        return tuple(given or ()) if self._is_repeatable else given
-
-    def parameter(self) -> Parameter:
-        """Return the parameter that typer makes its option from."""
-        told, kind, default = self.option, self._kind, self.option.default
-        if self._is_repeatable:
-            (kind,), default = get_args(kind), REQUIRED if default is REQUIRED else None
-        elif isinstance(default, tuple):
-            default = ",".join(f"{one:g}" if isinstance(one, float) else one for one in default)
-        metavar = told.metavar or _METAVARS.get(kind)
-        read = told.read or (_reader(kind) if told.writes is None else out_path)
-        if read is not None:
-            kind = str
-        settings: dict[str, Any] = {
-            "metavar": metavar, "help": told.help, "parser": read,
-            "min": told.least, "max": told.most, "autocompletion": robots_beginning if told.names_robot else None,
-        }  # fmt: skip
-        made = typer.Argument(**settings) if told.is_argument else typer.Option(self.typed, **settings)
-        whole = list[kind] if self._is_repeatable else kind  # type: ignore[valid-type]
-        return Parameter(
-            self.name,
-            Parameter.KEYWORD_ONLY,
-            default=Parameter.empty if default is REQUIRED else default,
-            annotation=Annotated[whole if default is REQUIRED else whole | None, made],
-        )
+    return told
 
 
-def _refuse_wrong(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
+def _refuse_wrong(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
     """Refuse a value that is not among the choices, and an option without effect."""
     known = {one.name: one.typed for one in asked}
     given = [one for one in asked if values[one.name] != one.default]
     names = {one.name for one in given}
     for one in given:
-        choices, value = one.option.choices, values[one.name]
+        choices, value = one.choices, values[one.name]
         if choices and str(value) not in choices:
             *others, last = choices
             raise InputError(f"{one.typed} {value}: expected {', '.join(others)} or {last}")
-        needed = [name for name in _names(one.option.goes_with) if name in known]
+        needed = [name for name in _names(one.goes_with) if name in known]
         if needed and not names.intersection(needed):
             raise InputError(f"{one.typed}: goes with {' or '.join(known[name] for name in needed)}")
-        for name in _names(one.option.not_with):
+        for name in _names(one.not_with):
             if name in names:
                 raise InputError(f"{one.typed}: does not go with {known[name]}")
 
 
-def _refuse_files(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
+def _refuse_files(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
     """Refuse files to write that could not or should not be written."""
     written, read = {}, list[Path]()
     for one in asked:
         value = values[one.name]
-        if one.option.writes is not None and value is not None:
-            written[one.typed] = value, one.option.writes
-        elif one.option.writes is None:
+        if one.writes is not None and value is not None:
+            written[one.typed] = value, one.writes
+        elif one.writes is None:
             named = value if isinstance(value, tuple) else (value,)
-            read += [Path(each) for each in named if isinstance(each, Path) or (each and one.option.names_robot)]
+            read += [Path(each) for each in named if isinstance(each, Path) or (each and one.names_robot)]
     refuse_outputs(written, read)
 
 
@@ -242,14 +255,6 @@ def _names(names: str | Names) -> Names:
     return (names,) if isinstance(names, str) else names
 
 
-def _default(declared: Option, kind: Any) -> Any:
-    return () if declared.default is None and _is_repeatable(kind) else declared.default
-
-
-def _is_repeatable(kind: Any) -> bool:
-    return get_origin(kind) is Sequence
-
-
 def _reader(kind: Any) -> Read | None:
     """Return how a list with commas is read; None for what typer reads by itself."""
     places = get_args(kind) if get_origin(kind) is tuple else ()
@@ -267,6 +272,4 @@ _ROS_DISTRO = option(
     "NAME", "On ROS 2: distribution of the other programs. [default: ROS_DISTRO, or jazzy]", goes_with=_ON_ROS
 )
 _NO_NOTES = option(None, "Print no notes: results and errors only.", False)
-AS_JSON = option(None, "Print JSON.", False, flag="--json")
-LINES_AS_JSON = option(None, "Print a JSON line a second, and one at the end.", False, flag="--json")
 REPORT = option("HTML", "Also write a self-contained page, e.g. arm.html.", writes=PAGE)

@@ -127,10 +127,10 @@ def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator
         yield RosRobot(transport, guide, simulated=access.simulated)
 
 
-def say_step(project: "Project", what: str, was_run: bool, as_json: bool, content: Any) -> None:
+def say_step(project: "Project", what: str, was_run: bool, content: Any) -> None:
     """Say what a step did, or that it had been done."""
     said = f"{project.folder}: {what}{'' if was_run else ' before; nothing to do'}"
-    print_result(as_json, {"project": str(project.folder), "run": was_run, **content}, said)
+    print_result({"project": str(project.folder), "run": was_run, **content}, said)
 
 
 def step_progress(label: str, project: "Project") -> AbstractContextManager[Callable[[float], None]]:

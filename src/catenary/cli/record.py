@@ -11,11 +11,11 @@ import typer
 
 import catenary
 from catenary.cli import projects
+from catenary.cli.exit_codes import code_of_signal
 from catenary.cli.motion import joints_table
-from catenary.cli.options import AS_JSON, argument, option
+from catenary.cli.options import argument, option
 from catenary.cli.out_files import EXCITATION
 from catenary.cli.robot_options import DIALECT, PacedRobot, TerminalGuide, chosen_robot
-from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import InputError
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from catenary.workflows.project.kinds import ProjectKind
     from catenary.workflows.robot.topic_recorder import RecordedTopics
 
-MOTION_ROWS_PER_SECOND = 20.0  # of a file, between which catenary follow goes straight
+_ROWS_PER_SECOND = 20.0  # of a file, between which catenary follow goes straight
 
 
 def home(
@@ -34,7 +34,6 @@ def home(
     robot: str | None = option("ROBOT", "Robot to home; in a project raven2 or dvrk_psm. [default: raven2]"),
     dialect: str | None = replace(DIALECT, not_with="project"),
     namespace: str | None = replace(projects.ARM_NAMESPACE, goes_with=("ros", "project")),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Home a robot.
 
@@ -49,7 +48,7 @@ def home(
             announce("homing ...")
             was_run = own.home(opened)
         content = json.loads((opened.folder / "robot" / "home.json").read_bytes())
-        projects.say_step(opened, "homed", was_run, as_json, content)
+        projects.say_step(opened, "homed", was_run, content)
         return
     if access.ros is not None and (arm.seed is not None or arm.base_tilt_deg is not None):
         raise InputError("--seed and --base-tilt-deg go with a simulated robot, not with --ros")
@@ -67,7 +66,7 @@ def home(
     columns = {"now": found.believed}
     columns |= {} if found.external_encoders is None else {"external encoder": found.external_encoders}
     title = f"{found.robot}: {how}; {found.state.state}\n"
-    print_result(as_json, found.as_data(), title, joints_table(found, columns, "Joints", 2))
+    print_result(found.as_data(), title, joints_table(found, columns, "Joints", 2))
 
 
 def excite(
@@ -78,7 +77,6 @@ def excite(
     namespace: str | None = projects.ARM_NAMESPACE,
     refresh: bool = option(None, "Minutes of full reversals of each joint, which catenary refresh takes.", False),
     out: Path | None = option("FILE", "Write those minutes; move nothing.", writes=EXCITATION, goes_with="refresh"),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Record a project's robot along its calibration motion.
 
@@ -89,7 +87,7 @@ def excite(
 
     if out is not None:
         settings = projects.settings_of(project, arm, robot=robot, namespace=namespace)
-        _write_refresh_motion(kind_of(settings), out, as_json)
+        _write_refresh_motion(kind_of(settings), out)
         return
     if project is None:
         raise InputError("PROJECT: is missing; it may be left out where --refresh --out writes a file")
@@ -107,10 +105,10 @@ def excite(
         with projects.step_progress("excite", opened) as progress:
             was_run = moved.record(opened, name, motion, what, after="home", progress=progress)
     said = f"recorded {motion.duration:.0f} s as {name}"
-    projects.say_step(opened, said, was_run, as_json, {"seconds": motion.duration, "recording": name})
+    projects.say_step(opened, said, was_run, {"seconds": motion.duration, "recording": name})
 
 
-def _write_refresh_motion(kind: "ProjectKind", out: Path, as_json: bool) -> None:
+def _write_refresh_motion(kind: "ProjectKind", out: Path) -> None:
     """Write the minutes of full reversals of a kind of robot."""
     import numpy as np
 
@@ -119,12 +117,12 @@ def _write_refresh_motion(kind: "ProjectKind", out: Path, as_json: bool) -> None
 
     motion, _ = kind.refresh_motion()
     model, n = catenary.load_robot(kind.model), len(kind.joints)
-    time = np.linspace(0.0, motion.duration, 1 + round(MOTION_ROWS_PER_SECOND * motion.duration))
+    time = np.linspace(0.0, motion.duration, 1 + round(_ROWS_PER_SECOND * motion.duration))
     q, qd, qdd = (np.array(each) for each in zip(*map(motion, time.tolist()), strict=True))
     write_motion(out, Joints(kind.joints, model.joint_units[:n]), time, q, qd, qdd)
     content = {"file": str(out), "seconds": motion.duration, "joints": kind.joints}
     said = f"{motion.duration:.0f} s of full reversals of {', '.join(kind.joints)}\nfile: {out}"
-    print_result(as_json, content, said)
+    print_result(content, said)
 
 
 def record(
@@ -135,7 +133,6 @@ def record(
     no_motion: bool = option(None, "With --ros: record the robot while somebody else moves it; Ctrl-C ends it.", False),
     robot: str | None = replace(projects.ARM_KIND, goes_with="no_motion"),
     namespace: str | None = replace(projects.ARM_NAMESPACE, goes_with="no_motion"),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Record a project's robot along a random motion, as a test.
 
@@ -151,7 +148,7 @@ def record(
         if begun and (robot is not None or namespace is not None):
             raise InputError(f"--robot and --namespace begin a project, and {project} was begun")
         typed: dict[str, Any] = {} if begun else {"ros": access.ros, "robot": robot, "namespace": namespace}
-        _record_others(projects.open_project(project, **typed), access, hours, name, as_json)
+        _record_others(projects.open_project(project, **typed), access, hours, name)
         return
     projects.require_project(project)
     with projects.open_project(project, hours=hours, ros=access.ros) as opened:
@@ -159,12 +156,10 @@ def record(
         motion, what = random_motion(opened, seconds)
         with projects.robot_of(opened, access, "record") as moved, projects.step_progress("record", opened) as progress:
             was_run = moved.record(opened, name, motion, what, after=TRAIN, progress=progress)
-        projects.say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+        projects.say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, {"seconds": seconds})
 
 
-def _record_others(
-    project: "Project", access: projects.RobotAccess, hours: float | None, name: str, as_json: bool
-) -> None:
+def _record_others(project: "Project", access: projects.RobotAccess, hours: float | None, name: str) -> None:
     """Record a robot that somebody else moves."""
     from catenary.crtk.network import make_transport, node_name
     from catenary.recording.journal import About
@@ -203,6 +198,6 @@ def _record_others(
         what = f"recorded {before + recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
         topics = [vars(count) for count in recorded.counts]
         content = {"seconds": before + recorded.seconds, "ended_by": ended_by or None, "topics": topics}
-        projects.say_step(opened, what, True, as_json, content)
+        projects.say_step(opened, what, True, content)
     if ended_by and hours is not None:  # it was to last as long
-        raise typer.Exit(exit_code(ended_by))
+        raise typer.Exit(code_of_signal(ended_by))

@@ -5,7 +5,7 @@ Joints are --q in rad and m, --q-deg in deg and mm.
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -14,9 +14,11 @@ from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE
 from catenary.cli.options import Names, Numbers, Six, Triple, argument, group, option
 from catenary.cli.terminal import announce
 from catenary.errors import InputError
+from catenary.units import from_display
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.crtk.transport import Transport
     from catenary.plant import Jointed
     from catenary.robots.model import Massless
     from catenary.workflows.robot.operated_robot import OperatedRobot
@@ -113,7 +115,7 @@ def some_joint_values(
         wanted = joints_text(Joints(chosen, units))
         raise InputError(f"{option}: expected {len(chosen)} finite numbers for {wanted}, got {values.tolist()}")
     if q_deg is not None:
-        values = np.where(np.array(units) == "rad", np.deg2rad(values), values / 1000.0)
+        values = np.array([from_display(value, unit) for value, unit in zip(values, units, strict=True)])
     return values, chosen
 
 
@@ -132,8 +134,22 @@ def beyond_limits(model: "catenary.RobotModel", values: "Floats") -> list[str]:
 NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
 CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
 DIALECT = option("raven|crtk", "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
-NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
+_NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
+
+
+@group
+class NodeOptions:
+    """Options of a program of its own on a network."""
+
+    ros: str = CARRIER
+    name: str | None = NODE_NAME
+
+    def joined(self, command: str) -> "AbstractContextManager[Transport]":
+        """Join it, under the name of the command where no other is given."""
+        from catenary.crtk.network import make_transport, node_name
+
+        return make_transport(self.ros, node_name(command, self.name))
 
 
 @group
@@ -142,7 +158,7 @@ class RobotPlace:
 
     ros: int | None = option("1|2", "The robot is on ROS 1 or 2. [default: simulated here]", joins_ros=True)
     dialect: str | None = DIALECT
-    namespace: str | None = NAMESPACE
+    namespace: str | None = _NAMESPACE
     name: str | None = replace(NODE_NAME, goes_with="ros")
     simulated: bool = option(None, "With --ros: the robot is simulated; no workspace to clear.", False, goes_with="ros")
     robot_seed: int | None = replace(SIMULATED_SEED, not_with="ros")

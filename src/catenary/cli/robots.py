@@ -6,27 +6,27 @@ from typing import TYPE_CHECKING, Any
 
 import catenary
 from catenary.cli.gravity_options import GivenGravity
-from catenary.cli.options import AS_JSON, REQUIRED, Names, Numbers, Triple, argument, option
+from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option
 from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
 from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_options import ROBOT, DescriptionOptions, JointOptions, LoadedOptions, beyond_limits
 from catenary.cli.terminal import print_notes, print_result, without_notes
 from catenary.errors import InputError
 from catenary.reports.page import Column, Table, write_picture
-from catenary.units import in_words
+from catenary.units import from_display, in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
     from catenary.spatial import Pose
     from catenary.workflows.regressor_report import RegressorReport
 
-ROOM_FOR_NAMES = 30  # characters, so that a robot's line fits into a terminal of 80
+_MAX_NAMES_LENGTH = 30  # characters, so that a robot's line fits into a terminal of 80
 Quaternion = tuple[float, float, float, float]
-FRAME_NAME = option("FRAME", "Frame of the robot. [default: its tip]")
-IN_FRAME = option("FRAME", "Frame that the pose is expressed in. [default: base]", flag="--in")
+_FRAME_NAME = option("FRAME", "Frame of the robot. [default: its tip]")
+_IN_FRAME = option("FRAME", "Frame that the pose is expressed in. [default: base]", flag="--in")
 
 
-def robots(as_json: bool = AS_JSON) -> None:
+def robots() -> None:
     """List the robots that come with the package."""
     from catenary.robots.catalog import robot_names
 
@@ -35,7 +35,7 @@ def robots(as_json: bool = AS_JSON) -> None:
     found = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
     columns: list[Column] = ["name", ("joints", _kinds), "tip", ("joint names", _names_in_brief)]
     legend = "R: revolute, P: prismatic; catenary check ROBOT names joints with their limits"
-    print_result(as_json, found, Table(columns, models, "Robots", left=4), legend)
+    print_result(found, Table(columns, models, "Robots", left=4), legend)
 
 
 def _kinds(model: "catenary.RobotModel") -> str:
@@ -46,15 +46,11 @@ def _kinds(model: "catenary.RobotModel") -> str:
 
 def _names_in_brief(model: "catenary.RobotModel") -> str:
     names = ", ".join(model.joint_names)
-    return names if len(names) <= ROOM_FOR_NAMES else f"{model.joint_names[0]} ... {model.joint_names[-1]}"
+    return names if len(names) <= _MAX_NAMES_LENGTH else f"{model.joint_names[0]} ... {model.joint_names[-1]}"
 
 
 def fk(
-    joints: JointOptions,
-    robot: str = ROBOT,
-    frame: str | None = FRAME_NAME,
-    in_frame: str | None = IN_FRAME,
-    as_json: bool = AS_JSON,
+    joints: JointOptions, robot: str = ROBOT, frame: str | None = _FRAME_NAME, in_frame: str | None = _IN_FRAME
 ) -> None:
     """Print the pose of a robot's frame.
 
@@ -72,7 +68,7 @@ def fk(
     asked = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
     others = {f: pose_numbers(pose) for f, pose in poses.items() if f != in_frame}
     content = {**asked, **pose_numbers(poses[in_frame]), "in_other_frames": others}
-    print_result(as_json, content, _pose_table("in", poses, f"{model.name}: pose of {name}"))
+    print_result(content, _pose_table("in", poses, f"{model.name}: pose of {name}"))
 
 
 def ik(
@@ -83,10 +79,9 @@ def ik(
         "R,P,Y", "Orientation of the frame: turned about fixed x, y, z.", goes_with="position_mm", not_with="quaternion"
     ),
     quaternion: Quaternion | None = option("W,X,Y,Z", "Orientation of the frame.", goes_with="position_mm"),
-    frame: str | None = FRAME_NAME,
-    in_frame: str | None = IN_FRAME,
+    frame: str | None = _FRAME_NAME,
+    in_frame: str | None = _IN_FRAME,
     seed: int = option("N", "Seed of the random starts, where a search needs several.", 0, least=0),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Print the joints that bring a robot's frame to a pose.
 
@@ -128,7 +123,7 @@ def ik(
     title = f"{model.name}: joints that bring {name} to the goal"
     free = "goal" if match == "position" else ""
     poses = _pose_table("", {"goal": goal, "reached": reached}, f"Pose in {in_frame}", free=free)
-    print_result(as_json, content, Table(["joint", "", ""], rows, title), poses)
+    print_result(content, Table(["joint", "", ""], rows, title), poses)
 
 
 def pose_numbers(pose: "Pose") -> dict[str, Any]:
@@ -157,10 +152,10 @@ def _goal(position_mm: Triple, rpy_deg: Triple | None, quaternion: Numbers | Non
 
     rotation = np.eye(3)
     if rpy_deg is not None:
-        rotation = rotation_from_rpy(np.deg2rad(as_array("--rpy-deg", rpy_deg, (3,))))
+        rotation = rotation_from_rpy(from_display(as_array("--rpy-deg", rpy_deg, (3,)), "rad"))
     elif quaternion is not None:
         rotation = rotation_from_quaternion(quaternion)
-    return Pose(rotation, as_array("--position-mm", position_mm, (3,)) / 1000.0)
+    return Pose(rotation, from_display(as_array("--position-mm", position_mm, (3,)), "m"))
 
 
 def plot(
@@ -173,7 +168,6 @@ def plot(
     joint: str | None = option("NAME", "With LOG: the joint to draw. [default: the first]", goes_with="log"),
     hide: Names | None = option("PART,...", "What not to draw, of frames, masses, gravity and torques."),
     out: Path = option("FILE", f"Picture to write, .png, .svg or .pdf. {NAMED_AS_TYPED}", REQUIRED, writes=PICTURE),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Draw a robot and its torques, or a model's errors.
 
@@ -191,7 +185,7 @@ def plot(
     if log is not None:
         if (given, loaded, joints, hide) != (GivenGravity(), LoadedOptions(), JointOptions(), None):
             raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
-        _plot_errors(Path(robot), log, joint, recordings, out, as_json=as_json)
+        _plot_errors(Path(robot), log, joint, recordings, out)
         return
     model = loaded.load(robot)
     gravity = given.told(model)
@@ -206,12 +200,10 @@ def plot(
     figure = draw(model, pose, gravity=gravity, hide=hidden)
     write_picture(figure, out, PICTURE.endings)
     content = {"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)}
-    print_result(as_json, content, f"picture: {out}")
+    print_result(content, f"picture: {out}")
 
 
-def _plot_errors(
-    path: Path, log: Path, joint: str | None, recordings: ModelRecordingOptions, out: Path, *, as_json: bool
-) -> None:
+def _plot_errors(path: Path, log: Path, joint: str | None, recordings: ModelRecordingOptions, out: Path) -> None:
     from catenary.reports.calibration import short_name
     from catenary.reports.model_figure import model_figure
     from catenary.workflows.calibration_model import held_against
@@ -222,7 +214,7 @@ def _plot_errors(
     figure = model_figure(result.evaluation, held.logs[0], joint, name=short_name(result.model))
     write_picture(figure, out, PICTURE.endings)
     content = {"model": str(path), "joint": joint or result.model.joint_names[0], "out": str(out)}
-    print_result(as_json, content, f"picture: {out}")
+    print_result(content, f"picture: {out}")
 
 
 def regressor(
@@ -230,7 +222,6 @@ def regressor(
     robot: str = ROBOT,
     compact: bool = option(None, "Print the compact form, with its values.", False),
     latex: bool = option(None, "Print the compact form for LaTeX.", False, not_with="as_json"),
-    as_json: bool = AS_JSON,
 ) -> None:
     """Print which masses gravity torques can identify.
 
@@ -243,7 +234,7 @@ def regressor(
         print(report.compact.latex())
         return
     parts = _compact(report) if compact else _identifiability(report)
-    print_result(as_json, report.as_data(), *parts)
+    print_result(report.as_data(), *parts)
 
 
 def _compact(report: "RegressorReport") -> list[Any]:

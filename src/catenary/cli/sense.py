@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
+from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
-from catenary.cli.options import Names, group, option, require_one, values_of
+from catenary.cli.options import Names, group, json_help, option, require_one, values_of
 from catenary.cli.out_files import MOUNTING, refuse_outputs
-from catenary.cli.terminal import print_notes, print_result
+from catenary.cli.terminal import print_notes, print_result, prints_json
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
+    from catenary.simulation.sensors import SensorModel
     from catenary.workflows.sense import Attitude, Feed, SenseSummary, StillReading, TumbleOutcome
 
 _LINE_EVERY = 1.0  # [s]
@@ -70,22 +72,49 @@ class ReplayOptions:
         )
 
 
+@group
+class SimulatedSensorOptions:
+    """A simulated sensor in place of one."""
+
+    simulated: bool = option(None, "Use a simulated sensor.", False)
+    base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, goes_with="simulated")
+    rate: float | None = option("HZ", "Sample rate of the simulated sensor. [default: 200]", goes_with="simulated")
+    seed: int = option(None, "Seed of the simulated sensor's noise.", 0, least=0, goes_with="simulated")
+
+    def model(self, told: "Mounting") -> "SensorModel":
+        """Return the sensor, of which what is told of its mounting is true."""
+        from catenary.simulation.sensors import SensorModel
+
+        model = SensorModel(200.0 if self.rate is None else self.rate)
+        ranges = ("acceleration_range", "rate_range")
+        least = {key: min(getattr(told, key), getattr(model.mounting, key)) for key in ranges}
+        return replace(model, mounting=replace(told, **least))
+
+    def feed(self, model: "SensorModel") -> "Feed":
+        """Return its samples on a base at rest."""
+        from catenary.sensing.vector import Mailbox
+        from catenary.simulation.base_motion import FixedBase
+        from catenary.simulation.sensors import SimulatedSensor
+        from catenary.workflows.sense import simulated_feed
+
+        base = FixedBase(*map(math.radians, self.base_tilt_deg or LEVEL_BASE))
+        sensor = SimulatedSensor(base, Mailbox(), model, seed=self.seed)
+        return simulated_feed(sensor, paced=sys.stdout.isatty())
+
+
+@json_help("Print one JSON summary at the end.")
 def sense(
     sensing: SensingOptions,
+    simulation: SimulatedSensorOptions,
     replaying: ReplayOptions,
     reading: ReadingOptions,
     port: str | None = option("PORT", "Serial port, as /dev/ttyACM0."),
-    simulated: bool = option(None, "Use a simulated sensor.", False),
-    base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, goes_with="simulated"),
-    rate: float | None = option("HZ", "Sample rate of the simulated sensor. [default: 200]", goes_with="simulated"),
-    seed: int = option(None, "Seed of the simulated sensor's noise.", 0, least=0, goes_with="simulated"),
     duration: float | None = option("S", "How long to watch. [default: 5; until Ctrl-C on a terminal]"),
     mounting: Path | None = MOUNTING_FILE,
     tumble: bool = option(None, "Calibrate the sensor in several attitudes and write a mounting file.", False),
     out: Path | None = option(
         "FILE", "What --tumble writes. [default: mounting.toml]", writes=MOUNTING, goes_with="tumble"
     ),
-    as_json: bool = option(None, "Print one JSON summary at the end.", False, flag="--json"),
 ) -> None:
     """Show gravity as a sensor on the base measures it.
 
@@ -99,19 +128,9 @@ def sense(
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import MAILBOX, Mailbox
-    from catenary.simulation.base_motion import FixedBase
-    from catenary.simulation.sensors import SensorModel, SimulatedSensor
-    from catenary.workflows.sense import (
-        ATTITUDES,
-        SETTLE,
-        Feed,
-        replay_feed,
-        run_tumble,
-        simulated_feed,
-        simulated_reader,
-    )
+    from catenary.workflows.sense import ATTITUDES, SETTLE, Feed, replay_feed, run_tumble, simulated_reader
 
-    require_one(port=port, simulated=simulated, replay=replaying.replay)
+    require_one(port=port, simulated=simulation.simulated, replay=replaying.replay)
     out = out or Path("mounting.toml")
     if tumble:
         refuse_outputs({"--out": (out, MOUNTING)}, [mounting] if mounting else [])
@@ -119,17 +138,15 @@ def sense(
     by_tf = None if bag is None else partial(recorded_pose, bag)
     told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
     recording = replaying.recording(reading, tumble=tumble)
-    model = SensorModel(200.0 if rate is None else rate)  # of which what is told of the mounting is true
-    ends = {key: min(getattr(told, key), getattr(model.mounting, key)) for key in ("acceleration_range", "rate_range")}
-    model = replace(model, mounting=replace(told, **ends))
-    if simulated:
+    model = simulation.model(told)
+    if simulation.simulated:
         told = model.mounting
     if tumble and port is None:
         if recording is None:
-            outcome = run_tumble(simulated_reader(model, seed=seed), start=told)
+            outcome = run_tumble(simulated_reader(model, seed=simulation.seed), start=told)
         else:
             outcome = replaying.calibrated(recording, told)
-        _conclude_tumble(outcome, out, as_json)
+        _conclude_tumble(outcome, out)
         return
     with ExitStack() as stack:
         if recording is not None:
@@ -143,32 +160,30 @@ def sense(
             feed = Feed(device.mailbox, hello.has_gyroscope, link=lambda: asdict(device.counts))
             told = device.with_ranges(told)
         else:
-            base = FixedBase(*map(math.radians, base_tilt_deg or LEVEL_BASE))
-            sensor = SimulatedSensor(base, Mailbox(), model, seed=seed)
-            feed = simulated_feed(sensor, paced=sys.stdout.isatty())
+            feed = simulation.feed(model)
         if tumble:
             print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
-            _conclude_tumble(run_tumble(_by_hand(feed), start=told, taken=feed.taken), out, as_json)
+            _conclude_tumble(run_tumble(_by_hand(feed), start=told, taken=feed.taken), out)
         else:
-            _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration, as_json)
+            _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration)
 
 
-def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_json: bool) -> None:
+def _watch(feed: "Feed", source: "SensedGravity", duration: float | None) -> None:
     from catenary.workflows.sense import watch
 
-    length = (math.inf if sys.stdout.isatty() and not as_json else 5.0) if duration is None else duration
+    length = (math.inf if sys.stdout.isatty() and not prints_json() else 5.0) if duration is None else duration
     last = -math.inf
 
     def line(reading: "GravityReading", time: float) -> None:
         nonlocal last
-        if time - last >= _LINE_EVERY and not as_json:
+        if time - last >= _LINE_EVERY and not prints_json():
             last = time
             print(f"{time:8.1f} s  {_lines(reading, source.mounting.base)[0]}  {' '.join(reading.faults.names)}")
 
     summary = watch(feed, source, length, show=line)
-    print_result(as_json, summary.as_data(), *_in_words(summary))
+    print_result(summary.as_data(), *_in_words(summary))
     if not summary.was_live:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)
 
 
 def _lines(reading: "GravityReading", base: str) -> list[str]:
@@ -221,7 +236,7 @@ def _enter_pressed() -> bool:
     return bool(sys.stdin.readline())  # not at the end of standard input
 
 
-def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
+def _conclude_tumble(outcome: "TumbleOutcome", out: Path) -> None:
     from catenary.sensing.mounting import save_mounting
 
     m, section = outcome.mounting, outcome.section
@@ -240,6 +255,6 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None
     facts += [("gyroscope", "turns as gravity does" if m.checked else unchecked), ("base", m.base)]
     facts += [] if section.residual_m_s2 is None else [("residual", f"{section.residual_m_s2:.4f} m/s2")]
     facts += [("WRONG:", fault) for fault in outcome.faults]
-    print_result(as_json, content, facts, "nothing written" if outcome.faults else f"written to {out}")
+    print_result(content, facts, "nothing written" if outcome.faults else f"written to {out}")
     if outcome.faults:
-        raise typer.Exit(1)
+        raise typer.Exit(FAULT_FOUND)

@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from types import FrameType
 
 _ENDS = (signal.SIGTERM, signal.SIGHUP)
-_LATER = 0.05  # [s] until what was lost interrupts again
-AGAIN = 5.0  # [s] in which a second signal is taken for the first: services and terminals send several
+_INTERRUPT_AGAIN_AFTER_S = 0.05  # until what was lost interrupts again
+_SAME_SIGNAL_S = 5.0  # in which a second signal is taken for the first: services and terminals send several
 
 
 class EndedBySignal(KeyboardInterrupt):
@@ -31,12 +31,12 @@ def signals_interrupt() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    asked, name = -AGAIN, ""
+    asked, name = -_SAME_SIGNAL_S, ""
 
     def end(number: int, _: FrameType | None) -> None:
         nonlocal asked, name
         now = time.monotonic()
-        if now - asked >= AGAIN:
+        if now - asked >= _SAME_SIGNAL_S:
             asked, name = now, signal.Signals(number).name
             raise EndedBySignal(name)
 
@@ -47,9 +47,9 @@ def signals_interrupt() -> Iterator[None]:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             tell(lost)
             return
-        asked = -AGAIN
+        asked = -_SAME_SIGNAL_S
         number = signal.Signals[str(lost.exc_value)] if lost.exc_type is EndedBySignal else signal.SIGINT
-        again = threading.Timer(_LATER, os.kill, (os.getpid(), number))
+        again = threading.Timer(_INTERRUPT_AGAIN_AFTER_S, os.kill, (os.getpid(), number))
         again.daemon = True
         again.start()
 
@@ -68,8 +68,3 @@ def signals_interrupt() -> Iterator[None]:
         sys.unraisablehook = tell
         for number, handler in taken.items():
             signal.signal(number, handler)
-
-
-def exit_code(ended_by: str) -> int:
-    """Return the exit code of a command that a signal of this name ended, 128 and its number; 130 for Ctrl-C."""
-    return 128 + signal.Signals.__members__.get(ended_by, signal.SIGINT)

@@ -4,7 +4,7 @@ import json
 import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from shutil import get_terminal_size
@@ -15,6 +15,7 @@ from catenary.files import json_text
 from catenary.visible import visible
 
 _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
+_IN_JSON: ContextVar[bool] = ContextVar("in_json", default=False)
 
 
 class NotesOfLogs(logging.Handler):
@@ -36,14 +37,28 @@ def is_for_people(record: logging.LogRecord) -> bool:
     return not record.getMessage().startswith(("mkdir -p failed", "Matplotlib created a temporary"))
 
 
-@contextmanager
-def without_notes(silent: bool) -> Iterator[None]:
+def without_notes(silent: bool) -> AbstractContextManager[None]:
     """Leave notes out while a command runs."""
-    before = _SILENT.set(silent)
+    return _set_for_a_while(_SILENT, silent)
+
+
+def in_json(asked: bool) -> AbstractContextManager[None]:
+    """Print results as JSON while a command runs."""
+    return _set_for_a_while(_IN_JSON, asked)
+
+
+def prints_json() -> bool:
+    """Return whether the command that runs was asked for JSON."""
+    return _IN_JSON.get()
+
+
+@contextmanager
+def _set_for_a_while(variable: ContextVar[bool], value: bool) -> Iterator[None]:
+    before = variable.set(value)
     try:
         yield
     finally:
-        _SILENT.reset(before)
+        variable.reset(before)
 
 
 def print_json_line(content: Any) -> None:
@@ -51,12 +66,12 @@ def print_json_line(content: Any) -> None:
     print(json.dumps(json.loads(json_text(content))), flush=True)
 
 
-def print_result(as_json: bool, content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
-    """Print a command's result: as JSON its content and nothing else, or notes and parts for people.
+def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
+    """Print a command's result: with --json its content and nothing else, or notes and parts for people.
 
     Parts are lines, tables and lists of facts (name, text), which are aligned; None is left out.
     """
-    if as_json:
+    if prints_json():
         print(json_text(content))
         return
     print_notes(notes)
@@ -69,9 +84,9 @@ def print_result(as_json: bool, content: Any, *parts: Any, notes: Sequence[str] 
             print(part if isinstance(part, str) else part.text())
 
 
-def print_page(page: Path, as_json: bool) -> None:
+def print_page(page: Path) -> None:
     """Say where a page was written; with JSON nothing is said."""
-    if not as_json:
+    if not prints_json():
         print(f"page:  {page}")
 
 

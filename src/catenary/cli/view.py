@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import catenary
 from catenary.cli.gravity_options import GRAVITY_TOPIC
-from catenary.cli.options import argument, option
+from catenary.cli.options import argument, json_help, option
 from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_options import RobotPlace, WatchedRobot, chosen_robot
-from catenary.cli.terminal import announce, print_json_line, print_notes
+from catenary.cli.terminal import announce, print_json_line, print_notes, prints_json
 from catenary.errors import InputError
 from catenary.teleop.terminal import RawTerminal
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from catenary.monitor import Snapshot
 
 
+@json_help("Print the address of the page as a line of JSON.")
 def view(
     recordings: ModelRecordingOptions,
     place: RobotPlace,
@@ -38,7 +39,6 @@ def view(
     port: int = option(None, "Port on 127.0.0.1, or the next free one; from another machine use ssh -L.", 8080),
     browser: bool | None = option(None, "Open it in a browser. [default: on a screen]", flag="--open/--no-open"),
     seconds: float | None = option(None, "Duration. [default: until Ctrl-C]"),
-    as_json: bool = option(None, "Print the address of the page as a line of JSON.", False, flag="--json"),
 ) -> None:
     """Show an arm in the browser.
 
@@ -74,7 +74,7 @@ def view(
                 title, rng = what or "raven2", np.random.default_rng(0)
                 runs = DrivenArm(title, model=model, seed=place.robot_seed, rng=rng)
             url = page.open(runs.shown(f"catenary: {Path(title).name}"))
-            if as_json:
+            if prints_json():
                 print_json_line({"shown": title, "url": url})
             else:
                 print(f"{title}: {url} (Ctrl-C ends it)", flush=True)
@@ -139,6 +139,7 @@ def _is_project(what: str) -> bool:
 _LIVE = ("ros", "base_tilt_deg", "robot_seed")  # options of a robot that is watched
 
 
+@json_help("Print a line of JSON for each sample, SI.")
 def monitor(
     robot: WatchedRobot,
     recordings: ModelRecordingOptions,
@@ -148,7 +149,6 @@ def monitor(
     rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
     gravity: str | None = GRAVITY_TOPIC,
-    as_json: bool = option(None, "Print a line of JSON for each sample, SI.", False, flag="--json"),
 ) -> None:
     """Show what a robot or a recording does.
 
@@ -160,7 +160,7 @@ def monitor(
     """
     from catenary.monitor import plain_line
 
-    on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
+    on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not prints_json()
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0
     if not 0.0 < hertz <= 200.0:
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
@@ -181,7 +181,7 @@ def monitor(
                 _on_screen(name, _until(samples, seconds), stack.enter_context(RawTerminal()))
                 return
             for sample in _until(samples, seconds):
-                if as_json:
+                if prints_json():
                     print_json_line(sample.as_data())
                 else:
                     print(plain_line(sample), flush=True)

@@ -15,8 +15,8 @@ from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text,
 from catenary.reports.tip import TipErrors, kinematics_of, tip_blocks, tip_errors, tip_rmse
 from catenary.robots.model import RobotModel
 
-MOST_JOINTS = 6  # that a sentence can name with their numbers
-PAPER = (
+_MAX_NAMED_JOINTS = 6  # that a sentence can name with their numbers
+_PAPER = (
     "H. Peng, A. Lewis, Y.-H. Su, S. Lin, D.-T. Chiang, W. Jiang, H. Lai, B. Hannaford, "
     '"Efficient data-driven joint-level calibration of cable-driven surgical robots", 2024, arXiv:2408.01604.'
 )
@@ -65,14 +65,15 @@ def write_calibration_report(
         *of_tip,
         *joint_errors.coverage_blocks(evaluation),
         *(block for picture in pictures for block in picture),
-        *joint_errors.window_blocks(evaluation, name),
+        Heading(f"RMSE of {name} over time"),
+        joint_errors.window_table(evaluation),
         *crossed,
         *further,
         Heading("The model"),
         Facts([("model", model_name(model)), *card_facts(card)]),
         Listing("The whole card", json_text(card)),
         Heading("Literature"),
-        Text(PAPER),
+        Text(_PAPER),
     ]
     title = f"Calibration of {card.get('robot') or 'an arm'}: {name}"
     recorded = evaluation.data.dates[1]
@@ -163,7 +164,7 @@ def headline(
 
 def _numbers(gains: Sequence[JointGain]) -> str:
     """Return errors before and after, of the joints that gain most where there are many."""
-    most = sorted(gains, key=lambda gain: gain.after / gain.before if gain.before > 0.0 else 1.0)[:MOST_JOINTS]
+    most = sorted(gains, key=lambda gain: gain.after / gain.before if gain.before > 0.0 else 1.0)[:_MAX_NAMED_JOINTS]
     said = [f"from {g.before:.3f} to {g.after:.3f} {g.unit} ({g.name})" for g in gains if g in most]
     more = len(gains) - len(said)
     return ", ".join(said) + (f", and those of {more} more below" if more > 0 else "")
@@ -180,8 +181,8 @@ def recommendation(gains: Sequence[JointGain]) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    if len(names) > MOST_JOINTS:
-        return f"{', '.join(names[:MOST_JOINTS])} and {len(names) - MOST_JOINTS} more"
+    if len(names) > _MAX_NAMED_JOINTS:
+        return f"{', '.join(names[:_MAX_NAMED_JOINTS])} and {len(names) - _MAX_NAMED_JOINTS} more"
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 

@@ -12,13 +12,12 @@ from catenary.reports import page
 from catenary.reports.joint_errors import in_units
 from catenary.units import DISPLAY
 
-HOLDS, BEYOND = "#4b6b94", "#d9622b"
-MOST_LABELS = 12  # below a picture
+_MAX_LABELS = 12  # below a picture
 
 
 def drift_tables(found: DriftFound) -> list[page.Table]:
     """Return a row for each stretch between homings, or each card: RMSE of every joint, ! where it is beyond."""
-    joints = [(n, DISPLAY[u][0]) for n, u in zip(found.joint_names, found.joint_units, strict=True)]
+    joints = _joints(found)
     errors = page.joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
     if any(isinstance(stretch, CardStretch) for stretch in found.stretches):
         card: list[page.Column] = [("card", "recording"), "date", "instrument", "tool", ("delay [s]", "delay:+.3f")]
@@ -52,19 +51,18 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
 def drift_picture(found: DriftFound) -> page.Picture:
     """Draw the RMSE of every joint, stretch after stretch, those beyond in another colour and shape."""
     number = np.arange(len(found.stretches))
-    figure, panels = page.joint_panels(len(found.joint_names), 1.7, spare=1.0)
+    figure, panels = page.joint_panels(_joints(found), 1.7, spare=1.0)
     for j, (axes,) in enumerate(panels):
         rmse = np.array([stretch.rmse[j] for stretch in found.stretches])
         beyond = np.array([stretch.beyond[j] for stretch in found.stretches])
-        axes.plot(number, rmse, color="#b8c0cc", linewidth=1.0, zorder=1)
-        axes.scatter(number[~beyond], rmse[~beyond], color=HOLDS, marker="o", label="holds", zorder=2)
-        axes.scatter(number[beyond], rmse[beyond], color=BEYOND, marker="X", label="beyond", zorder=2)
+        axes.plot(number, rmse, color=page.GREY, linewidth=1.0, zorder=1)
+        axes.scatter(number[~beyond], rmse[~beyond], color=page.BLUE, marker="o", label="holds", zorder=2)
+        axes.scatter(number[beyond], rmse[beyond], color=page.ORANGE, marker="X", label="beyond", zorder=2)
         since = found.since[j]
         if since is not None:
-            axes.axvspan(since - 0.5, len(number) - 0.5, color=BEYOND, alpha=0.1, linewidth=0.0)
+            axes.axvspan(since - 0.5, len(number) - 0.5, color=page.ORANGE, alpha=0.1, linewidth=0.0)
         axes.set_ylim(bottom=0.0)
-        axes.set_ylabel(f"{found.joint_names[j]} [{DISPLAY[found.joint_units[j]][0]}]")
-    shown = number[:: max(1, -(-len(number) // MOST_LABELS))]
+    shown = number[:: max(1, -(-len(number) // _MAX_LABELS))]
     labels = [_place(found.stretches[k]) for k in shown]
     axes.set_xticks(shown, labels, rotation=30, ha="right", fontsize=8)
     axes.set_xlim(-0.5, len(number) - 0.5)
@@ -73,12 +71,15 @@ def drift_picture(found: DriftFound) -> page.Picture:
     return page.picture(figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end.")
 
 
+def _joints(found: DriftFound) -> list[tuple[str, str]]:
+    return [(name, DISPLAY[unit][0]) for name, unit in zip(found.joint_names, found.joint_units, strict=True)]
+
+
 def _place(stretch: Stretch) -> str:
     day = stretch.date or stretch.recording
     return f"{day}, homing {stretch.homing}" if stretch.homing else day
 
 
-BEFORE, AFTER, PROMISED = "#b8c0cc", "#4b6b94", "#d9622b"
 PROMISE = "promised: between what the RMSE of other minutes of this day lies, of motion like these, 19 times of 20"
 
 
@@ -114,15 +115,15 @@ def write_refresh_report(
 def refresh_picture(refreshed: Refreshed, data: CalibrationData) -> page.Picture:
     """Draw each joint's error before the refresh, and after it on blocks that were not fitted to."""
     row = np.arange(len(data))
-    figure, panels = page.joint_panels(len(refreshed.changes), 1.7, spare=0.8)
+    joints = [(change.name, change.unit) for change in refreshed.changes]
+    figure, panels = page.joint_panels(joints, 1.7, spare=0.8)
     for j, (axes,) in enumerate(panels):
         change = refreshed.changes[j]
         scale = DISPLAY[data.joint_units[j]][1]
-        axes.plot(row, scale * refreshed.before[:, j], color=BEFORE, linewidth=1.0, label="before")
-        axes.plot(row, scale * refreshed.left[:, j], color=AFTER, linewidth=1.0, label="after, on blocks")
+        axes.plot(row, scale * refreshed.before[:, j], color=page.GREY, linewidth=1.0, label="before")
+        axes.plot(row, scale * refreshed.left[:, j], color=page.BLUE, linewidth=1.0, label="after, on blocks")
         for side, label in ((1.0, "promised RMSE"), (-1.0, None)):
-            axes.axhline(side * change.rmse_high, color=PROMISED, linewidth=1.2, linestyle="--", label=label)
-        axes.set_ylabel(f"{change.name} [{change.unit}]")
+            axes.axhline(side * change.rmse_high, color=page.ORANGE, linewidth=1.2, linestyle="--", label=label)
     axes.set_xlabel("row")
     axes.set_xlim(0, max(1, len(data) - 1))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)

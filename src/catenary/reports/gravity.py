@@ -8,17 +8,16 @@ from catenary.control.loop_report import Holding, Tracking
 from catenary.reports import page
 from catenary.units import DISPLAY, TORQUE_UNIT
 
-ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
-MOST_POINTS = 4_000  # in a line
-LEAST_RANGE = 0.01  # [deg|mm] of a picture of drift, to either side
+_MAX_POINTS = 4_000  # in a line
+_MIN_REACH = 0.01  # [deg|mm] of a picture of drift, to either side
 # title, what the page shows, what its table and picture hold
-TRACKING = (
+_TRACKING = (
     "Tracking with controller {controller}",
     "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014.",
     "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
     "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it.",
 )
-HOLDING = (
+_HOLDING = (
     "Held by controller {controller}",
     "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
     "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
@@ -52,7 +51,7 @@ def write_gravity_report(
     path: Path, result: Tracking | Holding, settings: Mapping[str, Any], *, arm: page.Picture | None = None
 ) -> None:
     """Write a page with the table, a picture over time and the settings, one of which is the controller's name."""
-    title, lead, text = HOLDING if isinstance(result, Holding) else TRACKING
+    title, lead, text = _HOLDING if isinstance(result, Holding) else _TRACKING
     drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)
     pictured: list[page.Block] = [] if arm is None else [page.Heading("The arm"), arm]
     blocks: list[page.Block] = [
@@ -71,13 +70,12 @@ def holding_picture(result: Holding) -> page.Picture:
     figure, rows, shown = _per_joint(result, columns=1)
     t = result.time[shown]
     for j, (axes,) in enumerate(rows):
-        unit, scale = DISPLAY[result.joint_units[j]]
-        for q, color, label in ((result.q, TORQUE, "as reported"), (result.q_true, ERROR, "joint")):
+        scale = DISPLAY[result.joint_units[j]][1]
+        for q, color, label in ((result.q, page.GREY, "as reported"), (result.q_true, page.BLUE, "joint")):
             axes.plot(t, scale * (q[shown, j] - q[0, j]), color=color, linewidth=1.2, label=label)
         low, high = axes.get_ylim()
         # rounding that fills a whole picture would look like a drift
-        axes.set_ylim(min(low, -LEAST_RANGE), max(high, LEAST_RANGE))
-        axes.set_ylabel(f"{result.joint_names[j]}\n[{unit}]")
+        axes.set_ylim(min(low, -_MIN_REACH), max(high, _MIN_REACH))
     rows[0][0].legend(frameon=False, fontsize=8, ncols=2)
     return page.picture(figure, "Distance of every joint from where it began.")
 
@@ -87,11 +85,10 @@ def tracking_picture(result: Tracking) -> page.Picture:
     figure, rows, shown = _per_joint(result, columns=2)
     t = result.time[shown]
     for j, (left, right) in enumerate(rows):
-        unit, scale = DISPLAY[result.joint_units[j]]
-        left.plot(t, scale * result.error[shown, j], color=ERROR, linewidth=0.8)
-        left.set_ylabel(f"{result.joint_names[j]}\nerror [{unit}]")
-        right.plot(t, result.torque[shown, j], color=TORQUE, linewidth=1.2, label="torque")
-        right.plot(t, result.feedback[shown, j], color=PD, linewidth=0.8, label="PD term")
+        scale = DISPLAY[result.joint_units[j]][1]
+        left.plot(t, scale * result.error[shown, j], color=page.BLUE, linewidth=0.8)
+        right.plot(t, result.torque[shown, j], color=page.GREY, linewidth=1.2, label="torque")
+        right.plot(t, result.feedback[shown, j], color=page.ORANGE, linewidth=0.8, label="PD term")
         right.set_ylabel(f"[{TORQUE_UNIT[result.joint_units[j]]}]")
     rows[0][1].legend(frameon=False, fontsize=8, ncols=2)
     return page.picture(figure, "Error of every joint, and its torque with the PD term's part.")
@@ -99,9 +96,10 @@ def tracking_picture(result: Tracking) -> page.Picture:
 
 def _per_joint(result: Tracking | Holding, *, columns: int) -> tuple[Any, Any, slice]:
     """Return a figure, a row of axes over time for every joint, and which ticks to draw."""
-    figure, rows = page.joint_panels(len(result.joint_names), 1.9, columns)
+    joints = [(name, DISPLAY[unit][0]) for name, unit in zip(result.joint_names, result.joint_units, strict=True)]
+    figure, rows = page.joint_panels(joints, 1.9, columns)
     for axes in rows.flat:
         axes.margins(x=0.01)
     for axes in rows[-1]:
         axes.set_xlabel("time [s]")
-    return figure, rows, slice(None, None, max(1, len(result.time) // MOST_POINTS))
+    return figure, rows, slice(None, None, max(1, len(result.time) // _MAX_POINTS))

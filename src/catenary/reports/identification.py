@@ -14,8 +14,8 @@ from catenary.reports import page
 from catenary.reports.robot_plot import robot_picture
 from catenary.units import TORQUE_UNIT
 
-SHOWN = 3000  # rows a picture draws; more are not seen
-SHOWN_POSES = 9  # of a recording
+_MAX_POINTS = 3000  # rows a picture draws; more are not seen
+_SHOWN_POSES = 9  # of a recording
 
 
 def write_identification_report(
@@ -37,8 +37,8 @@ def write_identification_report(
         page.Facts(excitation_facts(found)),
     ]
     for samples in shown[:1]:  # with the masses that were found where these are each link's
-        rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
-        caption = f"The robot in {SHOWN_POSES} poses of {samples.name}, the first of them whole."
+        rows = np.linspace(0, len(samples) - 1, _SHOWN_POSES).astype(int)
+        caption = f"The robot in {_SHOWN_POSES} poses of {samples.name}, the first of them whole."
         robot = found.model if found.phi is None else found.robot()
         blocks.append(robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity))
     for samples in shown:
@@ -120,10 +120,11 @@ def excitation_facts(found: Identification) -> list[tuple[str, str]]:
 
 def torque_picture(found: Identification, samples: Samples) -> page.Picture:
     """Draw measured and predicted torque of every axis over time."""
-    every = max(1, len(samples) // SHOWN)
+    every = max(1, len(samples) // _MAX_POINTS)
     tau, time = samples.tau[::every], samples.time[::every]
     predicted = found.predict_samples(samples)[::every]
-    figure, panels = page.joint_panels(found.model.n, 1.7)
+    units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
+    figure, panels = page.joint_panels(list(zip(found.model.joint_names, units, strict=True)), 1.7)
     for i, (axis,) in enumerate(panels):
         for values, colour, label in (
             (tau[:, i], "#5b6675", "measured"),
@@ -131,7 +132,6 @@ def torque_picture(found: Identification, samples: Samples) -> page.Picture:
             (tau[:, i] - predicted[:, i], "#1d6fb8", "residual"),
         ):
             axis.plot(time, values, color=colour, linewidth=0.8, label=label)
-        axis.set_ylabel(f"{found.model.joint_names[i]} [{TORQUE_UNIT[found.model.joint_units[i]]}]")
     panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
     axis.set_xlabel("row" if found.options.terms == "static" else "time [s]")
     return page.picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")

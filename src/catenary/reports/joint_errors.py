@@ -9,23 +9,21 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.evaluate import Evaluation, Spread, Window
+from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.fit_recordings import LeftOut
 from catenary.calibration.model import CalibrationModel
-from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, joint_columns, picture
+from catenary.reports.page import BLUE, ORANGE, Block, Column, Heading, Picture, Table, Text, joint_columns, picture
 from catenary.units import DISPLAY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_WINDOWS = 200  # rows of a page's table
-MOST_COLUMNS = 8  # joints side by side on a page
-RAW, OFFSET, MODEL, INTERVAL = "#8a94a3", "#4b6b94", "#d9622b", "#2a7f4f"
-MOST_POINTS = 10_000  # of a line; more would hide each other
-LONGEST_STEP = 5.0  # times the median step of a recording: beyond it rows are missing
-SHOWN_SHARE = 0.998  # of the errors, that a picture's range is made for
-LONGEST_LABEL = 32  # characters in a line of a legend
+RAW, OFFSET, MODEL, INTERVAL = "#8a94a3", BLUE, ORANGE, "#2a7f4f"
+MAX_POINTS = 10_000  # of a line; more would hide each other
+_GAP_STEPS = 5.0  # times the median step of a recording: beyond it rows are missing
+_SHOWN_SHARE = 0.998  # of the errors, that a picture's range is made for
+_LABEL_WIDTH = 32  # characters in a line of a legend
 
 
 def in_units(units: Iterable[str]) -> str:
@@ -69,27 +67,11 @@ def percent(value: float, digits: int) -> str:
 
 def window_table(evaluation: Evaluation) -> Table:
     """Return the RMSE after the model per window of time."""
-    return _windows(evaluation, range(len(evaluation.joints)), evaluation.windows)
-
-
-def window_blocks(evaluation: Evaluation, name: str) -> list[Block]:
-    """Return what a page says of the errors over time: tables of so many joints that a sheet of paper holds them."""
-    joints, shown = range(len(evaluation.joints)), evaluation.windows[:MOST_WINDOWS]
-    found: list[Block] = [
-        Heading(f"RMSE of {name} over time"),
-        *(_windows(evaluation, joints[k : k + MOST_COLUMNS], shown) for k in joints[::MOST_COLUMNS]),
-    ]
-    if len(evaluation.windows) > MOST_WINDOWS:
-        found.append(Text(f"The first {MOST_WINDOWS} of {len(evaluation.windows):,} windows."))
-    return found
-
-
-def _windows(evaluation: Evaluation, joints: Sequence[int], windows: Sequence[Window]) -> Table:
     unit = evaluation.window_unit
     first: list[Column] = ["recording", (f"from [{unit}]", "start:.0f"), (f"to [{unit}]", "end:.0f"), ("rows", "n")]
-    shown = [(evaluation.joints[j].name, evaluation.joints[j].unit) for j in joints]
-    per_joint = joint_columns(shown, lambda window, k: window.rmse[joints[k]], ".3f")
-    return Table([*first, *per_joint], windows, "RMSE of the model over time")
+    joints = [(joint.name, joint.unit) for joint in evaluation.joints]
+    per_joint = joint_columns(joints, lambda window, k: window.rmse[k], ".3f")
+    return Table([*first, *per_joint], evaluation.windows, "RMSE of the model over time")
 
 
 def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
@@ -195,7 +177,7 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, na
 def draw_legend(figure: "Figure", **where: Any) -> None:
     """Name the lines and the interval of a joint's errors once, above its panels."""
     named = [each for axes in figure.axes for each in zip(*axes.get_legend_handles_labels(), strict=True)]
-    labels = ["\n".join(textwrap.wrap(label, LONGEST_LABEL)) or label for _, label in named]
+    labels = ["\n".join(textwrap.wrap(label, _LABEL_WIDTH)) or label for _, label in named]
     legend = figure.legend([line for line, _ in named], labels, **where)
     for handle in legend.get_lines():
         handle.set_linewidth(3.0)
@@ -203,7 +185,7 @@ def draw_legend(figure: "Figure", **where: Any) -> None:
 
 def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
     """Show nearly all errors of a picture; return how many rows of any series lie beyond it."""
-    tails = (0.5 * (1.0 - SHOWN_SHARE), 0.5 * (1.0 + SHOWN_SHARE))
+    tails = (0.5 * (1.0 - _SHOWN_SHARE), 0.5 * (1.0 + _SHOWN_SHARE))
     low, high = np.array([np.quantile(line.values, tails) for line in series]).T
     bottom, top = min(0.0, low.min()), max(0.0, high.max())
     margin = 0.25 * (top - bottom)
@@ -221,10 +203,10 @@ def draw_errors_over_time(
     """Draw a joint's errors over time, the last close up below, with its interval; return how many rows lie beyond."""
     whole, close = panels
     x, recordings = running_time(evaluation)
-    shown = np.arange(0, len(x), len(x) // MOST_POINTS + 1)
+    shown = np.arange(0, len(x), len(x) // MAX_POINTS + 1)
     new, step = _new_recordings(evaluation), np.diff(evaluation.data.time)
     usual = np.median(step[~new]) if (~new).any() else 0.0
-    breaks = np.flatnonzero(new | (step > LONGEST_STEP * usual)) + 1  # before these rows some are missing
+    breaks = np.flatnonzero(new | (step > _GAP_STEPS * usual)) + 1  # before these rows some are missing
     gaps = np.unique(np.searchsorted(shown, breaks))
     unit, scale = DISPLAY[evaluation.data.joint_units[j]]
 
@@ -236,7 +218,7 @@ def draw_errors_over_time(
     for line in series:  # a row between two gaps has no line, but a dot
         whole.plot(at, parted(line.values), ".-", color=line.color, linewidth=0.7, markersize=1.0, label=line.label)
     close.plot(at, parted(corrected.values), ".-", color=corrected.color, linewidth=0.7, markersize=1.0)
-    reach = float(np.quantile(np.abs(corrected.values), SHOWN_SHARE))
+    reach = float(np.quantile(np.abs(corrected.values), _SHOWN_SHARE))
     if evaluation.level is not None:
         width = scale * evaluation.interval[:, j]
         reach, label = max(reach, float(np.median(width))), f"interval, {100.0 * evaluation.level:g} %"

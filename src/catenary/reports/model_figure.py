@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-SHOWN, SHOWN_ROWS = 10.0, 40  # [s] of motion without a delay; and rows of it, at least
-SHOWN_REACH = {"rad": 0.02, "m": 1e-3}  # of a joint that moves, not one whose sensor is noisy
-DELAYS = 20.0  # that the shown motion is long
+_SHOWN_S, _MIN_SHOWN_ROWS = 10.0, 40  # of motion without a delay; and rows of it, at least
+_MIN_REACH = {"rad": 0.02, "m": 1e-3}  # of a joint that moves, not one whose sensor is noisy
+_SHOWN_DELAYS = 20.0  # that the shown motion is long
 CAPTION = "Measured positions less their median error there. Where the lines turn at unlike times, a delay is left."
 
 
@@ -67,9 +67,9 @@ def times_of(log: MotionLog) -> Floats:
 def busy_rows(log: MotionLog, t: Floats, delay: float = 0.0, joint: int | None = None) -> tuple[int, slice]:
     """Return the fastest joint, or this one, and the rows where it goes to and fro most: a delay [s|rows] shows."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    count = min(len(t), int(max(SHOWN_ROWS, (DELAYS * delay or SHOWN) / max(step, 1e-9))))
+    count = min(len(t), int(max(_MIN_SHOWN_ROWS, (_SHOWN_DELAYS * delay or _SHOWN_S) / max(step, 1e-9))))
     reach = np.ptp(log.q_nominal, axis=0)
-    moved = reach > [SHOWN_REACH[unit] for unit in log.joint_units]
+    moved = reach > [_MIN_REACH[unit] for unit in log.joint_units]
     if joint is not None:
         moved &= np.arange(len(moved)) == joint
     steps = np.diff(log.q_nominal, axis=0) * log.ok[1:, None] / np.where(moved, reach, np.inf)
@@ -80,10 +80,10 @@ def busy_rows(log: MotionLog, t: Floats, delay: float = 0.0, joint: int | None =
     return int(j) if joint is None else joint, slice(int(first), int(first) + count)
 
 
-COLUMN = 3.5  # width of a journal's column [inch]
-HEIGHT = 9.2  # of the six panels [inch]
-BLOCKS = 20  # of time, each with its share of errors within the interval
-STYLE: dict[Any, Any] = {
+_WIDTH_INCH = 3.5  # of a journal's column
+_HEIGHT_INCH = 9.2  # of the six panels
+_COVERAGE_BLOCKS = 20  # of time, each with its share of errors within the interval
+_STYLE: dict[Any, Any] = {
     "font.size": 7.0,
     "axes.titlesize": 7.0,
     "axes.linewidth": 0.6,
@@ -104,13 +104,13 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
     j = 0 if joint is None else names.index(joint)
     unit, scale = DISPLAY[evaluation.data.joint_units[j]]
     series = joint_errors.error_series(evaluation, j, name)
-    with rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN, HEIGHT), layout="constrained")
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(_WIDTH_INCH, _HEIGHT_INCH), layout="constrained")
         over_time, close, histogram, loop, coverage, delay = figure.subplots(6, 1)
         joint_errors.draw_errors_over_time((over_time, close), evaluation, j, series)
         joint_errors.draw_legend(figure, loc="outside upper center", ncols=2)
         joint_errors.draw_histograms(histogram, series[1:], unit)
-        shown = slice(None, None, len(evaluation.data) // joint_errors.MOST_POINTS + 1)
+        shown = slice(None, None, len(evaluation.data) // joint_errors.MAX_POINTS + 1)
         for line in series[1:]:
             command = scale * evaluation.data.q_nominal[shown, j]
             loop.plot(command, line.values[shown], ".", color=line.color, markersize=1.0)
@@ -138,7 +138,7 @@ def _draw_coverage(axes: "Axes", evaluation: Evaluation, j: int) -> None:
     if evaluation.level is None:
         axes.text(0.5, 0.5, "the model has no intervals", ha="center", transform=axes.transAxes)
         return
-    parts = np.array_split(np.arange(len(x)), min(BLOCKS, len(x)))
+    parts = np.array_split(np.arange(len(x)), min(_COVERAGE_BLOCKS, len(x)))
     share = [100.0 * evaluation.held[rows, j].mean() for rows in parts]
     axes.step([x[rows[0]] for rows in parts] + [x[-1]], [*share, share[-1]], where="post", color=joint_errors.MODEL)
     axes.axhline(100.0 * evaluation.level, color=joint_errors.INTERVAL, linestyle="--")

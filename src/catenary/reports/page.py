@@ -15,8 +15,8 @@ from catenary.files import write_atomically
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DOTS_PER_INCH = 150
-LARGEST_SVG = 1_000_000  # [B] of a picture on a page
+GREY, BLUE, ORANGE = "#b8c0cc", "#4b6b94", "#d9622b"  # of what is drawn: before, after, and what stands out
+_DOTS_PER_INCH = 150
 # a heading with its unit, and what of a record stands below: a function, or KEY:FORM as "rmse:.3f", ":.1f %" of a share
 Column = str | tuple[str, str | Callable[[Any], Any]]
 
@@ -112,12 +112,11 @@ class Remarks(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """An image, as base64 of a PNG, and of an SVG for papers and talks."""
+    """An image, as base64 of a PNG."""
 
     png: str
     caption: str
     alt: str = ""  # what is seen, for who does not see it; the caption where empty
-    svg: str = ""  # empty where it would be large
 
 
 class Listing(NamedTuple):
@@ -144,24 +143,24 @@ def _told(value: object) -> str:
 
 def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     """Draw a matplotlib figure into a picture block, its axes open above and to the right."""
-    from matplotlib import rc_context
-
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
-    png, svg = io.BytesIO(), io.BytesIO()
-    figure.savefig(png, format="png", dpi=DOTS_PER_INCH)
-    with rc_context({"svg.hashsalt": "catenary"}):  # the same bytes each time
-        figure.savefig(svg, format="svg", metadata={"Date": None})
-    drawn = svg.getvalue() if svg.tell() <= LARGEST_SVG else b""
-    return Picture(base64.b64encode(png.getvalue()).decode(), caption, alt, base64.b64encode(drawn).decode())
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=_DOTS_PER_INCH)
+    return Picture(base64.b64encode(png.getvalue()).decode(), caption, alt)
 
 
-def joint_panels(n: int, height: float, columns: int = 1, *, spare: float = 0.0) -> tuple["Figure", Any]:
-    """Return a figure with a row of axes for each of n joints, `height` [inch] each, and these axes (n, columns)."""
+def joint_panels(
+    joints: Sequence[tuple[str, str]], height: float, columns: int = 1, *, spare: float = 0.0
+) -> tuple["Figure", Any]:
+    """Return a figure with a row of axes, `height` [inch], for each joint (name, unit), and its axes (n, columns)."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, height * n + spare), layout="constrained")
-    return figure, figure.subplots(n, columns, sharex=True, squeeze=False)
+    figure = Figure(figsize=(10.0, height * len(joints) + spare), layout="constrained")
+    panels = figure.subplots(len(joints), columns, sharex=True, squeeze=False)
+    for axes, (name, unit) in zip(panels[:, 0], joints, strict=True):
+        axes.set_ylabel(f"{name} [{unit}]")
+    return figure, panels
 
 
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
@@ -171,7 +170,7 @@ def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
     kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"
     buffer = io.BytesIO()
     with rc_context({"pdf.fonttype": 42}):
-        figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
+        figure.savefig(buffer, format=kind, dpi=_DOTS_PER_INCH)
     write_atomically(path, buffer.getvalue())
 
 

@@ -1,4 +1,4 @@
-"""The page of a project: what the robot did, errors before and after, the paper's table beside ours, latency, card."""
+"""The page of a project: what the robot did, errors before and after, latency, card."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,22 +11,11 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
 from catenary.reports.joint_errors import percent
-from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
+from catenary.reports.page import BLUE, Block, Column, Heading, Picture, Table, Text, picture
 from catenary.units import DISPLAY
 
-TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
-MOST_POINTS = 6_000
-PAPER_INPUTS = 16  # of all its models: positions and torques of an arm's eight channels, one of them unused
-PAPER_COLUMNS = tuple(f"paper, {PAPER_INPUTS} inputs: {joint}" for joint in ("J1 [deg]", "J2 [deg]", "J3 [mm]"))
-# Peng et al. 2024 (`reports.calibration.PAPER`), table I: a real RAVEN-II, trained on zig-zags in direction J2-J3
-# (1013 s), tested on 20 minutes of random motion; RMSE on J1 [deg], J2 [deg], J3 [mm]
-TABLE_1: dict[str, tuple[float, float, float]] = {
-    "raw": (2.103, 7.963, 11.715),
-    "fixed offset": (0.859, 1.095, 0.492),
-    "linear": (0.174, 0.186, 0.166),
-    "polynomial": (0.118, 0.222, 0.173),
-    "neural, preset paper": (0.104, 0.120, 0.118),
-}
+_TEST_COLOR = "#d9a441"
+_MAX_POINTS = 6_000  # of a recording
 
 
 def write_project_report(
@@ -40,31 +29,22 @@ def write_project_report(
     deployment: Mapping[str, Any] | None,
     *,
     notes: Sequence[str] = (),
-    inputs: Mapping[str, Sequence[int]] | None = None,
 ) -> None:
     """Write the page of a project, of the last evaluation's model; `connection` is "simulation", "ros1" or "ros2"."""
     name, evaluation = list(evaluations.items())[-1]
     opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
     further: list[Block] = []
-    where = None
     if deployment is not None:
-        where = _where(connection, any(s.simulated for s in evaluation.data.sources))
         further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection)]
-    opening += [Heading("Every model"), comparison_table(evaluations, inputs=inputs, beside_paper=where)]
+    opening += [Heading("Every model"), comparison_table(evaluations)]
     write_calibration_report(
         path, model, card, evaluation, tested_on=", ".join(log.name for log in test), notes=notes,
         opening=opening, further=further, name=name,
     )  # fmt: skip
 
 
-def comparison_table(
-    evaluations: Mapping[str, Evaluation],
-    title: str = "",
-    *,
-    inputs: Mapping[str, Sequence[int]] | None = None,
-    beside_paper: str | None = None,
-) -> Table:
-    """Return a row for each model, after raw errors and the fixed offset's; `beside_paper` adds the paper's table I."""
+def comparison_table(evaluations: Mapping[str, Evaluation], title: str = "") -> Table:
+    """Return a row for each model, after raw errors and the fixed offset's."""
     joints = next(iter(evaluations.values())).joints
     rows = [
         ["raw", *(f"{joint.raw_rmse:.3f}" for joint in joints)],
@@ -74,28 +54,12 @@ def comparison_table(
         cells = (f"{j.rmse:.3f} ({percent(j.percent_of_offset, 0)})" for j in evaluation.joints)
         rows.append([shown_name(name), *cells])
     header = ["model", *(f"{joint.name} [{joint.unit}]" for joint in joints)]
-    if inputs is not None:
-        told = {shown_name(name): "/".join(map(str, dict.fromkeys(counts))) for name, counts in inputs.items()}
-        header.insert(1, "inputs")
-        rows = [[name, told.get(name, "-"), *cells] for name, *cells in rows]
-    if beside_paper is not None:
-        header = [f"{header[0]} ({beside_paper})", *header[1:], *PAPER_COLUMNS]
-        paper = {name: [f"{value:.3f}" for value in errors] for name, errors in TABLE_1.items()}
-        rows = [[*row, *paper.get(row[0], ["-"] * 3)] for row in rows]
     return Table(header, rows, title)
 
 
 def shown_name(model: str) -> str:
     """Return a model's name as people read it."""
     return model.replace("_", ", preset ")
-
-
-def _where(connection: str, simulated: bool) -> str:
-    """Return what our numbers are of, beside the paper's robot."""
-    if connection == "simulation":
-        return "simulated"
-    network = connection.replace("ros", "ROS ")
-    return f"simulated, over {network}" if simulated else f"robot over {network}"
 
 
 def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[Block]:
@@ -150,9 +114,9 @@ def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
     figure = Figure(figsize=(3.4 * len(pairs), 3.3), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(pairs)))
     for ax, (i, j) in zip(axes, pairs, strict=True):
-        for logs, color, label in ((test, TEST_COLOR, "test"), (train, TRAIN_COLOR, "training")):
+        for logs, color, label in ((test, _TEST_COLOR, "test"), (train, BLUE, "training")):
             points = scale * np.concatenate([log.q_nominal for log in logs])
-            x, y = points[:: max(1, len(points) // MOST_POINTS), [i, j]].T
+            x, y = points[:: max(1, len(points) // _MAX_POINTS), [i, j]].T
             ax.plot(x, y, ".", markersize=1.5, color=color, alpha=0.6, label=label)
         for axis, joint in ((ax.set_xlabel, i), (ax.set_ylabel, j)):
             axis(f"{first.joint_names[joint]} [{DISPLAY[first.joint_units[joint]][0]}]")

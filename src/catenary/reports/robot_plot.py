@@ -12,7 +12,7 @@ from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.reports.page import Picture, picture
+from catenary.reports.page import BLUE, ORANGE, Picture, picture
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.units import TORQUE_UNIT, in_words
@@ -23,25 +23,24 @@ if TYPE_CHECKING:
 
 Part = Literal["frames", "masses", "gravity", "torques"]
 PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
-AXIS_COLORS = {"x": "#c0392b", "y": "#2a7f4f", "z": "#1d6fb8"}
-MASS, GRAVITY = "#8a6d1f", "#7a3e9d"
-LINK, TIP = "#4b6b94", "#d9622b"
-LEAST_EXTENT = 1.0  # [mm] of a picture
-APART = 1e-6  # [m] between points that are drawn as two
-BAR, RANGE, LIMIT = "#4b6b94", "#1c2430", "#c0392b"
-LEAST_TORQUE = 1e-9  # [Nm|N] that is no rounding
-SHOWN_LIMIT = 3.0  # times the largest bar: limits beyond are told in words alone
-WIDE_TEXT, SHORT_TEXT = 0.31, 0.16  # of the width: what is written beside a bar
-LONGEST_NAME = 24  # characters beside a bar
-WIDTH, ALONE, LEAST_HEIGHT = 10.0, 6.5, 5.2  # [inch]
-ROW = 0.34  # [inch] of a joint's bar
-TRIAD = 0.10  # of half the picture's width: the axes of a frame
-ARROW = 0.45  # of it: gravity
-SLIDE = 0.12  # of it, to either side: the axis of a joint
-LARGEST_MASS = 16.0  # [points] across
-OTHER_POSES = 12  # drawn at most
-MANY_JOINTS = 8
-CLOSE = 0.02  # of half the width: joints whose numbers stand at one place
+_AXIS_COLORS = {"x": "#c0392b", "y": "#2a7f4f", "z": "#1d6fb8"}
+_MASS_COLOR, _GRAVITY_COLOR = "#8a6d1f", "#7a3e9d"
+_MIN_EXTENT_MM = 1.0  # of a picture
+_SAME_POINT_M = 1e-6  # between points that are drawn as two
+_RANGE_COLOR, _LIMIT_COLOR = "#1c2430", "#c0392b"
+_ROUNDING_TORQUE = 1e-9  # [Nm|N] that is no rounding
+_SHOWN_LIMIT_BARS = 3.0  # times the largest bar: limits beyond are told in words alone
+_WIDE_TEXT_SHARE, _SHORT_TEXT_SHARE = 0.31, 0.16  # of the width: what is written beside a bar
+_MAX_NAME_LENGTH = 24  # characters beside a bar
+_WIDTH_INCH, _ALONE_INCH, _MIN_HEIGHT_INCH = 10.0, 6.5, 5.2
+_ROW_INCH = 0.34  # of a joint's bar
+_TRIAD_SHARE = 0.10  # of half the picture's width: the axes of a frame
+_ARROW_SHARE = 0.45  # of it: gravity
+_AXIS_SHARE = 0.12  # of it, to either side: the axis of a joint
+_MAX_MASS_POINTS = 16.0  # [points] across
+_MAX_OTHER_POSES = 12  # drawn at most
+_MANY_JOINTS = 8
+_SAME_PLACE_SHARE = 0.02  # of half the width: joints whose numbers stand at one place
 
 
 def plot(
@@ -106,8 +105,8 @@ def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[A
         return on, []
     groups = joints_by_unit(model) if with_bars else {}
     if on is None:
-        height = max(LEAST_HEIGHT, ROW * model.n + 0.9 * len(groups)) if groups else ALONE
-        on = Figure(figsize=(WIDTH if groups else ALONE, height), layout="constrained")
+        height = max(_MIN_HEIGHT_INCH, _ROW_INCH * model.n + 0.9 * len(groups)) if groups else _ALONE_INCH
+        on = Figure(figsize=(_WIDTH_INCH if groups else _ALONE_INCH, height), layout="constrained")
     if not groups:
         return on.add_subplot(projection="3d"), []
     grid = on.add_gridspec(
@@ -120,13 +119,13 @@ def _draw_robot(axes: Any, model: RobotModel, rows: Floats, gravity: Floats, hid
     q = rows[0]
     rotations, origins = link_poses(model, q)
     points = [draw_links(axes, model, q)]
-    for k in np.unique(np.linspace(0, len(rows) - 1, OTHER_POSES + 1).astype(int))[1:]:
+    for k in np.unique(np.linspace(0, len(rows) - 1, _MAX_OTHER_POSES + 1).astype(int))[1:]:
         points.append(draw_links(axes, model, rows[k], width=1.2, alpha=0.3))
     middle, half = equal_axes(axes, np.vstack(points))
-    size = TRIAD * half
+    size = _TRIAD_SHARE * half
     _draw_joints(axes, model, q, rotations, origins, half)
     if "frames" not in hide:
-        for name, color in AXIS_COLORS.items():
+        for name, color in _AXIS_COLORS.items():
             axes.plot([], [], color=color, linewidth=1.6, label=name)
         _draw_triad(axes, np.eye(3), np.zeros(3), 1.6 * size)
         for rotation, origin in zip(rotations, origins, strict=True):
@@ -147,7 +146,7 @@ def _draw_robot(axes: Any, model: RobotModel, rows: Floats, gravity: Floats, hid
 
 
 def _draw_triad(axes: Any, rotation: Floats, origin: Floats, size: float) -> None:
-    for axis, color in zip(rotation.T, AXIS_COLORS.values(), strict=True):
+    for axis, color in zip(rotation.T, _AXIS_COLORS.values(), strict=True):
         axes.plot(*np.array([origin, origin + size * axis]).T, color=color, linewidth=1.6, alpha=0.9)
 
 
@@ -161,7 +160,7 @@ def _draw_joints(axes: Any, model: RobotModel, q: Floats, rotations: Floats, ori
             continue
         link = int(links[0])  # the first that it moves
         origin, along = 1e3 * origins[link], rotations[link] @ tree.axis[link]
-        start, end = -SLIDE * half, SLIDE * half
+        start, end = -_AXIS_SHARE * half, _AXIS_SHARE * half
         style: dict[str, Any] = {"linewidth": 4.0, "alpha": 0.75}
         if tree.prismatic[link]:
             style = {"linewidth": 1.2, "linestyle": "--"}
@@ -169,16 +168,16 @@ def _draw_joints(axes: Any, model: RobotModel, q: Floats, rotations: Floats, ori
             if np.isfinite(ends).all() and abs(model.coupling[link, coordinate]) == 1.0:
                 turned = model.coupling[link, coordinate]
                 start, end = (1e3 * turned * (stop - q[coordinate]) for stop in ends)
-        axes.plot(*np.array([origin + start * along, origin + end * along]).T, color=RANGE, **style)
+        axes.plot(*np.array([origin + start * along, origin + end * along]).T, color=_RANGE_COLOR, **style)
         for place, names in numbers:
-            if np.linalg.norm(place - origin) < CLOSE * half:
+            if np.linalg.norm(place - origin) < _SAME_PLACE_SHARE * half:
                 names.append(str(coordinate + 1))
                 break
         else:
             numbers.append((origin, [str(coordinate + 1)]))
     for place, names in numbers:
-        size = 8 if model.n <= MANY_JOINTS else 6
-        axes.text(*(place + 0.06 * half), ", ".join(names), fontsize=size, color=RANGE)
+        size = 8 if model.n <= _MANY_JOINTS else 6
+        axes.text(*(place + 0.06 * half), ", ".join(names), fontsize=size, color=_RANGE_COLOR)
 
 
 def _draw_masses(axes: Any, model: RobotModel, rotations: Floats, origins: Floats) -> None:
@@ -190,19 +189,19 @@ def _draw_masses(axes: Any, model: RobotModel, rotations: Floats, origins: Float
     if model.missing_inertia:
         axes.plot([], [], " ", label=f"without mass in its description: {len(model.missing_inertia)} links")
     at = 1e3 * (origins + np.einsum("kij,kj->ki", rotations, tree.com))[heavy]
-    across = LARGEST_MASS * np.cbrt(tree.mass[heavy] / tree.mass.max())
+    across = _MAX_MASS_POINTS * np.cbrt(tree.mass[heavy] / tree.mass.max())
     axes.scatter(
-        *at.T, s=across**2, color=MASS, alpha=0.55, linewidths=0.0, depthshade=False,
+        *at.T, s=across**2, color=_MASS_COLOR, alpha=0.55, linewidths=0.0, depthshade=False,
         label=f"centres of mass, {tree.mass.max():.3g} kg and less",
     )  # fmt: skip
 
 
 def _draw_gravity(axes: Any, gravity: Floats, middle: Floats, half: float) -> None:
     size = float(np.linalg.norm(gravity))
-    along = ARROW * half * gravity / max(size, 1e-12)
+    along = _ARROW_SHARE * half * gravity / max(size, 1e-12)
     start = middle + half * np.array([-0.8, 0.8, 0.7]) - 0.5 * along
     label = f"gravity, {size:.4g} m/s2"
-    axes.quiver(*start, *along, color=GRAVITY, linewidth=2.0, arrow_length_ratio=0.25, label=label)
+    axes.quiver(*start, *along, color=_GRAVITY_COLOR, linewidth=2.0, arrow_length_ratio=0.25, label=label)
 
 
 def end_frames(model: RobotModel) -> list[str]:
@@ -210,7 +209,7 @@ def end_frames(model: RobotModel) -> list[str]:
     farthest: dict[int, tuple[float, str]] = {}
     for name, (link, pose) in model.frames.items():
         distance = float(np.linalg.norm(pose.position))
-        if link >= 0 and link not in model.tree.parent and distance > farthest.get(link, (APART, ""))[0]:
+        if link >= 0 and link not in model.tree.parent and distance > farthest.get(link, (_SAME_POINT_M, ""))[0]:
             farthest[link] = (distance, name)
     farthest.pop(model.frame().link, None)
     return [model.tip, *(name for _, name in farthest.values())]
@@ -233,9 +232,9 @@ def draw_links(axes: Any, model: RobotModel, q: Floats, *, width: float = 2.5, a
     links = len(model.link_names)
     for k, line in enumerate(segments):
         dot = {"marker": "o", "markersize": 1.2 * width} if k < links else {}
-        axes.plot(*line.T, color=LINK, linewidth=width, alpha=alpha, solid_capstyle="round", **dot)
-    axes.plot(*np.zeros((3, 1)), "s", color=LINK, markersize=2.4 * width, alpha=alpha)
-    axes.plot(*segments[links:, 1].T, "o", color=TIP, markersize=2.4 * width, alpha=alpha)
+        axes.plot(*line.T, color=BLUE, linewidth=width, alpha=alpha, solid_capstyle="round", **dot)
+    axes.plot(*np.zeros((3, 1)), "s", color=BLUE, markersize=2.4 * width, alpha=alpha)
+    axes.plot(*segments[links:, 1].T, "o", color=ORANGE, markersize=2.4 * width, alpha=alpha)
     return np.vstack([np.zeros((1, 3)), segments.reshape(-1, 3)])
 
 
@@ -244,7 +243,7 @@ def equal_axes(axes: Any, points: Floats) -> tuple[Floats, float]:
     from matplotlib.ticker import MaxNLocator
 
     middle: Floats = (points.max(axis=0) + points.min(axis=0)) / 2.0
-    half = max(LEAST_EXTENT, float(np.ptp(points, axis=0).max())) * 0.52
+    half = max(_MIN_EXTENT_MM, float(np.ptp(points, axis=0).max())) * 0.52
     for name, at in zip("xyz", middle, strict=True):
         getattr(axes, f"set_{name}lim")(at - half, at + half)
         getattr(axes, f"set_{name}label")(f"{name} [mm]", fontsize=8)
@@ -269,29 +268,29 @@ def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: F
 def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, joints: Sequence[int]) -> None:
     rows = np.arange(len(joints))
     own, limits = tau[:, joints], model.effort_limit[list(joints)]
-    reach = max(float(np.abs(own).max()), LEAST_TORQUE)
-    axes.barh(rows, own[0], height=0.5, color=BAR)
+    reach = max(float(np.abs(own).max()), _ROUNDING_TORQUE)
+    axes.barh(rows, own[0], height=0.5, color=BLUE)
     if len(own) > 1:
-        axes.hlines(rows, own.min(axis=0), own.max(axis=0), color=RANGE, linewidth=1.2)
-    shown = limits <= SHOWN_LIMIT * reach
+        axes.hlines(rows, own.min(axis=0), own.max(axis=0), color=_RANGE_COLOR, linewidth=1.2)
+    shown = limits <= _SHOWN_LIMIT_BARS * reach
     for side in (-1.0, 1.0):
-        axes.vlines(side * limits[shown], rows[shown] - 0.4, rows[shown] + 0.4, color=LIMIT, linewidth=1.5)
+        axes.vlines(side * limits[shown], rows[shown] - 0.4, rows[shown] + 0.4, color=_LIMIT_COLOR, linewidth=1.5)
     # names of the values stand beside the bars, so that a short one can be read as well
     least, most = np.minimum(own.min(axis=0), 0.0), np.maximum(own.max(axis=0), 0.0)
     for row, (value, limit) in enumerate(zip(own[0], limits, strict=True)):
         share = f" ({100.0 * abs(value) / limit:.0f} % of {limit:g})" if np.isfinite(limit) else ""
-        text = f"{value:.3g}{share}" if abs(value) > LEAST_TORQUE else "0"
+        text = f"{value:.3g}{share}" if abs(value) > _ROUNDING_TORQUE else "0"
         end, where, away = (least[row], "right", -4.0) if value < 0.0 else (most[row], "left", 4.0)
         box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.8}
         style = {"fontsize": 8, "va": "center", "ha": where, "bbox": box}
         axes.annotate(text, (end, row), xytext=(away, 0.0), textcoords="offset points", **style)
     low, high = min([*least, *-limits[shown]]), max([*most, *limits[shown]])
     # room for what is written at the ends, as a share of the whole width
-    written = WIDE_TEXT if np.isfinite(limits).any() else SHORT_TEXT
-    left = written if (own[0] < -LEAST_TORQUE).any() else 0.02
+    written = _WIDE_TEXT_SHARE if np.isfinite(limits).any() else _SHORT_TEXT_SHARE
+    left = written if (own[0] < -_ROUNDING_TORQUE).any() else 0.02
     whole = (high - low) / (1.0 - left - written) if high > low else 1.0
     axes.set_xlim(low - left * whole, high + written * whole)
-    axes.axvline(0.0, color=RANGE, linewidth=0.6)
+    axes.axvline(0.0, color=_RANGE_COLOR, linewidth=0.6)
     axes.set_yticks(rows, [_name(model, j, q[j]) for j in joints], fontsize=8)
     axes.set_ylim(len(joints) - 0.5, -0.5)
     axes.set_xlabel(f"[{unit}]{'; red: limit of the motor' if shown.any() else ''}", fontsize=8)
@@ -302,5 +301,5 @@ def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, 
 
 def _name(model: RobotModel, joint: int, position: float) -> str:
     name = model.joint_names[joint]
-    cut = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
+    cut = name if len(name) <= _MAX_NAME_LENGTH else f"{name[: _MAX_NAME_LENGTH - 3]}..."
     return f"{joint + 1}  {cut}\n{in_words(position, model.joint_units[joint], 1)}"

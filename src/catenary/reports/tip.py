@@ -15,7 +15,7 @@ from catenary.reports.page import Block, Column, Heading, Table, Text
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 
-STILL = 1e-9  # [m] that a tip moves by rounding
+_ROUNDING_M = 1e-9  # that a tip moves by rounding
 
 
 class TipErrors(NamedTuple):
@@ -109,4 +109,4 @@ def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
     q = np.full((2, robot.n), 0.1)
     q[1, list(places)] = 0.0
     first, second = forward_kinematics(robot, q)[1]
-    return bool(np.linalg.norm(first - second) > STILL)
+    return bool(np.linalg.norm(first - second) > _ROUNDING_M)

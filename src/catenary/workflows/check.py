@@ -53,12 +53,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-FORMAT = "catenary.check.1"  # of what --json prints
-ROWS = 18  # of a screen of 24, that facts, joints, faults and remarks of two rows share
-LONGEST = 170  # letters of a remark on it
+_FORMAT = "catenary.check.1"  # of what --json prints
+_SCREEN_ROWS = 18  # of a screen of 24, that facts, joints, faults and remarks of two rows share
+_MAX_REMARK_LENGTH = 170  # letters of a remark on it
 Line = tuple[str, str]  # what a fact is called, and what it says
-SOUND = "nothing wrong found"
-DOUBTS = ("jump", "drift", "filled", "missing", "units")  # notes by which errors are those of something else
+_SOUND = "nothing wrong found"
+_DOUBTED_NOTES = ("jump", "drift", "filled", "missing", "units")  # notes by which errors are those of something else
 
 
 @dataclass
@@ -86,10 +86,12 @@ class FileReport:
         """What it comes to, in a sentence."""
         if self.faults:
             return f"{len(self.faults)} fault(s) found"
-        doubted = [" of ".join(filter(None, (x.name, ", ".join(x.joints)))) for x in self.findings if x.name in DOUBTS]
+        doubted = [
+            " of ".join(filter(None, (x.name, ", ".join(x.joints)))) for x in self.findings if x.name in _DOUBTED_NOTES
+        ]
         none = {f"{x.name}: {x}" for x in self.findings if x.delay is not None and x.delay.sure == "none"}
         count = len(set(self.remarks) - none)
-        sound = f"no fault found, {count} remark{'s' * (count > 1)}" if count else SOUND
+        sound = f"no fault found, {count} remark{'s' * (count > 1)}" if count else _SOUND
         return "; ".join([*([f"in doubt: {', '.join(doubted)}"] if doubted else []), sound, *self.hiding])
 
     @property
@@ -98,8 +100,10 @@ class FileReport:
         if self.joints is None:
             return self.remarks
         told = ("units not stated", *(f"{name}: " for name, _ in self.lines))
-        remarks = [shorten(each, LONGEST, placeholder=" ...") for each in self.remarks if not each.startswith(told)]
-        room = ROWS - len(self.lines) - len(self.joints.records) - 2 * len(self.faults)
+        remarks = [
+            shorten(each, _MAX_REMARK_LENGTH, placeholder=" ...") for each in self.remarks if not each.startswith(told)
+        ]
+        room = _SCREEN_ROWS - len(self.lines) - len(self.joints.records) - 2 * len(self.faults)
         most = max(1, room // 2 - 1)
         more = len(remarks) - most
         return [*remarks[:most], *[f"{more} more, and all of these whole: --json"] * (more > 0)]
@@ -108,11 +112,11 @@ class FileReport:
         """Return plain data."""
         told = {key: getattr(self, key) for key in ("kind", "facts", "faults", "remarks")}
         findings = [asdict(finding) for finding in self.findings]
-        return {"format": FORMAT, **told, "findings": findings, "verdict": self.verdict, "next": self.next}
+        return {"format": _FORMAT, **told, "findings": findings, "verdict": self.verdict, "next": self.next}
 
 
-LONG_GAP = 10.0  # times the median step between stamps
-FEW_REVERSALS = 6  # of a joint: its slack and hysteresis are hardly shown
+_GAP_STEPS = 10.0  # times the median step between stamps
+_MIN_REVERSALS = 6  # of a joint: its slack and hysteresis are hardly shown
 Limits = tuple[float, ...] | None
 
 
@@ -159,7 +163,7 @@ def check_recording(
     found.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{found.lines[0][1]}")
     found.findings = findings
     found.remarks = [f"{each.name}: {each}" for each in findings if not each.refuses]
-    few = [f"{j['name']} {j['reversals']} times" for j in found.facts["joints"] if 0 < j["reversals"] < FEW_REVERSALS]
+    few = [f"{j['name']} {j['reversals']} times" for j in found.facts["joints"] if 0 < j["reversals"] < _MIN_REVERSALS]
     found.remarks += [f"few reversals ({', '.join(few)}): they hardly show slack and hysteresis"] * bool(few)
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
@@ -216,9 +220,9 @@ def recording_report(
     steps = np.diff(np.empty(0) if log.time is None else log.time)
     if len(forward := steps[steps > 0.0]):
         duration, median = float(forward.sum()), float(np.median(forward))
-        gaps, longest = int((forward > LONG_GAP * median).sum()), float(forward.max())
+        gaps, longest = int((forward > _GAP_STEPS * median).sum()), float(forward.max())
         found.facts |= {"median_step_s": median, "gaps": gaps, "longest_gap_s": longest if gaps else None}
-        long = f"{gaps} gaps longer than {LONG_GAP:g} steps, the longest {longest:.3g} s" if gaps else "no gaps"
+        long = f"{gaps} gaps longer than {_GAP_STEPS:g} steps, the longest {longest:.3g} s" if gaps else "no gaps"
         told = f"{duration:.1f} s, median step {median:.4g} s ({1.0 / median:.4g} Hz), {long}"
         found.tell("duration_s", duration, told, called="duration")
     found.lines.append(("units", f"{', '.join(log.joint_units)}: {units}"))
@@ -271,8 +275,8 @@ def _table(joints: Sequence[dict[str, Any]], *, measured: bool) -> Table:
 
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".json")
-REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
-ROUNDING = 1e-9  # two ways to sum the same offset differ in their last digits
+_STILL_SPEED = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
+_ROUNDING_SHARE = 1e-9  # two ways to sum the same offset differ in their last digits
 
 
 def check_file(
@@ -446,7 +450,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     try:
         samples = prepare(log, model, options)
         speed = np.sqrt(np.mean(samples.qd**2, axis=0))
-        still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < REST and terms == "full"]
+        still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < _STILL_SPEED and terms == "full"]
         remarks += [*samples.notes, *[f"stands still: {', '.join(still)}"] * bool(still)]
         result = identify_samples([samples], model, options)
     except (InputError, ExcitationError) as error:
@@ -519,7 +523,7 @@ def _check_model(path: Path, model: CalibrationModel, card: Card) -> FileReport:
             joint["cross_validation"] = {"rmse": rmse, "rmse_sd": sd, "offset_rmse": offset}
             spread = f"RMSE {rmse:.3f} ± {sd:.3f} {shown} on unseen data"
             on_blocks.append((name, f"{spread} (fixed offset {offset:.3f})"))
-            if rmse > offset * (1.0 + ROUNDING):
+            if rmse > offset * (1.0 + _ROUNDING_SHARE):
                 found.faults.append(f"{name}: worse than the fixed offset on unseen data")
         if (one := last.get(name)) is not None:
             joint["held_out"] = {"rmse": one["rmse"], "offset_rmse": one["offset_rmse"]}

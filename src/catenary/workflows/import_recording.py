@@ -34,7 +34,7 @@ from catenary.verdict.finding import Finding
 from catenary.verdict.mend import Mend, si_units, units_of
 from catenary.verdict.turns import turned_back
 
-MOST_JUDGED = 4_000_000  # positions of joints; what they are judged by takes 0.6 GB
+_MAX_JUDGED_POSITIONS = 4_000_000  # positions of joints; what they are judged by takes 0.6 GB
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
@@ -105,7 +105,9 @@ def import_to_file(
         left = not_used(opened[0].streams, columns_wanted(*opened))
     del opened
     first = next(logs)
-    judged = deepcopy(first.part(0, min(len(first), MOST_JUDGED // len(first.joint_names))))  # holds no more of it
+    judged = deepcopy(
+        first.part(0, min(len(first), _MAX_JUDGED_POSITIONS // len(first.joint_names)))
+    )  # holds no more of it
     rows, measured, last_time, notes = 0, 0, judged.time, judged.notes
 
     def counted() -> Iterator[MotionLog]:
@@ -118,7 +120,7 @@ def import_to_file(
     write_pieces(counted(), out)
     seconds = None if judged.time is None or last_time is None else float(last_time.max() - judged.time.min())
     has_encoder = judged.q_encoder is not None
-    if len(judged) < rows <= MOST_JUDGED // len(judged.joint_names) and has_encoder:
+    if len(judged) < rows <= _MAX_JUDGED_POSITIONS // len(judged.joint_names) and has_encoder:
         judged = read_log(out)
     found = findings_of(judged, robot=robot_of([judged], robot)) if has_encoder else ()
     if len(judged) < rows and has_encoder:
@@ -194,9 +196,9 @@ def _as_mapping(mapping: MappingLike | None, units: str | None, robot: str | Non
     return mapping_of((), file=Path(options[0]), **given) if is_file else mapping_of(options, **given)
 
 
-MOST_NUMBERS = 1_500_000  # of a piece
+_PIECE_NUMBERS = 1_500_000  # of a piece
 _COUNTS = re.compile(r"\d+ of \d+ |\(s\)|\d repeated|\d messages|\d rows")  # in a note that is of a piece's rows
-OVERLAP = 10_000  # rows before and behind a piece: of an encoder at a hundredth of the rate a hundred samples
+_OVERLAP_ROWS = 10_000  # rows before and behind a piece: of an encoder at a hundredth of the rate a hundred samples
 
 
 def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | None = None) -> Iterator[MotionLog]:
@@ -252,14 +254,14 @@ def _windows(
     """Yield a piece's first and last row (None of the last piece), the row that its streams begin with, and these."""
     held: dict[str, list[Stream]] = {name: [] for name in wanted}
     base, width = next(iter(wanted)), max(1, sum(map(len, wanted.values())))
-    size, first, begin, count = max(2 * OVERLAP, MOST_NUMBERS // width), 0, 0, 0
+    size, first, begin, count = max(2 * _OVERLAP_ROWS, _PIECE_NUMBERS // width), 0, 0, 0
     for part in chain.from_iterable(parts):
         held[part.name].append(part)
         count += part.rows if part.name == base else 0
-        while count >= first + size + OVERLAP:
+        while count >= first + size + _OVERLAP_ROWS:
             held = {name: [joined(several)] for name, several in held.items() if several}
-            yield first, first + size, begin, _between(held, wanted, 0, first + size + OVERLAP - begin)
-            first, kept = first + size, first + size - OVERLAP
+            yield first, first + size, begin, _between(held, wanted, 0, first + size + _OVERLAP_ROWS - begin)
+            first, kept = first + size, first + size - _OVERLAP_ROWS
             left = _between(held, wanted, kept - begin, None)
             held, begin = {stream.name: [stream] for stream in left}, kept
     if count:
@@ -311,7 +313,11 @@ def _going_on(log: MotionLog, rows: Integers, before: MotionLog, its: Integers) 
 
 def _in_words(alike: Collection[str]) -> str:
     """Return the first of notes that differ in numbers, and in how many pieces they are."""
-    more = f"; likewise in {len(alike) - 1} more pieces, which overlap by {2 * OVERLAP} rows" if len(alike) > 1 else ""
+    more = (
+        f"; likewise in {len(alike) - 1} more pieces, which overlap by {2 * _OVERLAP_ROWS} rows"
+        if len(alike) > 1
+        else ""
+    )
     return next(iter(alike)) + more
 
 

@@ -30,8 +30,8 @@ MAPPING = ["q_nominal=cmd1,cmd2", "q_encoder=enc1,enc2"]
 def pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources, "LONG_TEXT", 1000)
     monkeypatch.setattr(csv_files, "SAMPLED_NUMBERS", 10_000)
-    monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 5 * 700)
-    monkeypatch.setattr(in_pieces, "OVERLAP", 200)
+    monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 5 * 700)
+    monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 200)
     monkeypatch.setattr(csv_files, "_BLOCK", 1 << 14)
 
 
@@ -120,7 +120,7 @@ def test_what_pieces_say_is_in_the_log_once(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("pieces")
 def test_memory_is_that_of_a_piece_and_of_what_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catenary.workflows.import_recording.MOST_JUDGED", ROWS)
+    monkeypatch.setattr("catenary.workflows.import_recording._MAX_JUDGED_POSITIONS", ROWS)
     most = []
     for times in (1, 3):
         table = written(
@@ -155,8 +155,8 @@ def test_a_bags_log_does_not_depend_on_the_pieces(
     absent = {"lost": {"columns": "/arm/lost.position", "optional": True}}
     mapping = BY_TOPIC | {"tau": {"columns": f"{STATE}.effort", "optional": True}, "signals": absent}
     whole = import_recording(paths, mapping)
-    monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 12 * 40)
-    monkeypatch.setattr(in_pieces, "OVERLAP", 15)
+    monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 12 * 40)
+    monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 15)
     monkeypatch.setattr(message_columns, "_BATCH", 20)
     monkeypatch.setattr(bag_reader, "AT_ONCE", 20)
     done = import_to_file(tmp_path / "log.parquet", paths, mapping)
@@ -174,7 +174,7 @@ def test_bags_by_clocks_that_differ_are_held_whole(tmp_path: Path, monkeypatch: 
     state = a_bag_a_topic(tmp_path)[1]
     camera = write_bag(tmp_path / "late", "ros1", {CAMERA: JOINT_STATE}, late, late={CAMERA: 3600 * 10**9})
     whole = import_recording([state, camera], BY_TOPIC | {"stamps": "header"})
-    monkeypatch.setattr(in_pieces, "MOST_NUMBERS", 12 * 40)
+    monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 12 * 40)
     done = import_to_file(tmp_path / "log.parquet", [state, camera], BY_TOPIC | {"stamps": "header"})
     assert (done.rows, done.measured) == (len(whole), int(whole.ok.sum()))
     assert done.measured > 700

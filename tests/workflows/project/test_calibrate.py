@@ -7,7 +7,6 @@ import pytest
 import simulated_arm
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.errors import InputError
-from catenary.reports.project import comparison_table
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings
@@ -84,9 +83,3 @@ def test_unfit_tests_are_refused_before_anything_is_fitted(days: tuple[Path, Pat
         with pytest.raises(InputError, match=words):
             calibrated(project, train, test)
     assert not (project / "models").exists()
-
-
-def test_inputs_of_models_are_told_joint_by_joint_where_they_differ(finished: CalibrationResult) -> None:
-    table = comparison_table(finished.evaluations, inputs={"linear": [6, 6], RECOMMENDED: [6, 10]})
-    assert table.header[:2] == ["model", "inputs"]
-    assert [row[1] for row in table.rows] == ["-", "-", "6", "6/10"]

@@ -25,7 +25,7 @@ QUICK_MODELS = {calibrate.RECOMMENDED: FitOptions(kind="linear")}
 @pytest.mark.slow
 def test_a_psm_is_calibrated_from_homing_to_a_report(tmp_path, monkeypatch):
     monkeypatch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
-    monkeypatch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
+    monkeypatch.setattr(calibrate, "_DEPLOY_S", 2.0)
     project = Project(tmp_path / "psm", SHORT)
     done = calibrate.calibrate_robot(project)
     assert done.page.is_file()

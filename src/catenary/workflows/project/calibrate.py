@@ -32,8 +32,8 @@ from catenary.workflows.project.recordings import (
 from catenary.workflows.project.robot import ProjectRobot, SimulatedRobot
 
 TRAIN, TEST = "train", "test"
-VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
-DEPLOY_SECONDS = 20.0
+_VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
+_DEPLOY_S = 20.0
 POSITIONING_INPUTS = tuple(f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion"))
 # the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
 RAVEN_INPUTS = {
@@ -121,7 +121,7 @@ def calibrate_robot(
 
     def deploy() -> None:
         model, _ = load_model(model_path(project, RECOMMENDED))
-        motion, _ = random_motion(project, DEPLOY_SECONDS, 1)
+        motion, _ = random_motion(project, _DEPLOY_S, 1)
         write(deployed, robot.deploy(project, model, motion, after=TEST))
 
     with project:
@@ -136,7 +136,7 @@ def calibrate_robot(
         train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
         fit_models(project, train, models, run, progress, Reading())
         progress("deploy")
-        made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), DEPLOY_SECONDS]
+        made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), _DEPLOY_S]
         project.run("deploy", made_from, [deployed], deploy)
         progress("report")
         return conclude(project, models, train, test, deployed, Reading(), run)
@@ -258,7 +258,7 @@ def conclude(
         model_path=model_path(project, RECOMMENDED),
         evaluations={name: result.evaluation for name, result in results.items()},
         deployment=deployment,
-        repeated=tuple(VERBS.get(step, step) for step in project.ran),
+        repeated=tuple(_VERBS.get(step, step) for step in project.ran),
         advice=(
             *(str(JointChoice(**choice)) for choice in best.card.get("choice") or ()),
             *warnings_of(best.evaluation),
@@ -268,12 +268,10 @@ def conclude(
 
     def work() -> None:
         write(evaluation, concluded.summary())
-        groups = {name: result.model.groups for name, result in results.items()}
-        counts = {name: {j: len(g.columns) for g in each for j in g.joints} for name, each in groups.items()}
         fitted_to, tested_on = (recordings_for(best.model, paths, reading) for paths in (train, test))
         write_project_report(
             page, project.settings.connection, best.model, best.card, concluded.evaluations, fitted_to, tested_on,
-            deployment, notes=best.notes, inputs={name: [of[j] for j in sorted(of)] for name, of in counts.items()},
+            deployment, notes=best.notes,
         )  # fmt: skip
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]

@@ -2,17 +2,12 @@
 
 Every step writes its files and then a line into steps.json: what it was made from, a hash of that, and size, time and
 hashes of its files. A step whose settings and inputs are the same as before, and whose files hold what they held, is
-not run again. One process at a time writes; what only reads needs no lock, and nothing is written that did not change.
-
-The system holds the lock (flock on the file `.lock`) and frees it when the process ends, however it ends: what the file
-says only tells. On NFS, Linux asks the server (v4, or v3 with lockd) and all hosts see it; it is freed when the process
-ends, or some minutes after its host is lost. Where locks are kept per host (`nolock`, `local_lock`), what the file says
-is believed: a process on another host that did not take its name off is not passed over; without any locks, none is.
+not run again. One process at a time writes, under the folder's lock; what only reads needs none, and nothing is written
+that did not change.
 """
 
 import contextlib
 import fcntl
-import json
 import math
 import os
 import shlex
@@ -27,7 +22,7 @@ from pydantic import Field
 
 from catenary import __version__
 from catenary.config import IN_FILES, Recorded, parse_settings
-from catenary.documents import json_table, json_value, read_bounded
+from catenary.documents import json_value, read_bounded
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sha256_of, sweep_partial, write_atomically
@@ -36,10 +31,11 @@ from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 
 LOCK = ".lock"
+_MAX_HOLDER_BYTES = 10_000  # of what the lock's file says
 
 
 class FolderLock:
-    """The lock of a folder, as this object sees it; not reentrant."""
+    """The lock of a folder: flock on a file that says who holds it, which the system frees when the process ends."""
 
     def __init__(self, folder: Path) -> None:
         """Take nothing yet."""
@@ -52,32 +48,25 @@ class FolderLock:
         return self._descriptor is not None
 
     def take(self) -> None:
-        """Lock the folder; what a process that is gone has left is taken over."""
-        descriptor, flags = None, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
-        try:
-            descriptor = os.open(self.path, flags, 0o666)
-            holder = _holder(descriptor)
-            refusal = f"{self.path.parent}: {_told(holder)}; wait until it ends"
+        """Lock the folder, and say who does; not reentrant."""
+        command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        since = datetime.now().astimezone().isoformat(timespec="seconds")
+        holder = f"{command} (process {os.getpid()} on {os.uname().nodename}) has been writing in it since {since}"
+        with contextlib.ExitStack() as if_refused:
             try:
+                descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+                if_refused.callback(os.close, descriptor)
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                is_believed = not _is_here(holder)  # locks may be kept per host
+                os.ftruncate(descriptor, 0)
+                os.pwrite(descriptor, holder.encode("utf-8", "backslashreplace"), 0)
             except BlockingIOError as error:
-                raise InUseError(refusal) from error
-            except OSError:  # a file system without locks: what the file says is all there is
-                is_believed = bool(holder)
-            if is_believed:
-                raise InUseError(f"{refusal}, or delete {self.path} if that process is gone")
-            os.ftruncate(descriptor, 0)
-            command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-            since = datetime.now().astimezone().isoformat(timespec="seconds")
-            told = {**_machine(), "pid": os.getpid(), "command": command, "since": since}
-            os.pwrite(descriptor, json.dumps(told).encode(), 0)
-        except BaseException as error:
-            if descriptor is not None:
-                os.close(descriptor)
-            if isinstance(error, OSError):
-                raise FileFormatError(f"{self.path}: cannot be written: {error.strerror}") from error
-            raise
+                told = os.pread(descriptor, _MAX_HOLDER_BYTES, 0).decode("utf-8", "replace")
+                raise InUseError(
+                    f"{self.path.parent}: {told or 'another process is writing in it'}; wait until it ends"
+                ) from error
+            except OSError as error:
+                raise FileFormatError(f"{self.path}: cannot be locked: {error.strerror}") from error
+            if_refused.pop_all()
         self._descriptor = descriptor
 
     def check(self) -> None:
@@ -102,38 +91,7 @@ class FolderLock:
         os.close(descriptor)
 
 
-def _machine() -> dict[str, str]:
-    """Return the host's name, and Linux's number of this run of it, which containers share."""
-    try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
-    except OSError:
-        boot = ""
-    return {"host": os.uname().nodename, "boot": boot}
-
-
-def _holder(descriptor: int) -> dict[str, Any]:
-    """Return what the file says; empty where nobody wrote anything that can be read."""
-    try:
-        return json_table(os.pread(descriptor, 10_000, 0), LOCK)
-    except FileFormatError:
-        return {}
-
-
-def _is_here(holder: dict[str, Any]) -> bool:
-    """Return whether a holder is, or was, on this machine; so is one that said nothing."""
-    return not holder or any(value and holder.get(key) == value for key, value in _machine().items())
-
-
-def _told(holder: dict[str, Any]) -> str:
-    """Return who holds the lock, in words without control characters."""
-    if not holder:
-        return "another process is writing in it"
-    command, pid, host, since = (str(holder.get(key, "?")) for key in ("command", "pid", "host", "since"))
-    text = f"{command} (process {pid} on {host}) has been writing in it since {since}"
-    return "".join(c if c.isprintable() else "?" for c in text)
-
-
-MOST_STATE = 2**20  # [B]; steps.json of a hundred recordings has some 50 kB
+_MAX_STATE_BYTES = 2**20  # steps.json of a hundred recordings has some 50 kB
 Count = Annotated[int, Field(ge=0)]
 
 
@@ -162,7 +120,7 @@ class StepsFile(Recorded):
 def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None = None) -> Any:
     """Read a project's JSON file by its schema, whole or below a key; ConfigError names it and ends with the remedy."""
     try:
-        content = json_value(read_bounded(path, MOST_STATE), str(path))
+        content = json_value(read_bounded(path, _MAX_STATE_BYTES), str(path))
         parse_settings(content if below is None else {below: content}, schema, str(path))
     except FileFormatError as error:
         why = str(error).removeprefix(f"{path}: ").replace(f"\n{path}: ", "; ")
@@ -227,10 +185,10 @@ def _files(output: Path) -> Iterator[Path]:
 
 
 SETTINGS, STEPS = "settings.json", "steps.json"
-ROBOTS = ("raven2", "dvrk_psm")
-CONNECTIONS = ("simulation", "ros1", "ros2")
-SHORTEST_TEST = 2.0 * TURN_TIME / 60.0  # [min] of any random motion
-LONGEST_TEST = 48.0 * 60.0  # [min]
+_ROBOTS = ("raven2", "dvrk_psm")
+_CONNECTIONS = ("simulation", "ros1", "ros2")
+_MIN_MOTION_MIN = 2.0 * TURN_TIME / 60.0  # of any random motion
+_MAX_MOTION_MIN = 48.0 * 60.0
 
 
 @dataclass(frozen=True)
@@ -259,13 +217,13 @@ class ProjectSettings:
         tilt, sparsities = self.base_tilt_deg, self.sparsities
         level = len(tilt) == 2 and all(abs(angle) <= 180.0 for angle in tilt)
         sparse = len(sparsities) > 0 and all(LEAST_SPARSITY <= s <= 1.0 for s in sparsities)
-        long = SHORTEST_TEST <= self.test_minutes <= LONGEST_TEST
-        training = SHORTEST_TEST <= self.train_minutes <= LONGEST_TEST
-        minutes = f"{SHORTEST_TEST:.3g} to {LONGEST_TEST:g} min"
+        long = _MIN_MOTION_MIN <= self.test_minutes <= _MAX_MOTION_MIN
+        training = _MIN_MOTION_MIN <= self.train_minutes <= _MAX_MOTION_MIN
+        minutes = f"{_MIN_MOTION_MIN:.3g} to {_MAX_MOTION_MIN:g} min"
         wrong = [
             f"{name}: expected {expected}, got {got}"
             for name, is_right, expected, got in (
-                ("robot", self.robot in ROBOTS, f"one of {', '.join(ROBOTS)}", self.robot),
+                ("robot", self.robot in _ROBOTS, f"one of {', '.join(_ROBOTS)}", self.robot),
                 ("side", self.side in ("left", "right"), "left or right", self.side),
                 ("seed", self.seed is None or self.seed >= 0, "zero or more", self.seed),
                 ("base tilt", level, "roll and pitch of at most 180 deg", tilt),
@@ -274,7 +232,7 @@ class ProjectSettings:
                 ("sparsity", sparse, f"numbers from {LEAST_SPARSITY} to 1", sparsities),
                 ("test motion", long, minutes, self.test_minutes),
                 ("training motion", training, minutes, self.train_minutes),
-                ("connection", self.connection in CONNECTIONS, ", ".join(CONNECTIONS), self.connection),
+                ("connection", self.connection in _CONNECTIONS, ", ".join(_CONNECTIONS), self.connection),
                 ("state rate", 0.0 < self.state_rate_hz <= 1000.0, "at most 1000 Hz", self.state_rate_hz),
             )
             if not is_right

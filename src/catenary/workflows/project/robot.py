@@ -209,7 +209,7 @@ def empty(folder: Path) -> None:
     folder.parent.mkdir(parents=True, exist_ok=True)
 
 
-CHUNK = 20_000  # ticks whose telemetry is held at once
+_CHUNK_TICKS = 20_000  # ticks whose telemetry is held at once
 
 
 class SimulatedRobot(ProjectRobot):
@@ -270,11 +270,11 @@ class SimulatedRobot(ProjectRobot):
         rng = np.random.default_rng([settings.seed or 0, *folder.name.encode()])
         start, speeds = plant.control.setpoint[: len(kind.joints)], np.array(kind.approach)
         approach = go_to(start, trajectory(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
-        for _ in driven(plant, approach, CHUNK):
+        for _ in driven(plant, approach, _CHUNK_TICKS):
             pass
         begin = plant.time
         with Recorder(folder, kind.topics, kind.columns, rng, about=about) as recorder:
-            for log, done in driven(plant, trajectory, CHUNK):
+            for log, done in driven(plant, trajectory, _CHUNK_TICKS):
                 time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
                 recorder.observe_many(np.round(time, 6), kind.telemetry(plant, log))
                 progress(done)
@@ -296,7 +296,7 @@ def left_at(project: Project, step: str) -> Path:
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
-SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
+_ENCODERS_READ_WITHIN_S = 3.0  # in which encoders that are mounted read, once the robot has homed
 
 
 class RosRobot(ProjectRobot):
@@ -413,7 +413,7 @@ class RosRobot(ProjectRobot):
 
     def _comes(self, missing: homing.Check) -> bool:
         """Wait a little for what needs nobody's help; return whether the robot reports it."""
-        for _ in range(round(SOON / homing.LOOK)):
+        for _ in range(round(_ENCODERS_READ_WITHIN_S / homing.LOOK)):
             if missing() is None:
                 return True
             self._transport.sleep(homing.LOOK)
