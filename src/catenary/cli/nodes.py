@@ -16,6 +16,7 @@ from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, R
 from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one
 from catenary.cli.robot_options import CARRIER, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_json_line, print_notes, print_result
+from catenary.crtk.dialects import DIALECTS
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
 
 def serve(
     robot: str = option("ROBOT", "Robot to simulate.", "raven2"),
-    dialect: str | None = option("raven|crtk", "Dialect of the topics. [default: the robot's own]"),
+    dialect: str | None = option("|".join(DIALECTS), "Dialect of the topics. [default: the robot's own]"),
     namespace: str | None = option("/NAME", "Namespace of a dVRK PSM's topics. [default: /PSM1]"),
     ros: str = CARRIER,
     name: str = option("NAME", "Name of the robot's ROS node; it must be unique.", "catenary_robot"),
@@ -68,7 +69,7 @@ def serve(
     if is_raven and namespace is not None:
         raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
     simulated = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=grav_dir)
-    serving = Serving(robot, dialect, simulated, green, encoders, namespace=namespace or "/PSM1")  # type: ignore[arg-type]
+    serving = Serving(robot, dialect, simulated, green, encoders, namespace=namespace or "/PSM1")
     if qos != "reliable" and ros != "2":
         raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
     with make_transport(ros, node_name("robot", name)) as transport:
