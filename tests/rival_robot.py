@@ -1,6 +1,5 @@
 """Other programs that publish an arm's joints, over any transport: robots of a name that is taken."""
 
-import importlib
 import json
 import os
 import sys
@@ -12,17 +11,13 @@ import numpy as np
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import operating_state_message
+from catenary.crtk.network import TRANSPORTS
 from catenary.crtk.topic_names import find_topic
 from catenary.crtk.transport import Transport
 from catenary.plant import OperatingState
 from ros import ROOT, Program
 
 JOINT_STATE = "sensor_msgs/JointState"
-MADE_BY = {
-    "ROS 1": "catenary.crtk.ros1.transport Ros1Transport",
-    "ROS 2": "catenary.crtk.dds.transport DdsTransport",
-    "rclpy": "catenary.crtk.rclpy_transport RclpyTransport",
-}
 
 
 def publish(transport: Transport, topic: str, every: float, ended: threading.Event, begun: Callable[[], None]) -> None:
@@ -54,20 +49,19 @@ class Rivals:
     def __init__(self, transport: Transport, kind: str) -> None:
         places = [str(ROOT / "src"), str(ROOT / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])]
         self.environment = {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
-        self._transport, self._made_by = transport, MADE_BY.get(kind)
+        self._transport, self._kind = transport, kind
         self._ends: dict[str, Callable[[], object]] = {}
 
     def begin(self, topic: str, *, every: float = 0.01, name: str = "rival") -> None:
         """Have one publish joints `every` so often [s]; never when 0."""
-        if self._made_by is None:
-            assert isinstance(self._transport, Loopback)
+        if isinstance(self._transport, Loopback):
             other, ended, begun = Loopback(name, self._transport.network), threading.Event(), threading.Event()
             thread = threading.Thread(target=publish, args=(other, topic, every, ended, begun.set))
             thread.start()
             begun.wait()
             self._ends[name] = lambda: (ended.set(), thread.join(), other.close())
             return
-        program = Program(self, "from rival_robot import main; main()", json.dumps([self._made_by, name, topic, every]))
+        program = Program(self, "from rival_robot import main; main()", json.dumps([self._kind, name, topic, every]))
         self._ends[name] = program.__exit__
         assert program.line() == "up"
 
@@ -83,7 +77,6 @@ class Rivals:
 
 def main() -> None:
     """Be such a program."""
-    made_by, name, topic, every = json.loads(sys.argv[1])
-    module, maker = made_by.split()
-    transport = getattr(importlib.import_module(module), maker)(name)
+    kind, name, topic, every = json.loads(sys.argv[1])
+    transport = TRANSPORTS[kind].make(name)
     publish(transport, topic, every, threading.Event(), lambda: print("up", flush=True))  # noqa: T201

@@ -9,7 +9,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import command_message
 from catenary.crtk.serving.server import Server
-from catenary.crtk.topic_names import DialectName, console_topics, crtk_topics, find_topic
+from catenary.crtk.topic_names import console_topics, crtk_topics, find_topic
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import Plant
 from catenary.raven2.topics import Arm
@@ -42,13 +42,13 @@ class ServedRobot:
 
     def __init__(
         self,
-        dialect: DialectName = "raven",
+        dialect: str = "raven",
         *,
         state: str = "ENABLED",
         network: LoopbackNetwork | None = None,
         plant: Plant | None = None,
     ) -> None:
-        self.dialect: DialectName = dialect
+        self.dialect: str = dialect
         self.clock: Any = SetClock() if network is None else network.clock
         self.network = network or LoopbackNetwork(clock=self.clock)
         self.plant: Any = plant or homed_plant("left")
@@ -126,7 +126,7 @@ class ServedRobot:
         return str(self.server.arms[arm].state.state)
 
 
-PSM_TOPICS = {topic.name: topic for topic in (*crtk_topics("/PSM1", "PSM1"), *console_topics("/PSM1"))}
+PSM_TOPICS = {topic.name: topic for topic in (*crtk_topics("PSM1", "/PSM1"), *console_topics("/PSM1"))}
 
 
 class ServedPsm(TickingClock):

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.crtk.client import CrtkClient
+from catenary.crtk.dialects import dialect_named
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.topic_names import DIALECTS, DialectName
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM_JOINTS, psm_topic
 from catenary.errors import InputError, UnsupportedModelError
@@ -64,7 +64,7 @@ class RobotKind:
     robot: str  # joints that are calibrated
     whole: str  # as far as the tool
     joints: tuple[str, ...]  # of its messages
-    dialects: tuple[DialectName, ...]  # its own first
+    dialects: tuple[str, ...]  # its own first
     arm: Arm = "gold"  # of a RAVEN-II
 
 
@@ -127,15 +127,14 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
             raise UnsupportedModelError(f'robot "{name}": {why}')
 
 
-def spoken_dialect(robot: str, dialect: str | None) -> DialectName:
+def spoken_dialect(robot: str, dialect: str | None) -> str:
     """Return the dialect that a robot is spoken to in; its own when None."""
     kind = _kind(robot)
-    own: tuple[DialectName, ...] = ("crtk",) if kind is None else kind.dialects
+    own: tuple[str, ...] = ("crtk",) if kind is None else kind.dialects
     found = next((one for one in own if dialect in (None, one)), None)
-    if found is None and dialect not in DIALECTS:
-        raise InputError(f'dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
     if found is None:
-        raise InputError(f'robot "{robot}": speaks {" or ".join(own)}, not {dialect}, which is a RAVEN-II\'s')
+        other = dialect_named(str(dialect))
+        raise InputError(f'robot "{robot}": speaks {" or ".join(own)}, not {other.name}, {other.words}')
     return found
 
 

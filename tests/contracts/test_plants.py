@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.topic_names import DialectName
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JOINT_UNITS, Plant, fault_of
 from catenary.robots.catalog import load_robot
@@ -18,7 +17,7 @@ from oracles.crtk_robot import RobotOnLoopback
 from oracles.psm_arms import homed_psm
 
 
-def behind_topics(plant: Plant, dialect: DialectName, arm: str) -> CrtkClient:
+def behind_topics(plant: Plant, dialect: str, arm: str) -> CrtkClient:
     """A plant over messages."""
     setup = RobotOnLoopback(plant, dialect=dialect, arm=arm)
     return CrtkClient(setup.transport, dialect=dialect, arm=arm)

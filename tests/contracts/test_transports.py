@@ -1,9 +1,9 @@
-"""What every transport keeps to; a new one joins TRANSPORTS. Each talks to itself here, over its own network."""
+"""What every transport of TRANSPORTS keeps to. Each talks to itself here, over its own network."""
 
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -12,12 +12,11 @@ import pytest
 
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.inbox import Received, Subscription
-from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_bytes import CDR
-from catenary.crtk.ros1.transport import Ros1Transport
+from catenary.crtk.network import BY_ROS2, CARRIERS, TRANSPORTS
 from catenary.crtk.transport import Publisher, Transport
-from catenary.errors import CatenaryError, InputError, NotReadyError, TransportError
+from catenary.errors import CatenaryError, InputError, MissingPackageError, NotReadyError, TransportError
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import JointRanges
 from catenary.simulation.cable_plant import JOINTS as RAVEN_JOINTS
@@ -32,40 +31,30 @@ TRIGGER = "std_srvs/Trigger"
 JOINTS = ("shoulder", "elbow", "insertion")
 
 
-def dds_transport(name: str) -> Transport:
-    from catenary.crtk.dds.transport import DdsTransport
-
-    return DdsTransport(name, settle=0.05)
-
-
-def rclpy_transport(name: str) -> Transport:
-    """Where ROS 2 was sourced; tests/crtk/test_rclpy_transport.py runs this file so."""
-    pytest.importorskip("rclpy", reason="ROS 2 is not sourced here", exc_type=ImportError)
-    from catenary.crtk.rclpy_transport import RclpyTransport
-
-    return RclpyTransport(name, settle=0.05)
-
-
 def is_ros2(transport: Transport) -> bool:
     return transport.encoding is CDR
 
 
-TRANSPORTS: dict[str, Callable[[], Transport]] = {
-    "loopback": lambda: Loopback(NODE),
-    "ROS 1": lambda: Ros1Transport(NODE),
-    "ROS 2": lambda: dds_transport(NODE),
-    "rclpy": lambda: rclpy_transport(NODE),
-}
+NEEDED = {"1": "ros_master", "2": "dds_domain", "none": None}  # fixture of the network that a transport joins
 
 
 @pytest.fixture(params=TRANSPORTS)
 def transport(request: pytest.FixtureRequest) -> Iterator[Transport]:
-    with ExitStack() as stack:
-        if request.param == "ROS 1":
-            request.getfixturevalue("ros_master")
-        elif request.param in ("ROS 2", "rclpy"):
-            request.getfixturevalue("dds_domain")
-        yield stack.enter_context(TRANSPORTS[request.param]())
+    kind = TRANSPORTS[request.param]
+    if (needed := NEEDED[kind.ros]) is not None:
+        request.getfixturevalue(needed)
+    try:
+        made = kind.make(NODE, **({"settle": 0.05} if kind.ros == "2" else {}))
+    except MissingPackageError as error:
+        pytest.skip(str(error))  # tests/crtk/test_rclpy_transport.py runs this file where ROS 2 is sourced
+    with made:
+        yield made
+
+
+def test_each_is_told_in_words_and_only_ros_2_leaves_a_choice() -> None:
+    assert all(str(kind) == f"{name}: {kind.words}" and kind.words for name, kind in TRANSPORTS.items())
+    assert set(NEEDED) == set(CARRIERS)
+    assert [kind.ros for kind in TRANSPORTS.values() if kind.name not in BY_ROS2] == ["1", "none"]
 
 
 @pytest.fixture

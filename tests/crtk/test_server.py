@@ -10,7 +10,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import command_message
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, DIAGNOSTICS, DIAGNOSTICS_TYPE, DialectName, find_topic
+from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, DIAGNOSTICS, DIAGNOSTICS_TYPE, find_topic
 from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import OperatingState
@@ -21,7 +21,7 @@ from oracles.ticking_clock import BEGIN, SetClock
 from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
 
-def living_client(state: str, command: str, *, dialect: DialectName = "raven", stamp: int = 0) -> ServedRobot:
+def living_client(state: str, command: str, *, dialect: str = "raven", stamp: int = 0) -> ServedRobot:
     """A robot that starts on a network where a client has latched a command of its own."""
     network = LoopbackNetwork(clock=SetClock(BEGIN))
     client = Loopback("client", network)

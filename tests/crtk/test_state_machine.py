@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from catenary.crtk.serving.state_machine import StateMachine
-from catenary.crtk.topic_names import DialectName
 from catenary.plant import OperatingState, StateName
 from oracles.ideal_plant import IdealPlant
 
@@ -24,7 +23,7 @@ NO_MISTAKE = [("ENABLED", "enable"), ("DISABLED", "disable"), ("PAUSED", "pause"
 HARMLESS = ["home", "unhome"]  # of is_homed, not of the state
 
 
-def machine(dialect: DialectName, state: StateName, *, homed: bool = True) -> tuple[StateMachine, IdealPlant]:
+def machine(dialect: str, state: StateName, *, homed: bool = True) -> tuple[StateMachine, IdealPlant]:
     plant = IdealPlant(np.zeros(3).tolist(), supports=frozenset({"state_command"}))
     plant.state = OperatingState(state, homed, False)
     return StateMachine(plant, dialect), plant
@@ -47,7 +46,7 @@ def test_a_command_changes_the_state_as_specified_or_is_refused(dialect, state, 
 
 @pytest.mark.parametrize("dialect", ["crtk", "raven"])
 @pytest.mark.parametrize("state", ["DISABLED", "ENABLED", "PAUSED", "FAULT"])
-def test_unhome_touches_only_that(dialect: DialectName, state: StateName) -> None:
+def test_unhome_touches_only_that(dialect: str, state: StateName) -> None:
     states, plant = machine(dialect, state)
     assert states.command("unhome") is None
     assert plant.operating_state() == (state, False, False)

@@ -9,7 +9,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message, joint_values, operating_state_message
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, NAMESPACES, DialectName, crtk_topics, find_topic
+from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, find_topic
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.open_robot import OverTopics
@@ -35,16 +35,14 @@ class CrtkRobot:
         transport: Transport,
         plant: Plant,
         *,
-        dialect: DialectName = "raven",
+        dialect: str = "raven",
         arm: Arm = "gold",
         encoders: bool = True,
         second: bool = False,
         every: int = 1,
     ) -> None:
-        listed = {t.verb: t for t in crtk_topics(NAMESPACES[arm], arm)}
-
         def topic(verb: str) -> Any:
-            return find_topic(dialect, verb, arm) if dialect == "raven" else listed[verb]
+            return find_topic(dialect, verb, arm)
 
         self.plant, self.transport, self.arm, self.dialect = plant, transport, arm, dialect
         self.ticks = 0

@@ -16,6 +16,7 @@ from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, R
 from catenary.cli.options import REQUIRED, Triple, group, json_help, option, require_one, values_of
 from catenary.cli.robot_options import CARRIER, SIMULATED_SEED, NodeOptions
 from catenary.cli.terminal import announce, print_json_line, print_notes, print_result, prints_json
+from catenary.crtk.dialects import DIALECTS
 from catenary.errors import InputError
 from catenary.units import in_words
 
@@ -33,7 +34,7 @@ class ServedRobot:
     """Options of the robot that is served."""
 
     robot: str = option("ROBOT", "Robot to simulate.", "raven2")
-    dialect: str | None = option("raven|crtk", "Dialect of the topics. [default: the robot's own]")
+    dialect: str | None = option("|".join(DIALECTS), "Dialect of the topics. [default: the robot's own]")
     namespace: str | None = option("/NAME", "Namespace of a dVRK PSM's topics. [default: /PSM1]")
     seed: int | None = SIMULATED_SEED
     base_tilt_deg: tuple[float, float] = replace(BASE_TILT, default=LEVEL_BASE)

@@ -27,6 +27,7 @@ import typer
 from catenary.cli.out_files import PAGE, FileKind, out_path, refuse_outputs
 from catenary.cli.terminal import in_json, without_notes
 from catenary.crtk.dds.arguments import said_ros_arguments, say_ros_arguments
+from catenary.crtk.network import BY_ROS2
 from catenary.errors import InputError
 
 Names = tuple[str, ...]
@@ -267,7 +268,9 @@ def _reader(kind: Any) -> Read | None:
 
 
 _ON_ROS = ("ros", "project")  # whose settings may say where its robot is
-_TRANSPORT = option("rclpy|dds", "On ROS 2: middleware. [default: rclpy with crtk_msgs, if there]", goes_with=_ON_ROS)
+_TRANSPORT = option(
+    "|".join(BY_ROS2), f"{'; '.join(map(str, BY_ROS2.values()))}. [default: the first that is there]", goes_with=_ON_ROS
+)
 _ROS_DISTRO = option(
     "NAME", "On ROS 2: distribution of the other programs. [default: ROS_DISTRO, or jazzy]", goes_with=_ON_ROS
 )

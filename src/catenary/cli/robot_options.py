@@ -13,6 +13,8 @@ import catenary
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE
 from catenary.cli.options import Names, Numbers, Six, Triple, argument, group, option
 from catenary.cli.terminal import announce
+from catenary.crtk.dialects import DIALECTS
+from catenary.crtk.network import CARRIERS
 from catenary.errors import InputError
 from catenary.units import from_display
 
@@ -132,8 +134,8 @@ def beyond_limits(model: "catenary.RobotModel", values: "Floats") -> list[str]:
 
 
 NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
-CARRIER = option("1|2|none", "ROS version that carries the messages.", "1", joins_ros=True)
-DIALECT = option("raven|crtk", "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
+CARRIER = option("|".join(CARRIERS), "ROS version that carries the messages.", "1", joins_ros=True)
+DIALECT = option("|".join(DIALECTS), "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
 _NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
 

@@ -30,7 +30,7 @@ from catenary.crtk.message import message_class
 from catenary.crtk.message_values import Stamps, command_message, joint_state_message
 from catenary.crtk.message_values import operating_state as operating_state_of
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.topic_names import BUTTON, NAMESPACES, SIGNAL, TEXT, WARNING, find_topic
+from catenary.crtk.topic_names import BUTTON, NAMESPACES, SIGNAL, TEXT, WARNING
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import NotReadyError, TransportError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
@@ -39,6 +39,7 @@ REACHED = 1e-6  # [rad|m] a robot's setpoint this near is the goal: RAVEN-II com
 COMMAND_TIMEOUT = 2.0  # [s] until a transition must have been confirmed
 HOMING_TIMEOUT = 180.0  # [s]; RAVEN-II's external encoders alone are given 60 s
 SETTLE = 0.05  # [s] in which a robot takes up `home`: before, its state is still the one from before
+_SENDS = ("servo_jp", "servo_jf", "state_command")  # verbs, those that the dialect has
 _CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
     "enable": lambda now: now.state == "ENABLED",
     "disable": lambda now: now.state == "DISABLED",
@@ -62,9 +63,9 @@ class CrtkClient(CrtkReader):
         self._sent = False  # whether a command went out in this tick
         self._publishers: dict[str, Publisher] = {}
         kept = self._open.enter_context
-        for verb in ("servo_jp", "state_command", *(("servo_jf",) if self.dialect == "crtk" else ())):
-            topic = find_topic(self.dialect, verb, self.arm, self.namespace)
-            self._publishers[verb] = kept(closing(self.transport.publisher(topic.name, topic.type)))
+        for topic in self.dialect.topics(self.arm, self.namespace):
+            if topic.verb in _SENDS:
+                self._publishers[topic.verb] = kept(closing(self.transport.publisher(topic.name, topic.type)))
         self._others = kept(closing(OtherCommanders(self.transport, self.dialect, self.arm, self.namespace)))
 
     def require_free(self) -> None:

@@ -6,8 +6,9 @@ An arm is one robot's: where two publish its joints, each would obey what is mea
 from collections.abc import Iterable, Mapping, Sequence
 
 from catenary.crtk.clock import SECOND
+from catenary.crtk.dialects import DialectKind
 from catenary.crtk.inbox import Subscription
-from catenary.crtk.topic_names import JOINT_STATE, WARNING, DialectName, topics_of
+from catenary.crtk.topic_names import JOINT_STATE, WARNING
 from catenary.crtk.transport import UNNAMED, Latest, Transport
 from catenary.errors import RobotHeldError, TransportError
 from catenary.raven2.topics import Arm
@@ -21,13 +22,13 @@ HELD = "holds the arm"
 class OtherCommanders:
     """Hears who else commands an arm, until its own client does; from then on what the robot says of it."""
 
-    def __init__(self, transport: Transport, dialect: DialectName, arm: Arm, namespace: str | None) -> None:
+    def __init__(self, transport: Transport, dialect: DialectKind, arm: Arm, namespace: str | None) -> None:
         self._transport = transport
         self._heard: list[Subscription] = []
         self._last: tuple[str, str, int] | None = None  # program, topic, arrival [ns]
         self._told: Subscription | None = None
         self._refused: str | None = None
-        for topic in topics_of(dialect, arm, namespace):
+        for topic in dialect.topics(arm, namespace):
             if topic.moves and topic.verb not in ("hold", "free"):
                 self._heard.append(transport.subscribe(topic.name, topic.type, depth=1))
             elif topic.verb == WARNING:

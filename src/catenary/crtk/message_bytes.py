@@ -5,7 +5,7 @@ Before rosbags writes them, values become what it takes, and what NumPy would co
 
 import struct
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -21,7 +21,8 @@ NO_MESSAGE = (  # what rosbags raises of bytes, and of values, that do not fit
     SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError, LookupError, AssertionError,
 )  # fmt: skip
 ANY = 2**26  # bytes of any message: beyond, a length is taken for nonsense
-_COUNT = struct.Struct("<I")  # of a header's `seq`
+_COUNT = struct.Struct("<I")  # of a header's `seq`, of an array's numbers
+_JOINT_STATE = "sensor_msgs/JointState"
 _Change = Callable[[Any], Any]
 
 
@@ -84,10 +85,46 @@ def codec(name: str, encoding: Encoding = ROS1) -> Codec:
 @cache
 def _writer(name: str, encoding: Encoding) -> Callable[[Message], bytes]:
     """Return what writes a message of a type; it raises NO_MESSAGE of values that do not fit."""
+    return _joint_state_writer(encoding) if name == _JOINT_STATE else _rosbags_writer(name, encoding)
+
+
+def _rosbags_writer(name: str, encoding: Encoding) -> Callable[[Message], bytes]:
     store, rosbags_name, prepare = typestore(encoding.ros), ros2_name(name), _preparation(name, encoding)
     if encoding is ROS1:
         return lambda message: bytes(store.serialize_ros1(prepare(message), rosbags_name))
     return lambda message: bytes(store.serialize_cdr(prepare(message), rosbags_name, little_endian=True))
+
+
+def _joint_state_writer(encoding: Encoding) -> Callable[[Message], bytes]:
+    """Return what writes joint states, which a robot sends most, in a quarter of the time that rosbags takes.
+
+    Rosbags writes what stands before the numbers, once for a frame and names; stamp and arrays go in here.
+    """
+    kind, write, head_kind = message_class(_JOINT_STATE), _rosbags_writer(_JOINT_STATE, encoding), message_class(HEADER)
+    pack_stamp = struct.Struct("<II" if encoding is ROS1 else "<iI").pack_into
+    # where the stamp is; from where numbers are aligned; by how much
+    place, origin, size = (4, 0, 1) if encoding is ROS1 else (len(CDR.front), len(CDR.front), 8)
+    floats = np.dtype(float)
+
+    @lru_cache(maxsize=64)
+    def front(frame_id: str, names: tuple[str, ...]) -> bytes:
+        whole = write(kind(head_kind(0, 0, frame_id), names))
+        return whole[: -3 * _COUNT.size]  # less the counts of three empty arrays
+
+    def write_joint_state(message: Message) -> bytes:
+        head, names, *arrays = message
+        if type(head) is not head_kind or type(names) is not tuple:
+            return write(message)
+        data = bytearray(front(head.frame_id, names))
+        pack_stamp(data, place, *_seconds(head.stamp))
+        for given in arrays:
+            array = _array(given, floats, 0)
+            data += _COUNT.pack(len(array))
+            if len(array):
+                data += bytes((origin - len(data)) % size) + array.tobytes()
+        return bytes(data)
+
+    return write_joint_state
 
 
 def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
@@ -115,6 +152,8 @@ def _preparation(name: str, encoding: Encoding) -> _Change:
             raise TypeError(f"{type(message).__name__} in place of {name}")
         if is_empty:
             return _Empty()
+        if not changes:
+            return message
         values = list(message)
         for k, change in changes:
             values[k] = change(values[k])
@@ -127,7 +166,8 @@ def _prepared(field: Field, encoding: Encoding) -> _Change | None:
     """Return what makes a field's value rosbags'; None where it is as it is."""
     length = field.length
     if field.type in NUMBERS:
-        return None if length is None else lambda value: _array(value, np.dtype(NUMBERS[field.type]), length)
+        kind = np.dtype(NUMBERS[field.type])
+        return None if length is None else lambda value: _array(value, kind, length)
     if length is None:
         if field.type in TIMES:
             return _unsigned if encoding is ROS1 and field.type == "time" else _seconds
@@ -159,6 +199,8 @@ def _unsigned(time: int) -> _Time:
 
 def _array(value: Any, kind: "np.dtype[Any]", length: int) -> Any:
     """Return numbers (length,), or (N,) where it is 0, of a type that holds them."""
+    if type(value) is np.ndarray and value.dtype is kind and value.ndim == 1 and len(value) == (length or len(value)):
+        return value if value.flags.c_contiguous else value.copy()  # as nearly all of a robot's, in each tick
     array = np.asarray(value)
     if array.ndim != 1:
         raise ValueError(f"{array.ndim} dimensions")

@@ -1,67 +1,115 @@
-"""Joining ROS 1, ROS 2 or nothing by its name, under a name of the program's own."""
+"""Transports by name, one record each; joining ROS 1, ROS 2 or nothing by one, under a name of the program's own."""
 
 import logging
 import os
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Literal
 
 from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments
-from catenary.crtk.transport import Transport
 from catenary.errors import InputError, MissingPackageError, to_install
+
+if TYPE_CHECKING:  # help reads these records, and starts without NumPy
+    from catenary.crtk.transport import Transport
 
 # whose rclpy does not say which program sent a message: a served arm could not refuse a second one there
 _TELLING_NO_SENDER = ("humble", "iron", "jazzy")
+_NOTHING_SAID = RosArguments()
 _logger = logging.getLogger(__name__)
 
 
-def make_transport(ros: str, name: str) -> Transport:
+@dataclass(frozen=True)
+class TransportKind:
+    """A transport by name.
+
+    Args:
+        name: As it is typed behind `--transport`, where `--ros` leaves a choice.
+        ros: What it joins, as it is typed behind `--ros`; of several, the first is taken that can be.
+        words: What it is, in the words of the help.
+        made_by: `module:class` of this room; the class takes a node's name and, for ROS 2, RosArguments.
+        needs: Modules that must be there besides.
+        advice: What to do where it cannot be imported; else the extra named `ros2` brings it.
+        is_of_a_distribution: It is part of the ROS 2 that was sourced, and of no other distribution.
+    """
+
+    name: str
+    ros: Literal["1", "2", "none"]
+    words: str
+    made_by: str
+    needs: tuple[str, ...] = ()
+    advice: str = ""
+    is_of_a_distribution: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.words}"
+
+    def suits(self, said: RosArguments) -> bool:
+        """Return whether it is taken where nobody asks for it by name."""
+        told = said.distro is None and os.environ.get("ROS_DISTRO") not in _TELLING_NO_SENDER
+        return told or not self.is_of_a_distribution
+
+    def make(self, name: str, said: RosArguments = _NOTHING_SAID, **options: Any) -> "Transport":
+        """Join as node `name`; `options` are its class's own.
+
+        Raises:
+            MissingPackageError: It cannot be imported here.
+            InputError: `said` asks for another distribution than it is of.
+        """
+        if self.is_of_a_distribution and said.distro is not None:
+            raise InputError(f"--ros-distro: does not go with --transport {self.name}, which is of one distribution")
+        module, _, word = self.made_by.partition(":")
+        try:
+            made: Callable[..., Transport] = getattr(import_module(f"catenary.crtk.{module}"), word)
+            for needed in self.needs:
+                import_module(needed)
+        except ImportError as error:
+            raise MissingPackageError(f"transport {self.name}: {error}. {self.advice or to_install('ros2')}") from error
+        if self.is_of_a_distribution and os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
+            _logger.warning("this %s does not tell who sent a message: two programs may command an arm", self.name)
+        return made(name, arguments=said, **options) if self.ros == "2" else made(name, **options)
+
+
+_KINDS = (
+    TransportKind("rospy", "1", "ROS 1 by its own package", "ros1.transport:Ros1Transport"),
+    TransportKind(
+        "rclpy",
+        "2",
+        "ROS 2 where it is installed, with crtk_msgs",
+        "rclpy_transport:RclpyTransport",
+        needs=("crtk_msgs.msg",),  # without it no state can be told
+        advice="Source the setup of a ROS 2 for this Python, and of crtk_msgs",
+        is_of_a_distribution=True,
+    ),
+    TransportKind("dds", "2", "ROS 2 by DDS alone", "dds.transport:DdsTransport"),
+    TransportKind("loopback", "none", "within this program", "loopback:Loopback"),
+)
+TRANSPORTS = {kind.name: kind for kind in _KINDS}
+CARRIERS = tuple(dict.fromkeys(kind.ros for kind in _KINDS))  # of messages, behind `--ros`
+BY_ROS2 = {kind.name: kind for kind in _KINDS if kind.ros == "2"}  # behind `--transport`
+
+
+def make_transport(ros: str, name: str) -> "Transport":
     """Join ROS 1, ROS 2 as `said_ros_arguments` tells, or with "none" nothing beyond this program, as `name`."""
     said = said_ros_arguments()
-    if ros != "2" and said != RosArguments():
+    if ros not in CARRIERS:
+        raise InputError(f'ros "{ros}": expected {", ".join(CARRIERS[:-1])} or {CARRIERS[-1]}')
+    if ros != "2" and said != _NOTHING_SAID:
         raise InputError(f"--transport, --ros-distro and --ros-args go with ROS 2, not with --ros {ros}")
-    if ros == "1":
-        from catenary.crtk.ros1.transport import Ros1Transport
-
-        return Ros1Transport(name)
-    if ros == "2":
-        if (by_rclpy := _rclpy_transport(name, said)) is not None:
-            return by_rclpy
+    if said.transport not in (None, *BY_ROS2):
+        raise InputError(f'--transport "{said.transport}": expected one of {", ".join(BY_ROS2)}')
+    if said.transport is not None:
+        return BY_ROS2[said.transport].make(name, said)
+    *others, last = (kind for kind in _KINDS if kind.ros == ros and kind.suits(said))
+    for kind in others:
         try:
-            from catenary.crtk.dds.transport import DdsTransport
-        except ImportError as error:
-            raise MissingPackageError(f"ROS 2 is spoken by cyclonedds: {to_install('ros2')} ({error})") from error
-        return DdsTransport(name, arguments=said)
-    if ros == "none":
-        from catenary.crtk.loopback import Loopback
-
-        return Loopback(name)
-    raise InputError(f'ros "{ros}": expected 1, 2 or none')
-
-
-def _rclpy_transport(name: str, said: RosArguments) -> Transport | None:
-    """Join ROS 2 by rclpy, where that is asked for, or not excluded and possible."""
-    if said.transport == "dds" or (said.transport is None and said.distro is not None):
-        return None
-    if said.transport is None and os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
-        return None
-    if said.distro is not None:
-        raise InputError("--ros-distro: does not go with --transport rclpy, which is of one distribution")
-    try:
-        from catenary.crtk.rclpy_transport import RclpyTransport
-
-        import_module("crtk_msgs.msg")  # without it no state can be told
-    except ImportError as error:
-        if said.transport == "rclpy":
-            raise MissingPackageError(
-                f"--transport rclpy: {error}. Source the setup of a ROS 2 for this Python, and of crtk_msgs"
-            ) from error
-        if find_spec("rclpy") is not None:
-            _logger.warning("ROS 2 by DDS, not by the rclpy that is there: %s", error)
-        return None
-    if os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
-        _logger.warning("this rclpy does not tell who sent a message: of two programs that command, none is refused")
-    return RclpyTransport(name, arguments=said)
+            return kind.make(name, said)
+        except MissingPackageError as error:
+            if find_spec(kind.name) is not None:
+                _logger.warning("ROS 2 by %s, not by the %s that is there: %s", last.name, kind.name, error)
+    return last.make(name, said)
 
 
 def node_name(program: str, given: str | None = None) -> str:

@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
+from catenary.crtk.dialects import dialect_named
 from catenary.crtk.gravity_topic import PublishedGravity
 from catenary.crtk.message import Message
 from catenary.crtk.message_values import joint_state, joint_values
 from catenary.crtk.message_values import operating_state as operating_state_of
-from catenary.crtk.topic_names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, DialectName, find_topic
+from catenary.crtk.topic_names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, find_topic
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import TransportError, UnsupportedCommandError
 from catenary.plant import Bounded, Column, JointRanges, JointState, OperatingState, StateCommand
@@ -159,7 +160,7 @@ class CrtkReader(NeverMoved):
         self,
         transport: Transport,
         *,
-        dialect: DialectName = "raven",
+        dialect: str = "raven",
         arm: Arm = "gold",
         namespace: str | None = None,
         joints: Bounded | None = None,
@@ -178,7 +179,8 @@ class CrtkReader(NeverMoved):
         found = raven_joints(arm) if joints is None else joints
         self.joint_names, self.joint_units = found.joint_names, found.joint_units
         self._lower, self._upper = found.lower, found.upper
-        self.transport, self.dialect, self.arm, self.namespace = transport, dialect, arm, namespace
+        self.transport, self.arm, self.namespace = transport, arm, namespace
+        self.dialect = dialect_named(dialect)
         self.period, self.stale_after, self.simulated = period, stale_after, simulated
         self._origin: int | None = None  # [ns] stamp of the first state
         self._is_silent = False
@@ -196,7 +198,7 @@ class CrtkReader(NeverMoved):
             for verb in _READS:
                 topic = find_topic(dialect, verb, arm, namespace)
                 self._latest[verb] = kept(closing(Latest(transport, topic.name, topic.type)))
-            if dialect == "raven":
+            if self.dialect.has_run_levels:
                 self._state = kept(closing(RavenTelemetry(transport, arm, stale_after)))
                 self.columns = self._state.columns
             elif namespace is not None:
@@ -342,7 +344,7 @@ class CrtkReader(NeverMoved):
             if (self.transport.steady() - begin) / SECOND >= timeout:
                 where = self.namespace or f"{self.arm} arm"
                 raise TransportError(
-                    f"the robot ({self.dialect}, {where}) is not there after {timeout:g} s: " + "; ".join(missing)
+                    f"the robot ({self.dialect.name}, {where}) is not there after {timeout:g} s: " + "; ".join(missing)
                 )
             self.transport.sleep(0.01)
 

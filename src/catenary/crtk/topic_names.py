@@ -10,13 +10,12 @@ one's; setpoints and commands are not swapped. Ask `topic_name` for an arm, neve
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
+from catenary.crtk.dialects import dialect_named
 from catenary.errors import InputError
 from catenary.raven2.topics import MEASURED_JS, Arm
 
-DialectName = Literal["raven", "crtk"]
-DIALECTS: tuple[DialectName, ...] = ("raven", "crtk")
 Direction = Literal["out", "in"]  # from the robot, to the robot
 JOINT_STATE = "sensor_msgs/JointState"
 TRANSFORM = "geometry_msgs/TransformStamped"
@@ -161,8 +160,23 @@ def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
     return f"{NAMESPACES[arm] if namespace is None else '/' + namespace.strip('/')}/calibrated"
 
 
-def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]:
-    """Return an arm's topics in the present convention, below a namespace such as /PSM1; jaw verbs are jaw/VERB."""
+def raven_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
+    """Return an arm's topics as the RAVEN-II's software has them, or those of the whole robot."""
+    if namespace is not None:
+        raise InputError(
+            f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
+            "the dialect crtk has one"
+        )
+    return tuple(topic for topic in RAVEN if topic.arm == arm)
+
+
+def crtk_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
+    """Return an arm's topics in the present convention, below a namespace such as /PSM1; jaw verbs are jaw/VERB.
+
+    Without a namespace the arm is a RAVEN-II's; the robot itself has none.
+    """
+    if namespace is None:
+        return () if arm not in NAMESPACES else crtk_topics(arm, NAMESPACES[cast(Arm, arm)])
     words = namespace.strip("/")
     below = {"jaw": _JAW, "local": _LOCAL}
     verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs} | _DVRK
@@ -179,18 +193,15 @@ def console_topics(namespace: str) -> tuple[CrtkTopic, ...]:
     )
 
 
-def topics(dialect: DialectName) -> tuple[CrtkTopic, ...]:
+def topics(dialect: str) -> tuple[CrtkTopic, ...]:
     """Return all topics of a RAVEN-II in a dialect."""
-    if dialect == "raven":
-        return RAVEN
-    if dialect == "crtk":
-        return tuple(topic for arm, place in NAMESPACES.items() for topic in crtk_topics(place, arm))
-    raise InputError(f'dialect "{dialect}": expected raven or crtk')
+    kind = dialect_named(dialect)
+    return tuple(topic for arm in (None, *NAMESPACES) for topic in kind.topics(arm))
 
 
-def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespace: str | None = None) -> CrtkTopic:
+def find_topic(dialect: str, verb: str, arm: Arm | None = None, namespace: str | None = None) -> CrtkTopic:
     """Return the topic of a verb (the gripper's begin with `jaw/` or `grasp_`) of an arm, or the robot when None."""
-    listed = topics_of(dialect, arm, namespace)
+    listed: tuple[CrtkTopic, ...] = dialect_named(dialect).topics(arm, namespace)
     found = next((topic for topic in listed if topic.verb == verb), None)
     if found is None:
         verbs = sorted(topic.verb for topic in listed)
@@ -201,18 +212,6 @@ def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespac
     return found
 
 
-def topics_of(dialect: DialectName, arm: Arm | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
-    """Return the topics of one arm, or of the whole robot; arguments as of `find_topic`."""
-    if namespace is None:
-        return tuple(topic for topic in topics(dialect) if topic.arm == arm)
-    if dialect == "raven":
-        raise InputError(
-            f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
-            "the dialect crtk has one"
-        )
-    return crtk_topics(namespace, arm)
-
-
-def topic_name(dialect: DialectName, verb: str, arm: Arm | None = None) -> str:
+def topic_name(dialect: str, verb: str, arm: Arm | None = None) -> str:
     """Return the name of the topic of a verb; see `find_topic`."""
     return find_topic(dialect, verb, arm).name

@@ -32,7 +32,7 @@ from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import pose_message
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.serving.tool_pose import ToolPose
-from catenary.crtk.topic_names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
+from catenary.crtk.topic_names import JOINT_STATE, TRANSFORM, calibrated_namespace, find_topic
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM_JOINTS
 from catenary.dynamics.robot_kernels import gravity_kernel
@@ -113,8 +113,8 @@ class CalibratedTopics:
         self._places = [names.index(name) for name in model.joint_names]
         kinematics, weight = _robots(client, gravity_torque=gravity_torque)
         self._tool = ToolPose(kinematics, names)
-        self._child = "calibrated_tool" if client.dialect == "raven" else None
-        pose = POSE if self._child is None else TRANSFORM
+        pose = find_topic(client.dialect.name, "measured_cp", client.arm, client.namespace).type
+        self._child = "calibrated_tool" if pose == TRANSFORM else None
         types = {"measured_js": JOINT_STATE, "measured_cp": pose, "is_valid": _BOOL}
         if model.intervals is not None:
             types["interval"] = JOINT_STATE

@@ -11,15 +11,13 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.control.realtime import RealTime
+from catenary.crtk.dialects import DIALECTS
 from catenary.crtk.reader import NeverMoved
-from catenary.crtk.serving.crtk_dialect import CrtkDialect
-from catenary.crtk.serving.dialect import Dialect
-from catenary.crtk.serving.raven_dialect import RavenDialect
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.server import ServedEncoders, Server
 from catenary.crtk.serving.tool_pose import ToolPose
-from catenary.crtk.topic_names import DialectName, console_topics, crtk_topics
+from catenary.crtk.topic_names import console_topics, crtk_topics
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import psm_topic, psm_topics
 from catenary.dynamics.robot_kernels import gravity_kernel
@@ -42,7 +40,7 @@ class Serving:
     """Settings of a served robot."""
 
     robot: str = "raven2"  # or dvrk_psm, which speaks crtk
-    dialect: DialectName = "raven"
+    dialect: str = "raven"
     simulated: Simulated = field(default_factory=lambda: Simulated(homed=False))  # the robot that is served
     with_green: bool = False  # a green arm that moves, in place of a parked one
     with_encoders: bool = True  # publish a RAVEN-II's external encoders, in its dialect, or a PSM's tracker
@@ -91,9 +89,9 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    place, is_raven = serving.namespace, serving.dialect == "raven"
-    listed = (*crtk_topics(place, *arms), *console_topics(place)) if serving.is_psm else None
-    speaker: Dialect = RavenDialect(arms) if is_raven else CrtkDialect(arms, listed)
+    place, is_raven = serving.namespace, DIALECTS[serving.dialect].has_run_levels
+    listed = (*crtk_topics(*arms, place), *console_topics(place)) if serving.is_psm else None
+    speaker = DIALECTS[serving.dialect].serve(arms, listed)
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
@@ -112,7 +110,7 @@ def _plants(serving: Serving) -> dict[str, Plant]:
     def opened(robot: str) -> Plant:
         plant = open_robot(robot, where)
         if where.homed:
-            plant.state_command("pause" if serving.dialect == "raven" else "disable")
+            plant.state_command("pause" if DIALECTS[serving.dialect].has_run_levels else "disable")
         return plant
 
     if serving.is_psm:

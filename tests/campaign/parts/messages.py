@@ -11,7 +11,7 @@ import numpy as np
 from tests.campaign.part import Fell, Part
 
 if TYPE_CHECKING:
-    from catenary.crtk.topic_names import CrtkTopic, DialectName
+    from catenary.crtk.topic_names import CrtkTopic
 
 MOST_OF_A_TICK = 1e-3  # [s] of processor time, beyond that of an idle tick
 OR_IDLE_TICKS = 8.0  # where a busy machine makes idle ticks slow, too; on an idle one a pose to reach takes 4
@@ -25,7 +25,7 @@ MOST_KINDS = 400  # of reports: as many as there are topics and reasons, whateve
 class CommandedRobot:
     """A served robot that hears all messages of a child process, and what must hold of it."""
 
-    def __init__(self, dialect: "DialectName") -> None:
+    def __init__(self, dialect: str) -> None:
         from catenary.crtk.message_values import command_message, pose_message
         from catenary.crtk.topic_names import topics
         from served_robot import JointState, ServedRobot
@@ -113,11 +113,11 @@ class CommandedRobot:
 
 
 @cache
-def _commanded(dialect: "DialectName") -> CommandedRobot:
+def _commanded(dialect: str) -> CommandedRobot:
     return CommandedRobot(dialect)
 
 
-def messages(dialect: "DialectName", seed: int, folder: Path) -> None:
+def messages(dialect: str, seed: int, folder: Path) -> None:
     """Send messages, in some states; the robot goes on, within its bounds and its time, and counts each of them."""
     rng = np.random.default_rng([seed, len(dialect)])
     one = _commanded(dialect)

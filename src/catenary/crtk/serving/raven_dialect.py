@@ -114,8 +114,8 @@ class RavenDialect(Dialect):
 
     is_one_robot = True
 
-    def __init__(self, arms: Mapping[str, ServedArm]) -> None:
-        """Speak for arms of seven joints, both of them."""
+    def __init__(self, arms: Mapping[str, ServedArm], _: object = None) -> None:
+        """Speak for arms of seven joints, both of them; its topics are fixed."""
         for name in ("gold", "green"):
             found = 0 if name not in arms else len(arms[name].names)
             if found != len(_RVIZ):

@@ -10,7 +10,6 @@ from catenary.arrays import Floats
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose, ToolState
-from catenary.crtk.topic_names import DialectName
 from catenary.errors import CatenaryError, InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant
 from catenary.spatial import Pose
@@ -35,7 +34,7 @@ class ServedArm:
     def __init__(
         self,
         plant: Plant,
-        dialect: DialectName,
+        dialect: str,
         reports: Reports,
         *,
         arm: str,

@@ -11,8 +11,8 @@ pressed, ENABLED; `pause` for the pedal released; `disable` for the emergency st
 from collections.abc import Mapping, Sequence
 from typing import Literal, cast
 
+from catenary.crtk.dialects import dialect_named
 from catenary.crtk.exclusive_control import STOPPING
-from catenary.crtk.topic_names import DialectName
 from catenary.errors import NotReadyError
 from catenary.plant import STATE_COMMANDS, TRANSITIONS, OperatingState, Plant, StateCommand, StateName
 
@@ -45,10 +45,10 @@ def robot_state(arms: Sequence[OperatingState]) -> OperatingState:
 class StateMachine:
     """Decides about one arm's state commands."""
 
-    def __init__(self, plant: Plant, dialect: DialectName) -> None:
+    def __init__(self, plant: Plant, dialect: str) -> None:
         self._plant = plant
-        self._table = _RAVEN if dialect == "raven" else TRANSITIONS
-        self._pauses = dialect == "raven"
+        self._pauses = dialect_named(dialect).has_run_levels
+        self._table = _RAVEN if self._pauses else TRANSITIONS
         self._homing = False
         self.held_by = ""  # why nothing but what stops the arm is obeyed
         self.can_change = "state_command" in plant.supports

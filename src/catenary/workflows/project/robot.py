@@ -400,7 +400,9 @@ class RosRobot(ProjectRobot):
     def _enable(self, client: CrtkClient) -> None:
         if client.operating_state().state == "ENABLED":
             return
-        if isinstance(self._guide, homing.AnswerYes) or client.dialect == "crtk":  # a dVRK has no pedal that enables it
+        if (
+            isinstance(self._guide, homing.AnswerYes) or not client.dialect.has_run_levels
+        ):  # a dVRK has no pedal that enables it
             client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
 
         self._have(

@@ -141,8 +141,8 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
         now = client.operating_state()
         has_begun = now.state == "ENABLED" and now.is_busy  # by somebody else's press of the button
         if not has_begun:
-            asked = client.dialect == "crtk" or isinstance(guide, AnswerYes)
-            if client.dialect == "crtk":
+            asked = not client.dialect.has_run_levels or isinstance(guide, AnswerYes)
+            if not client.dialect.has_run_levels:
                 _command_home(client)
             elif isinstance(guide, AnswerYes):
                 _press_button(client, guide)
