@@ -79,8 +79,12 @@ SIMULATED = {
     "a served robot": lambda robot, where: Serving(robot, KINDS[robot].dialects[0], where),
 }
 UNSUPPORTED = [
-    ("planar_3r", Simulated(seed=3), "a seed draws the cables of raven2, raven2_right, dvrk_psm; this one has none"),
-    ("raven2", Simulated(hardware=JointHardware(friction=1.0)), "friction comes from its cables"),
+    ("planar_3r", Simulated(seed=3), "has no seed, .*; raven2, raven2_right, dvrk_psm have one"),
+    (
+        "raven2",
+        Simulated(hardware=JointHardware(friction=1.0)),
+        "has no joint friction of choice; robots without cables have one",
+    ),
     ("dvrk_psm", Simulated(payload=0.1), "has no payload"),
     ("dvrk_psm", Simulated(grav_dir=(0, 0, 980)), "has no grav_dir"),
 ]

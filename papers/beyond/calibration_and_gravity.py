@@ -26,7 +26,8 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.control.gravity_pd import GravityHold
-from catenary.control.loop import StateCorrector, Tick, run_loop
+from catenary.control.correction import StateCorrector
+from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
 from catenary.plant import Plant

@@ -13,7 +13,8 @@ from catenary import CablePlant, Corrector, GravityPD, JointPD, JointState, Refe
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
 from catenary.control.gains import gains_at_joints
-from catenary.control.loop import StateCorrector, Tick
+from catenary.control.correction import StateCorrector
+from catenary.control.loop import Tick
 from catenary.control.pd import Damping
 from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, CableArm, Firmware, load_cable_arm
 from catenary.simulation.records import POSITIONING

@@ -5,7 +5,7 @@ every command and node. Whether an opened robot is enabled and homed is asked wh
 (`plant.require_ready`), and who else moves it by `CrtkClient.require_free`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import overload
@@ -59,25 +59,52 @@ class OverTopics:
 
 @dataclass(frozen=True)
 class RobotKind:
-    """A robot with cables and topics of its own, by its names in the catalogue."""
+    """A kind of robot: its names in the catalogue, its topics, how it is simulated, and what can be asked of that."""
 
     robot: str  # joints that are calibrated
     whole: str  # as far as the tool
     joints: tuple[str, ...]  # of its messages
     dialects: tuple[str, ...]  # its own first
+    simulate: Callable[[str | RobotModel, Simulated], SimulatedRobotPlant]  # just switched on
+    options: frozenset[str]  # of _OPTIONS
     arm: Arm = "gold"  # of a RAVEN-II
 
 
-KINDS: Mapping[str, RobotKind] = MappingProxyType(
-    {
-        kind.robot: kind
-        for kind in (
-            RobotKind("raven2", "raven2_full", JOINTS, ("raven", "crtk")),
-            RobotKind("raven2_right", "raven2_full_right", JOINTS, ("raven", "crtk"), "green"),
-            RobotKind("dvrk_psm", "dvrk_psm", PSM_JOINTS, ("crtk",)),
-        )
-    }
+# fields of Simulated that only some kinds have, in words
+_OPTIONS = {
+    "seed": "seed, for cables are what is drawn",
+    "payload": "payload",
+    "grav_dir": "grav_dir of a gravity compensation of its own",
+    "start": "start of choice",
+    "hardware": "joint friction of choice",
+}
+
+
+def _raven(robot: str | RobotModel, where: Simulated) -> CablePlant:
+    side = RAVEN_SIDES[str(robot)]
+    return CablePlant(side=side, seed=where.seed, payload=where.payload, base=where.base, grav_dir=where.grav_dir)
+
+
+def _psm(robot: str | RobotModel, where: Simulated) -> PsmPlant:
+    return PsmPlant(seed=where.seed, base=where.base)
+
+
+def _rigid(robot: str | RobotModel, where: Simulated) -> MujocoPlant:
+    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    payload = Payload(where.payload) if where.payload != 0.0 else None
+    return MujocoPlant(model, base=where.base, start=where.start, hardware=where.hardware, payload=payload)
+
+
+_OF_RAVEN = frozenset({"seed", "payload", "grav_dir"})
+_RIGID = RobotKind(
+    "robots without cables", "", (), ("crtk",), _rigid, frozenset({"payload", "start", "hardware"})
+)  # any other one
+_RECORDS = (
+    RobotKind("raven2", "raven2_full", JOINTS, ("raven", "crtk"), _raven, _OF_RAVEN),
+    RobotKind("raven2_right", "raven2_full_right", JOINTS, ("raven", "crtk"), _raven, _OF_RAVEN, "green"),
+    RobotKind("dvrk_psm", "dvrk_psm", PSM_JOINTS, ("crtk",), _psm, frozenset({"seed"})),
 )
+KINDS: Mapping[str, RobotKind] = MappingProxyType({kind.robot: kind for kind in _RECORDS})
 PSM = KINDS["dvrk_psm"]
 
 
@@ -104,7 +131,8 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
     """
     if isinstance(where, OverTopics):
         return _over_topics(str(robot), where)
-    plant = _simulated(robot, where)
+    refuse_unsupported(robot, where)
+    plant = _kind(robot).simulate(robot, where)
     if where.homed:
         plant.home()
     return plant
@@ -112,25 +140,18 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
 
 def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
     """Refuse what a simulated robot of a kind cannot have."""
-    kind, name = _kind(robot), robot if isinstance(robot, str) else robot.name
-    is_raven, with_drives = kind is not None and kind is not PSM, where.hardware is not None or where.start is not None
-    whose = ", ".join(KINDS)
-    for is_so, why in (
-        (kind is None and where.seed is not None,
-         f"a seed draws the cables of {whose}; this one has none, and is always the same"),
-        (kind is not None and with_drives, "friction comes from its cables; joint friction is for robots without"),
-        (kind is PSM and where.payload, "has no payload; a RAVEN-II and robots without cables have one"),
-        (not is_raven and where.grav_dir is not None,
-         "has no grav_dir; its own gravity compensation is a RAVEN-II's"),
-    ):  # fmt: skip
-        if is_so:
-            raise UnsupportedModelError(f'robot "{name}": {why}')
+    kind = _kind(robot)
+    for option, words in _OPTIONS.items():
+        given = where.payload != 0.0 if option == "payload" else getattr(where, option) is not None
+        if given and option not in kind.options:
+            name = robot if isinstance(robot, str) else robot.name
+            having = ", ".join(other.robot for other in (*_RECORDS, _RIGID) if option in other.options)
+            raise UnsupportedModelError(f'robot "{name}": has no {words}; {having} have one')
 
 
 def spoken_dialect(robot: str, dialect: str | None) -> str:
     """Return the dialect that a robot is spoken to in; its own when None."""
-    kind = _kind(robot)
-    own: tuple[str, ...] = ("crtk",) if kind is None else kind.dialects
+    own = _kind(robot).dialects
     found = next((one for one in own if dialect in (None, one)), None)
     if found is None:
         other = dialect_named(str(dialect))
@@ -138,34 +159,20 @@ def spoken_dialect(robot: str, dialect: str | None) -> str:
     return found
 
 
-def _kind(robot: str | RobotModel) -> RobotKind | None:
-    return KINDS.get(robot) if isinstance(robot, str) else None
-
-
-def _simulated(robot: str | RobotModel, where: Simulated) -> SimulatedRobotPlant:
-    refuse_unsupported(robot, where)
-    kind = _kind(robot)
-    if kind is PSM:
-        return PsmPlant(seed=where.seed, base=where.base)
-    if kind is not None:
-        side = RAVEN_SIDES[kind.robot]
-        return CablePlant(side=side, seed=where.seed, payload=where.payload, base=where.base, grav_dir=where.grav_dir)
-    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
-    payload = Payload(where.payload) if where.payload != 0.0 else None
-    return MujocoPlant(model, base=where.base, start=where.start, hardware=where.hardware, payload=payload)
+def _kind(robot: str | RobotModel) -> RobotKind:
+    return KINDS.get(robot, _RIGID) if isinstance(robot, str) else _RIGID
 
 
 def _over_topics(robot: str, where: OverTopics) -> CrtkReader:
     dialect, kind, namespace = spoken_dialect(robot, where.dialect), _kind(robot), where.namespace
     if kind is PSM:
         namespace = psm_topic(namespace or "/PSM1", "measured_js").name.rpartition("/")[0]
-    is_raven = kind is not None and kind is not PSM
     return (CrtkReader if where.only_read else CrtkClient)(
         where.transport,
         dialect=dialect,
-        arm="gold" if kind is None else kind.arm,
+        arm=kind.arm,
         namespace=namespace,
-        joints=None if is_raven else load_robot(robot),
+        joints=None if kind.simulate is _raven else load_robot(robot),  # a RAVEN-II says its joints itself
         simulated=where.simulated,
         gravity=where.gravity,
     )

@@ -8,8 +8,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
+from catenary.control.correction import SlowTorque
 from catenary.control.limits import TorqueLimits
-from catenary.control.loop import FADE, SlowTorque, Tick, run_loop
+from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import LoopReport
 from catenary.control.pd import JointPD
 from catenary.errors import InputError, LimitError, NotReadyError, SensorError, UnsupportedCommandError
@@ -24,6 +25,7 @@ from catenary.trajectories.reference import Reference, Rest
 from oracles.ideal_plant import MassPlant
 
 ZERO = np.zeros(2)
+FADE = 1.5  # [s]
 STIFFNESS = 100.0  # [Nm/rad]
 
 

@@ -4,12 +4,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.control.loop import FADE
 from catenary.plant import JointState
 from catenary.trajectories.smoothed_path import go_to
 from catenary.view.steering import SteeredTrajectory, SwitchedCorrector
 
 DT = 1e-3
+FADE = 1.5  # [s]
 
 
 def way(goal: np.ndarray):

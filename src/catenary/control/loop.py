@@ -3,18 +3,20 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Flags, Floats, as_array
+from catenary.control.correction import Correction, StateCorrector
 from catenary.control.limits import TorqueLimits
-from catenary.control.loop_report import GravityTally, LoopReport, RunningRms
+from catenary.control.loop_report import LoopReport, LoopTally
 from catenary.control.motion_guard import LEAP, MotionGuard
 from catenary.control.pd import Controller
-from catenary.control.realtime import Durations, RealTime
+from catenary.control.realtime import RealTime
 from catenary.control.shutdown import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.kernels.compiled import in_motion
@@ -22,66 +24,8 @@ from catenary.plant import JointState, Plant, require_ready
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
 
-FADE = 1.5  # [s] from a leap until all of it has come on
-SETTLES = 0.2  # [s] time constant of the torques that a correction takes: slower than an arm under PD
-Flags = NDArray[np.bool_]
 # [rad], [m] to a first reference from where it is measured, with a controller: an arm may have sagged under another
-SAG = {"rad": 0.1, "m": 0.01}
-
-
-class Fade:
-    """What is left out of a correction that leaps: all of the leap at first, then in equal steps ever less."""
-
-    def __init__(self, correction: Floats, period: float) -> None:
-        """Begin at a correction (n,) [rad|m] that is already acting, in ticks of `period` [s]."""
-        self._last, self._share = correction, period / FADE
-        self._left = self._step = np.zeros(len(correction))
-
-    def left_out(self, correction: Floats, leaps: ArrayLike) -> Floats:
-        """Return what is left out of a tick's correction (n,) [rad|m], which `leaps` from the last one where told."""
-        leap = np.where(leaps, np.nan_to_num(correction - self._last), 0.0)
-        self._last = correction
-        if leap.any():
-            self._left = self._left + leap
-            self._step = self._share * np.abs(self._left)
-        left = self._left
-        self._left = left - np.clip(left, -self._step, self._step)
-        return left
-
-
-class SlowTorque:
-    """The torques that a correction takes where control takes the corrected positions: a first-order low-pass.
-
-    A correction of -tau / k undoes the stretch of a cable of stiffness k. PD of gain kp at such positions commands
-    tau = -kp (q - tau / k): at once, where kp is above k, it pushes the arm the way that it is off. Behind a low-pass
-    slower than the arm that loop's gain is kp / (kp + k), always below one.
-    """
-
-    def __init__(self, period: float) -> None:
-        """Begin at the first torques, in ticks of `period` [s]."""
-        self._tau: Floats | None = None
-        self._share = -math.expm1(-period / SETTLES)
-
-    def of(self, tau: Floats) -> Floats:
-        """Return a tick's torques (n,) [Nm|N], slow; one that is not finite is passed on, and forgotten."""
-        last = np.where(np.isfinite(tau), tau, 0.0) if self._tau is None else self._tau
-        step = self._share * (tau - last)
-        known = np.isfinite(step)
-        if known.all():
-            self._tau = last + step
-            return self._tau
-        self._tau = last + np.where(known, step, 0.0)
-        return np.where(known, self._tau, tau)
-
-
-class StateCorrector(Protocol):
-    """A source of true joint positions for the loop, such as a deployed calibration model."""
-
-    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
-        """Get ready for a robot, or raise; forget all previous ticks."""
-
-    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
-        """Write calibrated positions (n,) [rad|m], whether each is inside the valid range, and half-widths [rad|m]."""
+_MAX_SAG = {"rad": 0.1, "m": 0.01}
 
 
 class GravitySource(Protocol):
@@ -128,7 +72,7 @@ def run_loop(
     The clock starts when the first command has gone out.
 
     The robot is where the trajectory begins: by its setpoint without a controller, else as it is measured, or by its
-    calibrated positions. A correction comes on within FADE seconds where the trajectory begins at the
+    calibrated positions. A correction comes on within 1.5 s where the trajectory begins at the
     position that the robot reports, and where it changes between model and fixed offset: the controller sees no leap.
     Until then the state's half-widths are wider by what is left out. The torques that it takes are slow where a
     controller takes its positions (`SlowTorque`), else as measured.
@@ -160,127 +104,158 @@ def run_loop(
         SensorError: The source of gravity asks for a stop.
     """
     waits = _require_ready(plant, controller, rate_hz)
-    n, dt = len(plant.joint_names), 1.0 / rate_hz
+    n, period = len(plant.joint_names), 1.0 / rate_hz
     length = trajectory.duration if duration is None else duration
     if not length >= 0.0:
         raise InputError(f"duration: expected zero or more seconds, got {length}")
     # the last tick sends the reference at the end; 1e-9 forgives rounding
     numbers = range(math.ceil(length * rate_hz - 1e-9) + 1) if math.isfinite(length) else count()
     first = as_array("reference q", trajectory(0.0).q, (n,))
-    state, correction, inside = plant.measured_js(), np.zeros(n), np.ones(n, dtype=bool)
-    if corrector is not None:
-        corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)
-        corrector.correct_state(state, correction, inside, np.empty(n))
-        correction -= state.q
-        corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)  # the loop's ticks are the first
+    state = plant.measured_js()
+    correction = None if corrector is None else Correction(corrector, plant, state, rate_hz)
     if controller is None:
         _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), LEAP)
     else:
-        correction[~_require_near(plant, first, "the robot", state.q, correction, SAG)] = 0.0
-    fade, slow, guard = Fade(correction, dt), SlowTorque(dt), MotionGuard(plant, first, dt, max_speed)
+        added = np.zeros(n) if correction is None else correction.at_start
+        is_corrected = _require_near(plant, first, "the robot", state.q, added, _MAX_SAG)
+        if correction is not None:
+            correction.smooth(np.where(is_corrected, added, 0.0))
+    guard = MotionGuard(plant, first, period, max_speed)
     if limits is None:
         limits = TorqueLimits(np.full(n, np.inf))
     limits.reset(state.tau)
-    clock = RealTime(dt) if real_time or not plant.simulated else None
-    compute, correcting, outside = Durations(), Durations(), np.zeros(n)
-    nominal, calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
-    sensed = None if gravity is None else GravityTally()
-    finite = FiniteTicks(plant.joint_names, state.q, give_up_after)
-    ticks, finished = 0, False
+    run = _Run(
+        plant=plant,
+        controller=controller,
+        trajectory=trajectory,
+        rate_hz=rate_hz,
+        period=period,
+        waits=waits,
+        limits=limits,
+        guard=guard,
+        finite=FiniteTicks(plant.joint_names, state.q, give_up_after),
+        correction=correction,
+        gravity=gravity,
+        observers=observers,
+        clock=RealTime(period) if real_time or not plant.simulated else None,
+        tally=LoopTally(n, sensed=gravity is not None),
+        all_inside=np.ones(n, dtype=bool),
+    )
+    moving = in_motion.set(True)
+    try:
+        if run.clock is not None:
+            run.clock.begin()
+        for number in numbers:
+            run.tick(number)
+        if controller is not None:
+            run.hold()
+        return run.report(finished=True)
+    except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
+        ticks = run.tally.ticks
+        error.loop_report = run.report(finished=False)  # type: ignore[attr-defined]
+        error.add_note(f"the control loop ended after {ticks} ticks ({ticks * period:.3f} s)")
+        leave_safe(plant, run.finite.held, error)
+        raise
+    finally:
+        in_motion.reset(moving)
+        if run.clock is not None:
+            run.clock.end()
 
-    def report() -> LoopReport:
+
+@dataclass(frozen=True)
+class _Run:
+    """One run of the loop: what a tick needs."""
+
+    plant: Plant
+    controller: Controller | None
+    trajectory: Trajectory
+    rate_hz: float
+    period: float  # [s] of a tick
+    waits: int  # ticks of the plant in one of the loop
+    limits: TorqueLimits
+    guard: MotionGuard
+    finite: FiniteTicks
+    correction: Correction | None
+    gravity: GravitySource | None
+    observers: Sequence[Observer]
+    clock: RealTime | None
+    tally: LoopTally
+    all_inside: Flags  # (n,) true: what is told without a corrector
+
+    def tick(self, number: int) -> None:
+        """Measure, correct, sense gravity, control, limit, send, observe, wait."""
+        begin = time.perf_counter()
+        plant, period, tally = self.plant, self.period, self.tally
+        state = plant.measured_js()
+        n = len(plant.joint_names)
+        q_nominal = as_array("measured q", state.q, (n,), finite=False)
+        if self.correction is not None:
+            state = self.correction.corrected(state)
+        if self.gravity is not None:
+            state = self._with_gravity(state, self.gravity.read(state.time))
+        reference = self.trajectory(number * period)
+        q_wanted = as_array("reference q", reference.q, (n,), finite=False)
+        self.guard.update(state.time, q_nominal, q_wanted)
+        tau = None
+        if self.controller is None:
+            self.finite.update(q_nominal)
+            plant.servo_jp(q_wanted)
+        else:
+            wanted = as_array("torque", self.controller.torque(state, reference), (n,), finite=False)
+            tau = self.limits.apply(wanted, q_nominal, period)
+            self.finite.update(q_nominal, wanted)
+            plant.servo_jf(tau)
+        if self.clock is not None:
+            self.clock.sent()
+        inside = self.all_inside if self.correction is None else self.correction.inside
+        tally.add(q_wanted, q_nominal, state.q, inside)
+        for observe in self.observers:
+            observe(Tick(number, number * period, state, q_nominal, inside, reference, tau))
+        if number > 0:
+            tally.compute.add(time.perf_counter() - begin)
+        for _ in range(self.waits):
+            plant.wait()
+        if self.clock is not None:
+            if number > 0:
+                self.clock.wait()
+            else:
+                self.clock.start()
+
+    def _with_gravity(self, state: JointState, reading: GravityReading) -> JointState:
+        if self.tally.gravity is not None:
+            self.tally.gravity.add(reading)
+        if reading.status is ReadingStatus.STOP:
+            raise SensorError(f"gravity is not known: {reading.faults.message or 'the sensor is lost'}")
+        return JointState(*state[:5], reading.gravity, reading.age, reading.base_rates, state.q_interval)
+
+    def hold(self) -> None:
+        """Have the robot hold where it is, without the controller."""
+        q = self.plant.measured_js().q
+        if not hold(self.plant, np.where(np.isfinite(q), q, self.finite.held)):
+            self.plant.state_command("pause")
+
+    def report(self, *, finished: bool) -> LoopReport:
+        """Return what the ticks so far came to."""
+        tally, clock, corrected = self.tally, self.clock, self.correction is not None
         return LoopReport(
-            joint_names=plant.joint_names,
-            joint_units=plant.joint_units,
-            rate_hz=rate_hz,
-            ticks=ticks,
+            joint_names=self.plant.joint_names,
+            joint_units=self.plant.joint_units,
+            rate_hz=self.rate_hz,
+            ticks=tally.ticks,
             finished=finished,
-            compute=compute.timing(),
+            compute=tally.compute.timing(),
             jitter=None if clock is None else clock.jitter.timing(),
             overruns=None if clock is None else clock.overruns,
             longest_gap=None if clock is None else clock.longest_gap,
             has_priority=clock is not None and clock.has_priority,
-            outside_valid_range=None if corrector is None else tuple((outside / max(1, ticks)).tolist()),
-            tracking_nominal=nominal.value(),
-            tracking_calibrated=None if corrector is None else calibrated.value(),
-            limited_ticks=limits.limited,
-            not_finite_ticks=limits.not_finite,
-            gravity=None if sensed is None else sensed.report(),
-            correction=correcting.timing(),
+            outside_valid_range=tuple((tally.outside / max(1, tally.ticks)).tolist()) if corrected else None,
+            tracking_nominal=tally.nominal.value(),
+            tracking_calibrated=tally.calibrated.value() if corrected else None,
+            limited_ticks=self.limits.limited,
+            not_finite_ticks=self.limits.not_finite,
+            gravity=None if tally.gravity is None else tally.gravity.report(),
+            correction=None if self.correction is None else self.correction.durations.timing(),
         )
-
-    moving = in_motion.set(True)
-    try:
-        if clock is not None:
-            clock.begin()
-        for number in numbers:
-            begin = time.perf_counter()
-            state = plant.measured_js()
-            q_nominal = as_array("measured q", state.q, (n,), finite=False)
-            if corrector is not None:
-                q, was_inside, interval = np.empty(n), inside, np.empty(n)
-                inside = np.empty(n, dtype=bool)
-                asked = time.perf_counter()
-                known = state if controller is None else state._replace(tau=slow.of(state.tau))
-                corrector.correct_state(known, q, inside, interval)
-                if number > 0:
-                    correcting.add(time.perf_counter() - asked)
-                if controller is not None:
-                    left = fade.left_out(q - q_nominal, (inside != was_inside) | (number == 0))
-                    q -= left
-                    interval += np.abs(left)
-                state = JointState(state.time, q, *state[2:8], interval)
-            if gravity is not None and sensed is not None:
-                reading = gravity.read(state.time)
-                sensed.add(reading)
-                if reading.status is ReadingStatus.STOP:
-                    raise SensorError(f"gravity is not known: {reading.faults.message or 'the sensor is lost'}")
-                state = JointState(*state[:5], reading.gravity, reading.age, reading.base_rates, state.q_interval)
-            reference = trajectory(number * dt)
-            q_wanted = as_array("reference q", reference.q, (n,), finite=False)
-            guard.update(state.time, q_nominal, q_wanted)
-            tau = None
-            if controller is None:
-                finite.update(q_nominal)
-                plant.servo_jp(q_wanted)
-            else:
-                wanted = as_array("torque", controller.torque(state, reference), (n,), finite=False)
-                tau = limits.apply(wanted, q_nominal, dt)
-                finite.update(q_nominal, wanted)
-                plant.servo_jf(tau)
-            if clock is not None:
-                clock.sent()
-            nominal.add(q_wanted, q_nominal)
-            calibrated.add(q_wanted, state.q)
-            outside += ~inside
-            ticks += 1
-            for observe in observers:
-                observe(Tick(number, number * dt, state, q_nominal, inside, reference, tau))
-            if number > 0:
-                compute.add(time.perf_counter() - begin)
-            for _ in range(waits):
-                plant.wait()
-            if clock is not None:
-                if number > 0:
-                    clock.wait()
-                else:
-                    clock.start()
-        finished = True
-        if controller is not None:
-            q = plant.measured_js().q  # where the robot holds, without the controller
-            if not hold(plant, np.where(np.isfinite(q), q, finite.held)):
-                plant.state_command("pause")
-        return report()
-    except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
-        finished = False
-        error.loop_report = report()  # type: ignore[attr-defined]
-        error.add_note(f"the control loop ended after {ticks} ticks ({ticks * dt:.3f} s)")
-        leave_safe(plant, finite.held, error)
-        raise
-    finally:
-        in_motion.reset(moving)
-        if clock is not None:
-            clock.end()
 
 
 def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) -> int:

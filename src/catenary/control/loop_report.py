@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
-from catenary.control.realtime import Timing
+from catenary.arrays import Flags, Floats
+from catenary.control.realtime import Durations, Timing
 from catenary.sensing.checks import Fault
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.units import DISPLAY, TORQUE_UNIT
@@ -127,6 +127,23 @@ class GravityTally:
             messages=tuple(fault.message for fault in faults),
             largest_age=self._largest_age,
         )
+
+
+class LoopTally:
+    """What a run of n joints adds up, tick by tick, for its report."""
+
+    def __init__(self, n: int, *, sensed: bool) -> None:
+        self.ticks, self.compute = 0, Durations()
+        self.nominal, self.calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
+        self.outside = np.zeros(n)  # ticks of each joint beyond the corrector's valid range
+        self.gravity = GravityTally() if sensed else None
+
+    def add(self, wanted: Floats, q_nominal: Floats, q: Floats, inside: Flags) -> None:
+        """Count a tick: reference, reported and calibrated positions [rad|m], and whether each is inside, (n,)."""
+        self.nominal.add(wanted, q_nominal)
+        self.calibrated.add(wanted, q)
+        self.outside += ~inside
+        self.ticks += 1
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.control.loop import SlowTorque
+from catenary.control.correction import SlowTorque
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received

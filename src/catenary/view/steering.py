@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Flags, Floats, as_array
-from catenary.control.loop import Fade, StateCorrector
+from catenary.control.correction import Fade, StateCorrector
 from catenary.plant import Bounded, JointState
 from catenary.robots.catalog import RAVEN_SIDES
 from catenary.robots.model import RobotModel

@@ -16,7 +16,7 @@ from jinja2 import Environment
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.control.loop import SETTLES
+from catenary.control.correction import SLOW_TORQUE_S
 from catenary.dynamics import lines
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.errors import InputError
@@ -161,7 +161,7 @@ def _correction(model: CalibrationModel, corrector: Corrector, name: str, rate_h
     return {
         "calibration": model,
         "signals": [f"{c_comment(signal)} [{c_comment(unit)}]" for signal, unit in named],
-        "slow": SETTLES if any(signal.startswith("tau:") for signal in features.signals) else None,
+        "slow": SLOW_TORQUE_S if any(signal.startswith("tau:") for signal in features.signals) else None,
         "tick": {"q": q, "signals": signals, "out": out, "inside": inside.astype(float)},
         "correction": c_correction(name, model, rate_hz),
     }

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Flags, Floats, as_array
 from catenary.control.gravity_pd import GravityPD
-from catenary.control.loop import Flags, GravitySource, Observer, Tick, run_loop
+from catenary.control.loop import GravitySource, Observer, Tick, run_loop
 from catenary.control.loop_report import Holding, Tracking
 from catenary.control.pd import Controller, SplitController
 from catenary.errors import InputError
