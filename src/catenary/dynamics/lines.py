@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads, load_along
+from catenary.dynamics.actuation_loads import ActuationLoads, load_along
 from catenary.dynamics.recursion import (
     composite_body_recursion,
     gravity_recursion,
@@ -308,7 +308,7 @@ def _drive_terms(trace: Trace, loads: ActuationLoads, q: Terms, qdd: Rates) -> l
             load = load * s + float(coefficient)
         _add(out, known.along, load)
     for term, value in zip(loads.terms, map(float, loads.values), strict=True):
-        if term.kind in ("motor_inertia", "spring"):
+        if term.friction is None:
             c = term.combination
             along = load_along(term, _along(c, q), 0.0, _along(c, qdd), 0.0, 0.0, TracedFunctions(trace))
             _add(out, c, value * along)
@@ -319,7 +319,7 @@ def _friction_terms(trace: Trace, loads: ActuationLoads, qd: Terms, carried: Rat
     out: list[Term] = [0.0] * loads.n
     smooth = loads.actuation.coulomb_velocity
     for term, value in zip(loads.terms, map(float, loads.values), strict=True):
-        if term.kind in (*SLIDING, "offset"):
+        if term.friction is not None:
             c = term.combination
             along = load_along(term, 0.0, _along(c, qd), 0.0, _along(c, carried), smooth, TracedFunctions(trace))
             _add(out, c, value * along)

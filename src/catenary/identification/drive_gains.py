@@ -17,13 +17,14 @@ from catenary.errors import ExcitationError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.least_squares import scaled_solution
 from catenary.identification.samples import Samples
+from catenary.robots.friction_terms import FRICTION_TERMS
 from catenary.robots.model import RobotModel
 
 MOST_ROUNDS = 50
 CONVERGED = 1e-7  # of the logarithm of a gain
 VISIBLE = 1e-9  # smallest singular value, columns scaled to one
 LONGEST = 0.5  # step of that logarithm
-OWN = ("coulomb", "viscous", "offset")  # kinds of friction that a loaded arm has otherwise
+_LOADED_KINDS = tuple(kind for kind, term in FRICTION_TERMS.items() if term.usual)  # friction that a load changes
 BLOCKS = 20  # of every recording, each left out in turn: of five, a standard error is itself a third off
 SURE = 0.2  # relative standard error of a gain: beyond it the recordings do not show it
 
@@ -64,7 +65,9 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
     link, pose = model.frame()
     parts = [(part, with_load) for with_load, group in ((False, free), (True, loaded)) for part in group]
     folds = [_triangles(base, parts, link, block) for block in range(BLOCKS)]
-    mass = base.count + sum(name.split()[0] in OWN for name in base.names)  # its column, behind those of friction
+    mass = base.count + sum(
+        name.split()[0] in _LOADED_KINDS for name in base.names
+    )  # its column, behind those of friction
     gains, unknown = _solved(folds, mass, load)
     left_out = np.log([_solved([*folds[:f], *folds[f + 1 :]], mass, load, gains)[0] for f in range(BLOCKS)])
     errors = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
@@ -84,7 +87,7 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
 def _triangles(base: BaseParameters, parts: Sequence[tuple[Samples, bool]], link: int, block: int) -> list[Floats]:
     """Return R of [parameters | friction with load | load | current] of each axis, on one block of time."""
     model = base.parameters.model
-    own = [k for k, name in enumerate(base.names) if name.split()[0] in OWN]
+    own = [k for k, name in enumerate(base.names) if name.split()[0] in _LOADED_KINDS]
     stacks: list[list[Floats]] = [[] for _ in range(model.n)]
     for whole, with_load in parts:
         part = whole.rows(np.arange(len(whole)) * BLOCKS // len(whole) == block, whole.name)

@@ -273,7 +273,7 @@ def shown_parameters(
     Friction that needs a recording's course or torques is left out: in steady sliding it is Coulomb friction, or none.
     """
     own = actuation_of(model)
-    steady = [replace(f, presliding=None, stribeck=None, load=False) for f in own.friction if not f.recording]
+    steady = [f.only(lambda term: not term.needs_course) for f in own.friction if not f.recording]
     model = replace(model, actuation=replace(own, friction=tuple(steady), values=None))
     low, high = room.inner()
     size = (200, model.n)

@@ -1,9 +1,9 @@
 """Which friction and rotors a recording shows: parts are added while held-out blocks are predicted better.
 
-Candidates are viscous friction that differs by direction, Stribeck's and presliding friction on a grid of their
-speeds and distances, and friction that grows with the load. All are linear in their parameters, so that of every
-block the products of all columns are all that is needed. The best candidate is added, again and again, as long as it
-takes enough away from the residuals of blocks that were not fitted, and more than that differs from block to block.
+Candidates are the terms of `FRICTION_TERMS` that are not on every joint, on a grid of their speeds and distances. All
+are linear in their parameters, so that of every block the products of all columns are all that is needed. The best
+candidate is added, again and again, as long as it takes enough away from the residuals of blocks that were not fitted,
+and more than that differs from block to block.
 """
 
 from collections.abc import Collection, Sequence
@@ -18,10 +18,9 @@ from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.parameters import recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.actuation import Actuation, ActuationTerm
+from catenary.robots.friction_terms import FRICTION_TERMS
 
 Extra = tuple[str, int]  # kind, and which friction
-SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of Stribeck friction, over the rate's RMS
-DISTANCES = (0.001, 0.003, 0.01, 0.03, 0.1)  # of presliding friction, over the travel between 5 and 95 %
 GAIN = 0.02  # least that each part takes from the sum over axes of log residual: 2 % of one axis
 HARM = 0.05  # most by which any axis may be worse than with the friction that is given
 DISTINCT = 0.05  # least part of a column that others do not give
@@ -40,7 +39,7 @@ class FrictionPart:
 
     friction: str
     kind: str
-    scale: float | None  # [rad/s, m/s] of Stribeck's, [rad, m] of presliding friction
+    scale: float | None  # of a term that has one [rad/s, m/s, or rad, m]
     gain: float  # by how much the residual on held-out blocks, as the mean over axes, became less
 
 
@@ -109,7 +108,7 @@ def choose_friction(
     friction = list(actuation.friction)
     for (kind, place), candidate in chosen.items():
         value = True if candidate.scale is None else candidate.scale
-        friction[place] = replace(friction[place], **{kind: value})  # type: ignore[arg-type]  # by the kind's name
+        friction[place] = replace(friction[place], **{kind: value})
     return replace(actuation, friction=tuple(friction)), tuple(parts.values())
 
 
@@ -167,6 +166,9 @@ def _together(candidates: list[_Candidate]) -> list[tuple[_Candidate, ...]]:
 def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str], first: int) -> list[_Candidate]:
     """Return the parts that frictions lack and could have, their columns behind the first ones."""
     found: list[_Candidate] = []
+    tried = [term for term in FRICTION_TERMS.values() if term.kind in kinds and not term.usual]
+    if samples[0].history is None:
+        tried = [term for term in tried if term.memory is None]
     for place, friction in enumerate(actuation.friction):
         c = friction.combination
         s = np.concatenate([part.q @ c for part in samples])
@@ -174,14 +176,16 @@ def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequenc
         speed = float(np.sqrt(np.mean(np.concatenate([part.qd @ c for part in samples]) ** 2)))
         if friction.recording or not (travel > 0.0 and speed > 0.0):
             continue
-        beside = {"asymmetric": friction.viscous, **dict.fromkeys(("load", "stribeck", "presliding"), friction.coulomb)}
-        tried: dict[str, Sequence[float | None]] = {"asymmetric": [None], "load": [None]}
-        tried["stribeck"] = [share * speed for share in SPEEDS]
-        tried["presliding"] = [share * travel for share in DISTANCES if samples[0].history is not None]
-        for kind in (each for each in tried if each in kinds and beside[each] and not getattr(friction, each)):
-            for rung, scale in enumerate(tried[kind]):
-                term = ActuationTerm(kind, friction.name, c, None, scale or 0.0)  # type: ignore[arg-type]  # by its name
-                found.append(_Candidate(kind, place, scale, rung, first + len(found), term))
+        sizes = {"speed": speed, "travel": travel}
+        for term in tried:
+            if getattr(friction, term.kind) or not getattr(friction, term.beside):
+                continue
+            scales: list[float | None] = [None]
+            if term.scale is not None:
+                scales = [share * sizes[term.scale.of] for share in term.scale.shares]
+            for rung, scale in enumerate(scales):
+                column = ActuationTerm(term.kind, friction.name, c, None, scale or 0.0)
+                found.append(_Candidate(term.kind, place, scale, rung, first + len(found), column))
     return found
 
 

@@ -10,11 +10,11 @@ from catenary.arrays import Floats
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.robots.actuation import Actuation, MotorInertia, SignalFilter, Weighting, default_actuation
+from catenary.robots.friction_terms import FRICTION_PARTS
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
 Terms = Literal["full", "static"]
-FRICTION_PARTS = ("asymmetric", "stribeck", "load", "presliding", "recording")
 NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
 
 

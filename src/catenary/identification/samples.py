@@ -10,7 +10,9 @@ they hold is rounded: the column it is fitted with passes the same filter. Presl
 the last reversals. Both are computed over the whole recording before rows are left out.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -18,19 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation_loads import known_torque, term_load
+from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, known_rotors
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
-from catenary.robots.actuation import ActuationTerm, SignalFilter
+from catenary.robots.actuation import SignalFilter
+from catenary.robots.friction_terms import FrictionTerm
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.verdict.units_and_scale import LARGEST, limits_of
-
-STEPS = ("coulomb", "stribeck", "load")  # kinds that leap where the rate changes sign
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,38 +43,26 @@ class FrictionHistory:
     sections: Floats  # of the filter, second-order
     kept: NDArray[np.int64]  # rows that are left, counted after the cut
 
-    def load(self, term: ActuationTerm, coulomb_velocity: float) -> Floats:
-        """Return a term's load (N,) on the rows kept, per unit; that of load-dependent friction per Nm or N carried."""
+    def load(self, friction: FrictionTerm, c: Floats, scale: float, coulomb_velocity: float) -> Floats:
+        """Return a term's load (N,) along c (n,) on the rows kept, per unit, and per Nm or N that it grows with."""
         parts = []
         for q, qd, cut in self.segments:
-            if term.kind == "presliding":
-                load = presliding(q @ term.combination, term.scale)
+            if friction.memory is not None:
+                load = path_load(friction.memory, q @ c, scale)
             else:
-                step = term._replace(kind="coulomb") if term.kind == "load" else term
-                load = _filtered(self.sections, term_load(step, q, qd, qd, coulomb_velocity), cut)
+                load = _filtered(self.sections, friction.load(qd @ c, scale, coulomb_velocity, np), cut)
             parts.append(load[cut : len(load) - cut])
         return np.concatenate(parts)[self.kept]
 
 
-def presliding(s: Floats, distance: float) -> Floats:
-    """Return Dahl's friction z (N,) along a path s, from rest, between -1 and 1: dz = ds - |ds| z / distance, in its
-    units.
-    """
+def path_load(memory: Callable[[Floats, float, Floats], None], s: Floats, scale: float) -> Floats:
+    """Return the load (N,) of friction that remembers its path s (N,), from rest."""
     out = np.empty(len(s))
-    _presliding_rows(np.ascontiguousarray(s), distance, out)
+    _compiled_memory(memory)(np.ascontiguousarray(s), scale, out)
     return out
 
 
-@compiled
-def _presliding_rows(s: Floats, distance: float, out: Floats) -> None:
-    z = 0.0
-    out[0] = z
-    for k in range(1, len(s)):
-        step = s[k] - s[k - 1]
-        # exact while the direction stays: z goes to the direction's sign as exp(-|ds| / distance)
-        towards = 1.0 if step > 0.0 else -1.0
-        z = towards + (z - towards) * np.exp(-abs(step) / distance)
-        out[k] = z
+_compiled_memory = cache(compiled)
 
 
 FAITHFUL = 0.5  # least correlation of a velocity with the derivative of its position

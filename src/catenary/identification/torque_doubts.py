@@ -117,9 +117,10 @@ def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], se
     driven, braked = set[int](), set[int]()
     power: dict[tuple[float, ...], list[tuple[int, float]]] = {}
     for k, term in enumerate(parameters.actuation):
-        if term.kind in ("coulomb", "viscous") and first + k in place:
+        friction = term.friction
+        if friction is not None and friction.usual and not friction.at_rest and first + k in place:
             speed = samples.qd @ term.combination
-            weight = float(np.mean(np.abs(speed) if term.kind == "coulomb" else speed**2))
+            weight = float(np.mean(speed * friction.load(speed, term.scale, 0.0, np)))
             power.setdefault(tuple(term.combination), []).append((place[first + k], weight))
     for combination, parts in power.items():
         columns, weights = [column for column, _ in parts], np.array([weight for _, weight in parts])
