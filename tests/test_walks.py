@@ -57,9 +57,7 @@ def test_a_friction_term_is_added_by_its_record_alone(package: Path) -> None:
     record, row = told_blocks("Add a friction term")
     insert(package / "src/catenary/robots/friction_terms.py", ")  # fmt: skip\nFRICTION_TERMS", record)
     insert(package / "docs/identification.md", "| `recording` |", row)
-    run(
-        package, "pytest", "-q", "-p", "no:cacheprovider", "tests/contracts/test_friction_terms.py", "-k", "quadratic"
-    )
+    run(package, "pytest", "-q", "-p", "no:cacheprovider", "tests/contracts/test_friction_terms.py", "-k", "quadratic")
     arm = load_robot("raven2")
     q, qd, qdd = sinusoids(np.random.default_rng(0), arm, np.arange(6000) / 200.0)
     noise = 0.01 * np.random.default_rng(1).normal(size=q.shape)

@@ -21,14 +21,14 @@ from catenary.robots.actuation import Actuation, ActuationTerm
 from catenary.robots.friction_terms import FRICTION_TERMS
 
 Extra = tuple[str, int]  # kind, and which friction
-GAIN = 0.02  # least that each part takes from the sum over axes of log residual: 2 % of one axis
-HARM = 0.05  # most by which any axis may be worse than with the friction that is given
-DISTINCT = 0.05  # least part of a column that others do not give
-MOST_ROWS = 20_000  # that are looked at
+_MIN_LOG_GAIN = 0.02  # least that each part takes from the sum over axes of log residual: 2 % of one axis
+_MAX_HARM = 0.05  # most by which any axis may be worse than with the friction that is given
+_DISTINCT_SHARE = 0.05  # least part of a column that others do not give
+_MAX_ROWS = 20_000  # that are looked at
 # standard errors of a gain, by how blocks differ, which it exceeds; blocks differ by their motion too, not by chance
 # alone
-SCATTER = 0.5
-MAD = 1.4826  # standard deviations in a median absolute deviation
+_SCATTER_ERRORS = 0.5
+_MAD_DEVIATIONS = 1.4826  # standard deviations in a median absolute deviation
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,9 @@ def choose_friction(
             added = {(c.kind, c.friction): c for c in move if chosen.get((c.kind, c.friction)) != c}
             others = [c for key, c in chosen.items() if key not in added]
             after = with_parts([*others, *added.values()], len(added)) if added else None
-            if after is None or (after.sum(axis=0) > (1.0 + HARM) ** 2 * first.sum(axis=0)).any():
+            if after is None or (after.sum(axis=0) > (1.0 + _MAX_HARM) ** 2 * first.sum(axis=0)).any():
                 continue
-            gain = _gain(before, after, least=GAIN * len(added))
+            gain = _gain(before, after, least=_MIN_LOG_GAIN * len(added))
             if gain > most:
                 best, best_squares, most = added, after, gain
         if best is None:
@@ -132,7 +132,7 @@ def terms_show(
             columns.append(base.count + k)
     added = len(columns) - base.count
     after = _held_out(products, columns, added=added) if added else None
-    return None if before is None or after is None else _gain(before, after, least=GAIN * added) > 0.0
+    return None if before is None or after is None else _gain(before, after, least=_MIN_LOG_GAIN * added) > 0.0
 
 
 def _gain(before: Floats, after: Floats, *, least: float) -> float:
@@ -147,8 +147,8 @@ def _gain(before: Floats, after: Floats, *, least: float) -> float:
     scatter = float(np.sqrt((FOLDS - 1) ** 2 / FOLDS) * others.std(ddof=1))
     blocks = np.log(before / after).sum(axis=1)
     usual = float(np.median(blocks))
-    of_blocks = MAD * float(np.median(np.abs(blocks - usual)))
-    if whole <= SCATTER * scatter and usual <= SCATTER * of_blocks:
+    of_blocks = _MAD_DEVIATIONS * float(np.median(np.abs(blocks - usual)))
+    if whole <= _SCATTER_ERRORS * scatter and usual <= _SCATTER_ERRORS * of_blocks:
         return 0.0
     return 0.5 * whole - least
 
@@ -200,7 +200,7 @@ def _products(
     n, count = samples[0].q.shape[1], base.count + len(terms) + 1
     along = np.array([term.combination for term in terms])
     products = np.zeros((FOLDS, n, count, count))
-    every = max(1, sum(len(part) for part in samples) // MOST_ROWS)
+    every = max(1, sum(len(part) for part in samples) // _MAX_ROWS)
     for part in samples:
         fold = fold_of_rows(part)
         loads = np.column_stack([recorded_load(term, part, coulomb_velocity) for term in terms])
@@ -227,7 +227,7 @@ def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats 
         lower = np.linalg.cholesky(correlation[:, :m, :m] + 1e-12 * np.eye(m))
     except np.linalg.LinAlgError:
         return None
-    if (np.einsum("fjj->fj", lower)[:, m - added :] < DISTINCT).any():
+    if (np.einsum("fjj->fj", lower)[:, m - added :] < _DISTINCT_SHARE).any():
         return None
     solution = np.linalg.solve(correlation[:, :m, :m] + 1e-12 * np.eye(m), correlation[:, :m, m, None])[:, :, 0]
     beta = solution * scale[:, m:] / scale[:, :m]

@@ -15,7 +15,7 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
 Terms = Literal["full", "static"]
-NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
+_NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class IdentifyOptions:
     __pydantic_config__ = IN_FILES
 
     terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
-    gravity: tuple[float, float, float] = NOMINAL_GRAVITY  # [m/s2] in base axes
+    gravity: tuple[float, float, float] = _NOMINAL_GRAVITY  # [m/s2] in base axes
     cutoff_hz: float | None = None
     order: Annotated[int, Field(ge=1, le=10)] | None = None
     cut_time_constants: float | None = None  # of the filter, left out at either end of a stretch of time

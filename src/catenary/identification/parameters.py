@@ -8,14 +8,14 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.actuation_loads import term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
-from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
+from catenary.dynamics.torque_regressor import PARAMETER_NAMES, PARAMETER_UNITS, PER_LINK, torque_regressor
 from catenary.identification.identify_options import Terms, actuation_of
 from catenary.identification.samples import HELD_OUT, Samples
 from catenary.robots.actuation import ActuationTerm, actuation_terms
 from catenary.robots.friction_terms import NOT_NEGATIVE
 from catenary.robots.model import RobotModel
 
-IN = " in "  # between the name of a friction and that of the recording that has it
+OF_RECORDING = " in "  # between the name of a friction and that of the recording that has it
 FIRST_MOMENTS = 4  # of a link's ten parameters, mass and first moment: all that shows at rest
 
 
@@ -47,7 +47,7 @@ class Parameters:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """What each is called, in the order of the regressor's columns."""
-        bodies = [f"{PARAMETERS[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)]
+        bodies = [f"{PARAMETER_NAMES[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)]
         return (*bodies, *(f"{term.kind} {term.name}" for term in self.actuation))
 
     @cached_property
@@ -97,7 +97,7 @@ class Parameters:
                 if other:
                     beside.append(row | _one(place.get((other, name))))
                 else:
-                    common = name.removesuffix(f"{IN}{term.recording}") if term.recording else ""
+                    common = name.removesuffix(f"{OF_RECORDING}{term.recording}") if term.recording else ""
                     alone.append(row | _one(place.get((kind, common))))
         rows = [*alone, *beside]
         B = np.zeros((len(rows), len(self.names)))

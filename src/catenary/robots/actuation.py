@@ -17,7 +17,7 @@ from catenary.arrays import Floats, Listed, frozen
 from catenary.config import IN_FILES, file_keys
 from catenary.errors import InputError
 from catenary.robots.friction_terms import FRICTION_TERMS, FrictionTerm
-from catenary.robots.plausible import FARTHEST, MOST_FACTOR, check_names, check_within
+from catenary.robots.plausible import FARTHEST, MAX_FACTOR, check_names, check_within
 
 Weighting = Literal["none", "range", "spread", "residual"]
 
@@ -308,7 +308,7 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
                 raise InputError(f"{what}: is there twice")
             if term.combination.shape != (n,) or not np.isfinite(term.combination).all():
                 raise InputError(f"{what}: expected {n} finite factors, got {term.combination}")
-            check_within(f"{what}: factor", term.combination, MOST_FACTOR, "")
+            check_within(f"{what}: factor", term.combination, MAX_FACTOR, "")
             along = getattr(term, "along", None)
             if along is not None and (along.shape != (n,) or not np.isfinite(along).all()):
                 raise InputError(f"{what}: expected {n} finite factors along which it acts, got {along}")
