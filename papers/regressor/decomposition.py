@@ -7,7 +7,7 @@ import numpy as np
 from catenary import RobotModel, compact_regressor, gravity_regressor, load_robot
 from catenary.arrays import Floats
 from catenary.gravity import written_terms as formulas
-from catenary.gravity.compact_regressor import DOWN, CompactRegressor
+from catenary.gravity.compact_regressor import _DOWN, CompactRegressor
 from catenary.gravity.gravity_regressor import carried_links, gravity_parameters
 from catenary.gravity.symbols import expression_text, mass_expression, moment_expression
 from papers.experiment import Result, run
@@ -57,7 +57,7 @@ def block_texts(model: RobotModel, joint: int) -> list[str]:
     row = int(np.flatnonzero(model.coupling[joint])[0])
     for frame in range(-1, len(model.link_names)):
         for along in range(3):
-            terms = full_entry(model, joint, frame, np.eye(3)[along], DOWN, row)
+            terms = full_entry(model, joint, frame, np.eye(3)[along], _DOWN, row)
             short = terms is not None and len(terms) <= formulas.SHORT
             name = f"Z{joint + 1},{3 * (frame + 1) + along + 1}"
             texts.append(formulas.terms_text(terms or {}) if short else name)
@@ -112,7 +112,7 @@ def decomposition(robot: str) -> Result:
     full, s = gravity_regressor(model, q, gravity), gravity_parameters(bodies).values
     compact = regressor.Z(q, gravity)
     difference = np.abs(full @ s - compact @ regressor.parameters(bodies)).max()
-    on_level, compact_on_level = gravity_regressor(model, q, DOWN), regressor.Z(q, DOWN)
+    on_level, compact_on_level = gravity_regressor(model, q, _DOWN), regressor.Z(q, _DOWN)
     n = len(model.link_names)
     own = groups(regressor)
     written = n <= WRITTEN

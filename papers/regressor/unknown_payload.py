@@ -23,7 +23,7 @@ import numpy as np
 from catenary import RobotModel, gravity_torque, load_robot
 from catenary.arrays import Floats
 from catenary.gravity.estimator import RecursiveGravityEstimator
-from catenary.gravity.load_location import LOAD
+from catenary.gravity.load_location import LOAD_SIZE
 from catenary.gravity.payload import Payload
 from catenary.spatial import LEVEL
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Result, Scope, run
@@ -67,7 +67,7 @@ def poses(model: RobotModel, count: int, rng: np.random.Generator) -> Floats:
 
 
 def trial(
-    model: RobotModel, rng: np.random.Generator, noise: float, *, loaded: bool, load: tuple[float, float] = LOAD
+    model: RobotModel, rng: np.random.Generator, noise: float, *, loaded: bool, load: tuple[float, float] = LOAD_SIZE
 ) -> Result:
     """Let an arm learn itself, take up a load, and go through more poses; return what was believed on the way.
 
@@ -127,7 +127,7 @@ def payload_trials(seed: int | None, noise_ratio: float, told_sizes: bool, trial
         told_sizes: The estimator is told how large these loads are; else it takes what the package comes with.
     """
     model = arm(seed)
-    load = SIZES if told_sizes else LOAD
+    load = SIZES if told_sizes else LOAD_SIZE
     # not the numbers on which the estimator's settings were chosen
     rng = np.random.default_rng([20261123, 0 if seed is None else seed + 1])
     return {

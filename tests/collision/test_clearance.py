@@ -5,7 +5,7 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from catenary.collision.scene import LOOKS, box_at, floor_at, scene_of
+from catenary.collision.scene import _LOOK_COUNT, box_at, floor_at, scene_of
 from catenary.dynamics.kinematics import Configuration, forward_kinematics
 from colliding_arm import PANDA, apart, box_arm, capsule_arm, motion
 
@@ -52,7 +52,7 @@ def test_the_same_of_boxes_by_coal(seed, amplitude):
 
 def test_a_small_thing_that_is_passed_between_two_looks_is_found():
     path = motion(PANDA, 3, 1.5, centre=np.array([0.0, 0.9, 0.0, -1.2, 0.0, 2.0, 0.0]))
-    times = np.linspace(0.0, path.duration, LOOKS + 1)
+    times = np.linspace(0.0, path.duration, _LOOK_COUNT + 1)
     tip = forward_kinematics(PANDA, path.sample(times)[0])[1]
     k = int(np.argmax(np.linalg.norm(np.diff(tip, axis=0), axis=1)))
     passed = forward_kinematics(PANDA, path.sample(times[k : k + 2].mean(keepdims=True))[0])[1][0]
@@ -60,7 +60,7 @@ def test_a_small_thing_that_is_passed_between_two_looks_is_found():
     # the hand's own capsule alone: the links before it would be in the way as well
     is_hand = [set(scene.names(p)) == {PANDA.link_names[-1], "box 1"} for p in range(len(scene.pairs))]
     scene = replace(scene, pairs=scene.pairs[is_hand])
-    assert smallest(scene, path, LOOKS + 1) > 0.01
+    assert smallest(scene, path, _LOOK_COUNT + 1) > 0.01
     found = scene.clearance(path, 1e-3)
     assert not found.is_kept
     assert times[k] < found.time < times[k + 1]

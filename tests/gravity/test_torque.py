@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import catenary
-from catenary.dynamics.robot_kernels import FEW
+from catenary.dynamics.robot_kernels import _FEW_CALLS
 from catenary.errors import ImplausibleWarning, InputError
 from catenary.gravity.torque import center_of_mass_jacobian, gravity_delta, gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
@@ -102,7 +102,7 @@ def test_from_some_calls_on_the_kernel_gives_the_same_and_checks_as_much(name, r
     model, gravity = load_robot(name), np.array([0.3, -0.2, -9.81])
     fixed = gravity.copy()
     fixed.setflags(write=False)
-    for k in range(FEW + 5):
+    for k in range(_FEW_CALLS + 5):
         q = rng.normal(size=model.n)
         (expected,) = gravity_torque(model, q[None], gravity)
         for given in (gravity, fixed, list(gravity)):

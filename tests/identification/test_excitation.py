@@ -105,7 +105,7 @@ def test_poses_stay_within_the_limits_and_follow_from_the_seed():
 
 @pytest.mark.parametrize(("obstacle", "name"), [(floor_at(0.5), "floor"), (box_at(1, [0, 0, 0.5, 2, 2, 2]), "box 1")])
 def test_a_robot_that_stands_in_something_is_refused_by_its_name(monkeypatch, obstacle, name):
-    monkeypatch.setattr("catenary.identification.excitation.POSE_ATTEMPTS", 3)
+    monkeypatch.setattr("catenary.identification.excitation._POSE_ATTEMPTS", 3)
     limits = replace(LIMITS, scene=apart(capsule_arm(), [obstacle]))
     with pytest.raises(InputError, match=f"none of 60 poses .* is free: .* within 10 mm .*{name} in 100 %"):
         static_poses(limits, 15, np.random.default_rng(0))

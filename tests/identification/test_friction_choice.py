@@ -12,8 +12,9 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.identification.friction_choice import _gain
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.identification.samples import presliding
+from catenary.identification.samples import path_load
 from catenary.robots.catalog import load_robot
+from catenary.robots.friction_terms import dahl_path
 from moving_arm import LEVEL, recorded, sinusoids
 
 ARM = load_robot("raven2")
@@ -34,7 +35,7 @@ TRUTHS = {
     "asymmetric": lambda q, qd, links: 0.4 * np.sign(qd) + 0.25 * np.abs(qd),
     "stribeck": lambda q, qd, links: np.sign(qd) * (0.5 + 1.2 * np.exp(-((qd / 0.3) ** 2))),
     "load": lambda q, qd, links: np.sign(qd) * (0.2 + 0.3 * np.abs(links)),
-    "presliding": lambda q, qd, links: 1.0 * presliding(q, 0.02),
+    "presliding": lambda q, qd, links: path_load(dahl_path, q, 0.02),
 }
 
 

@@ -11,10 +11,10 @@ from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.identification.samples import FrictionHistory, alternate_blocks, prepare, presliding
+from catenary.identification.samples import FrictionHistory, alternate_blocks, path_load, prepare
 from catenary.plant import MotionLog
-from catenary.robots.actuation import ActuationTerm
 from catenary.robots.catalog import load_robot
+from catenary.robots.friction_terms import FRICTION_TERMS, dahl_path
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL
 from moving_arm import recorded, sinusoids
@@ -300,12 +300,12 @@ DISTANCE = 0.02
 
 def test_presliding_friction_rises_as_dahls_law_from_rest():
     s = np.linspace(0.0, 0.1, 500)
-    assert_allclose(presliding(s, DISTANCE), 1.0 - np.exp(-s / DISTANCE), atol=1e-12)
+    assert_allclose(path_load(dahl_path, s, DISTANCE), 1.0 - np.exp(-s / DISTANCE), atol=1e-12)
 
 
 def test_presliding_friction_after_a_reversal_starts_where_it_was():
     there, back = np.linspace(0.0, 0.3, 400), np.linspace(0.3, 0.25, 300)
-    z = presliding(np.concatenate([there, back[1:]]), DISTANCE)
+    z = path_load(dahl_path, np.concatenate([there, back[1:]]), DISTANCE)
     top = 1.0 - np.exp(-0.3 / DISTANCE)
     assert_allclose(z[400:], -1.0 + (top + 1.0) * np.exp(-(0.3 - back[1:]) / DISTANCE), atol=1e-12)
 
@@ -316,8 +316,8 @@ def test_presliding_friction_depends_on_the_path_and_not_on_time(slower):
     t = np.linspace(0.0, 6.0, 601)
     fine = np.linspace(0.0, 6.0, round(6000 * slower) + 1)
     turns = 0.3 * np.sin(t)
-    z = presliding(0.3 * np.sin(fine), DISTANCE)
-    coarse = presliding(turns, DISTANCE)
+    z = path_load(dahl_path, 0.3 * np.sin(fine), DISTANCE)
+    coarse = path_load(dahl_path, turns, DISTANCE)
     # where it turns between two samples, the coarse path misses a little of the way
     assert_allclose(np.interp(t, fine, z), coarse, atol=0.01)
 
@@ -330,7 +330,7 @@ def test_a_step_passes_the_filter_that_the_torque_passed():
     stepped[:, 0] = np.sign(np.array(log.qd) @ c)  # a torque that is Coulomb friction alone
     samples = prepare(recorded(arm, 0, tau=stepped), arm, IdentifyOptions())
     assert samples.history is not None
-    load = samples.history.load(ActuationTerm("coulomb", "c", c), 0.0)
+    load = samples.history.load(FRICTION_TERMS["coulomb"], c, 0.0, 0.0)
     # the direction is told from the filtered rate, which passes zero within a sample of the raw one
     assert_allclose(load, samples.tau[:, 0], atol=0.12)
     assert np.abs(np.sign(samples.qd @ c) - samples.tau[:, 0]).max() > 0.5
@@ -339,7 +339,7 @@ def test_a_step_passes_the_filter_that_the_torque_passed():
 def test_rows_that_are_left_remember_all_of_the_course():
     s = np.sin(np.linspace(0.0, 10.0, 300))[:, None]
     history = FrictionHistory(((s, s, 10),), np.empty((0, 6)), np.arange(280))
-    term = ActuationTerm("presliding", "d", np.ones(1), None, DISTANCE)
+    term = FRICTION_TERMS["presliding"], np.ones(1), DISTANCE
     every_third = np.arange(280) % 3 == 0
     left = replace(history, kept=history.kept[every_third])
-    assert_allclose(left.load(term, 0.0), history.load(term, 0.0)[every_third])
+    assert_allclose(left.load(*term, 0.0), history.load(*term, 0.0)[every_third])

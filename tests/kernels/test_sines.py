@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.kernels.sines import HALF_PI, LARGEST, small_sine_cosine
+from catenary.kernels.sines import HALF_PI, LARGEST_ANGLE_RAD, small_sine_cosine
 
 
-@given(st.floats(-LARGEST, LARGEST))
+@given(st.floats(-LARGEST_ANGLE_RAD, LARGEST_ANGLE_RAD))
 def test_sines_are_those_of_the_c_library(x: float) -> None:
     # both are within some 1.5e-16 of the true value
     assert_allclose(small_sine_cosine(x), (math.sin(x), math.cos(x)), rtol=0.0, atol=3e-16)
@@ -22,7 +22,7 @@ def test_sines_near_quarter_turns_keep_their_relative_accuracy(quarters: int, be
 
 
 def test_parts_of_half_pi_leave_products_with_whole_numbers_exact() -> None:
-    most = int(LARGEST / HALF_PI[0]) + 1
+    most = int(LARGEST_ANGLE_RAD / HALF_PI[0]) + 1
     for part in HALF_PI[:2]:
         assert Fraction(part * most) == Fraction(part) * most
     # pi/2 to 40 digits

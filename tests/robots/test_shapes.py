@@ -21,7 +21,7 @@ from catenary.robots.geometry import (
     capsule_between,
     check_form,
 )
-from catenary.robots.shapes import DENSITY, capsules_along_links, load_geometry
+from catenary.robots.shapes import _DENSITY_KG_M3, capsules_along_links, load_geometry
 from colliding_arm import write_arm
 
 
@@ -213,7 +213,7 @@ def test_capsules_hold_their_links_masses_as_water(name):
         if mass > 0.0:
             length, radius = sum(form.length for form in own), own[0].radius
             volume = np.pi * radius**2 * length + 4 / 3 * np.pi * radius**3
-            assert_allclose(DENSITY * volume, mass, rtol=1e-6)
+            assert_allclose(_DENSITY_KG_M3 * volume, mass, rtol=1e-6)
 
 
 def test_capsules_reach_from_joint_to_joint():

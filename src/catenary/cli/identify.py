@@ -32,6 +32,7 @@ from catenary.cli.terminal import print_notes, print_page, print_result, prints_
 from catenary.errors import InputError
 from catenary.files import card_path
 from catenary.reports.page import Column, Table
+from catenary.robots.friction_terms import FRICTION_PARTS
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 Place = tuple[str, float, float, float]
 _LOGS = argument("LOG", "Recordings: .parquet, or .npz with q, dq, tau and fs or t (SI); others with --map.")
 _CONSISTENT = "--consistent/--free"
+_FRICTION_HELP = f"Friction to try: {', '.join(FRICTION_PARTS)}; or none. [default: all]"
 _CUT_OFF = option("F", "Cut-off of the filter. [default: the robot file's]")
 
 
@@ -53,9 +55,7 @@ class IdentificationOptions:
     period: int | None = option("N", "Samples of the motion's period. [default: the robot file's]", least=1)
     weighting: str | None = option("none|range|spread|residual", "Weight of the axes. [default: the robot file's]")
     consistent: bool = option(None, "Only physically possible parameters; or any that fit.", True, flag=_CONSISTENT)
-    friction: Names | None = option(
-        "PART,...", "Friction to try: asymmetric, stribeck, load, presliding, recording; or none. [default: all]"
-    )
+    friction: Names | None = option("PART,...", _FRICTION_HELP)
     prior: bool = option(None, "Pull masses towards those of the robot's file.", True, flag="--prior/--no-prior")
     rotors: Numbers | None = option("J,J,...", "Known rotor inertias at the joints, kg m2, kg. [default: identified]")
     no_rotors: bool = option(None, "No rotors but those of the robot's file.", False, not_with="rotors")
@@ -63,7 +63,7 @@ class IdentificationOptions:
 
     def under(self, gravity: "Floats") -> "IdentifyOptions":
         """Return them for recordings under this gravity, (3,) in base axes [m/s2]."""
-        from catenary.identification.identify_options import FRICTION_PARTS, IdentifyOptions
+        from catenary.identification.identify_options import IdentifyOptions
 
         named = self.friction if self.friction != ("none",) else ()
         asked: dict[str, Any] = values_of(

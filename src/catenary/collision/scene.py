@@ -22,7 +22,7 @@ from catenary.robots.geometry import Ball, Box, Geometry, HalfSpace, MeshFile, S
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
-MOST_TRIANGLES = 2_000_000
+_MAX_TRIANGLES = 2_000_000
 
 
 @cache
@@ -82,10 +82,10 @@ def _mesh(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any]:
         surface.addTriangles(np.asarray(form.triangles, dtype=np.int64))
         surface.endModel()
     vertices = np.array(surface.vertices(), dtype=float).reshape(-1, 3)
-    if len(vertices) < 3 or not np.isfinite(vertices).all() or surface.num_tris > MOST_TRIANGLES:
+    if len(vertices) < 3 or not np.isfinite(vertices).all() or surface.num_tris > _MAX_TRIANGLES:
         raise FileFormatError(
             f"{where}: {len(vertices)} vertices, {surface.num_tris} triangles: expected finite ones, up to "
-            f"{MOST_TRIANGLES:,} triangles"
+            f"{_MAX_TRIANGLES:,} triangles"
         )
     try:
         surface.buildConvexHull(True, "Qt")
@@ -134,8 +134,10 @@ def mesh_at(path: Path, place: Sequence[float]) -> Shape:
 
 
 POSES = 60  # at which it is looked for pairs that always touch
-LOOKS = 128  # along a motion: a pair is measured where the balls about it let less time pass, and the nearest is told
-FINEST = 2e-5  # [m] closer to the margin than this counts as within it
+_LOOK_COUNT = (
+    128  # along a motion: a pair is measured where the balls about it let less time pass, and the nearest is told
+)
+_FINEST_M = 2e-5  # [m] closer to the margin than this counts as within it
 Names = tuple[str, str]
 
 
@@ -280,16 +282,16 @@ class CollisionScene:
             instants += 1
             placed = Configuration(self.model, path.sample(np.array([time]))[0])
             until = np.maximum(until, time + (self.lower_bounds(placed)[0] - margin) / speeds)
-            for pair in np.flatnonzero(until < time + path.duration / LOOKS).tolist():
+            for pair in np.flatnonzero(until < time + path.duration / _LOOK_COUNT).tolist():
                 apart = self.distance(placed, 0, pair, margin)
-                if apart < margin + FINEST:
+                if apart < margin + _FINEST_M:
                     return Clearance(False, self.names(pair), time, apart, instants)
                 until[pair] = max(until[pair], time + (apart - margin) / speeds[pair])
         return self._nearest(path, instants)
 
     def _nearest(self, path: JointPath, instants: int) -> Clearance:
         """Return the smallest distance of a motion at some instants."""
-        times = np.linspace(0.0, path.duration, LOOKS + 1)
+        times = np.linspace(0.0, path.duration, _LOOK_COUNT + 1)
         placed = Configuration(self.model, path.sample(times)[0])
         known = self.lower_bounds(placed)
         best, where = np.inf, (0, 0)

@@ -7,13 +7,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_not_negative, one_for_all
 from catenary.errors import InputError
-from catenary.robots.actuation import Actuation, ActuationKind, ActuationTerm, Friction, LeverSpring, actuation_terms
+from catenary.robots.actuation import Actuation, ActuationTerm, Friction, LeverSpring, actuation_terms
 from catenary.robots.model import RobotModel
-
-NEVER_NEGATIVE: tuple[ActuationKind, ...] = (
-    "coulomb", "viscous", "load", "presliding", "motor_inertia", "spring",
-)  # fmt: skip
-SLIDING: tuple[ActuationKind, ...] = ("coulomb", "viscous", "asymmetric", "stribeck", "load", "presliding")
 
 
 class ActuationLoads(NamedTuple):
@@ -27,7 +22,7 @@ class ActuationLoads(NamedTuple):
     @property
     def depends_on_load(self) -> bool:
         """Whether friction grows with what the links ask of the actuators."""
-        return any(term.kind == "load" for term in self.terms)
+        return any(term.grows_with_load for term in self.terms)
 
     @property
     def rotors(self) -> Floats:
@@ -49,7 +44,7 @@ class ActuationLoads(NamedTuple):
         smooth = self.actuation.coulomb_velocity
         columns = actuation_columns(self.terms, q, qd, qdd, smooth)
         if links is not None and self.depends_on_load:
-            drives = [k for k, term in enumerate(self.terms) if term.kind in ("motor_inertia", "spring")]
+            drives = [k for k, term in enumerate(self.terms) if term.friction is None]
             carried = links + known + columns[:, :, drives] @ self.values[drives]
             columns = actuation_columns(self.terms, q, qd, qdd, smooth, carried)
         return np.asarray(columns @ self.values + known)
@@ -110,25 +105,15 @@ def term_load(
 def load_along(
     term: ActuationTerm, s: Any, rate: Any, acceleration: Any, carried: Any, coulomb_velocity: float, f: Any = np
 ) -> Any:
-    """Return the load of one term per unit, in plain arithmetic on numbers, or on symbols with functions f of these.
-
-    Coulomb friction, and kinds that have its direction, go by the sign of the rate, or tanh(rate / coulomb_velocity).
-    """
-    if term.kind == "offset":
-        return 1.0
+    """Return the load of one term per unit, in plain arithmetic on numbers, or on symbols with functions f of these."""
     if term.kind == "motor_inertia":
         return acceleration
-    if term.kind == "spring":
+    if term.friction is None:
         return s if term.lever is None else lever_load(term.lever, s, f)
-    if term.kind in ("viscous", "asymmetric"):
-        return rate if term.kind == "viscous" else f.abs(rate)
-    direction = f.tanh(rate * (1.0 / coulomb_velocity)) if coulomb_velocity > 0.0 else f.sign(rate)
-    if term.kind == "stribeck":
-        slow = rate * (1.0 / term.scale)
-        return direction * f.exp(-(slow * slow))
-    if term.kind == "load":
-        return direction * f.abs(carried) * (1.0 / float(term.combination @ term.combination))
-    return direction  # Coulomb's, and presliding friction in steady sliding
+    load = term.friction.load(rate, term.scale, coulomb_velocity, f)
+    if term.friction.grows_with_load:
+        return load * f.abs(carried) * (1.0 / float(term.combination @ term.combination))
+    return load
 
 
 def lever_load(lever: LeverSpring, s: Any, f: Any = np) -> Any:

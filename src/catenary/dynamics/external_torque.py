@@ -17,7 +17,9 @@ from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 
 IN_95_PERCENT = 1.96  # standard deviations
-SINGULAR = 1e-3  # of a Jacobian's largest singular value, with rad and m alike: less, and a direction is not told
+_SINGULAR_RATIO = (
+    1e-3  # of a Jacobian's largest singular value, with rad and m alike: less, and a direction is not told
+)
 
 
 class ExternalTorque(NamedTuple):
@@ -74,9 +76,9 @@ def external_wrench(
     spread = as_positive("half-width of the external torque", external.half_width, (model.n,))
     A = jacobian(model, q, frame).T / spread[:, None]
     _, sizes, directions = np.linalg.svd(A, full_matrices=False)
-    told = sizes > SINGULAR * sizes[0]
-    inverse = np.linalg.pinv(A, rcond=SINGULAR)
-    hidden = np.ones(6) - np.sum(directions[told] ** 2, axis=0) > SINGULAR
+    told = sizes > _SINGULAR_RATIO * sizes[0]
+    inverse = np.linalg.pinv(A, rcond=_SINGULAR_RATIO)
+    hidden = np.ones(6) - np.sum(directions[told] ** 2, axis=0) > _SINGULAR_RATIO
     wrench = np.where(hidden, np.nan, inverse @ (torque / spread))
     return ExternalWrench(wrench, np.where(hidden, np.nan, np.linalg.norm(inverse, axis=1)))
 

@@ -9,9 +9,9 @@ from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mas
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 
-MASSLESS = 1e13  # condition of a mass matrix from which on some motion moves no mass
-ROUNDS = 200  # in which friction that grows with the load must settle
-SETTLED = 1e-12  # of the torque
+_MASSLESS_CONDITION = 1e13  # condition of a mass matrix from which on some motion moves no mass
+_LOAD_ROUNDS = 200  # in which friction that grows with the load must settle
+_SETTLED_SHARE = 1e-12  # of the torque
 
 
 def forward_dynamics(
@@ -44,15 +44,17 @@ def forward_dynamics(
     moving: Floats = torques
     if loads is not None:
         M = M + loads.rotors
-        for _ in range(ROUNDS if loads.depends_on_load else 1):  # of links and rotors, which friction may grow with
+        for _ in range(
+            _LOAD_ROUNDS if loads.depends_on_load else 1
+        ):  # of links and rotors, which friction may grow with
             before, moving = moving, np.asarray(torques - loads.torque(rows, rates, still, moving))
-            if np.abs(moving - before).max(initial=0.0) <= SETTLED * max(1.0, np.abs(torques).max(initial=0.0)):
+            if np.abs(moving - before).max(initial=0.0) <= _SETTLED_SHARE * max(1.0, np.abs(torques).max(initial=0.0)):
                 break
         else:
             if loads.depends_on_load:
                 raise InputError(f'robot "{model.name}": friction takes more than the load that it grows with')
     free = moving - inverse_dynamics(model, rows, rates, still, gravity, base)
-    if not (np.linalg.cond(M) < MASSLESS).all():
+    if not (np.linalg.cond(M) < _MASSLESS_CONDITION).all():
         raise InputError(
             f'robot "{model.name}": its joints can move so that no mass moves: accelerations have no bound'
         )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads, load_along
+from catenary.dynamics.actuation_loads import ActuationLoads, load_along
 from catenary.dynamics.recursion import (
     composite_body_recursion,
     gravity_recursion,
@@ -30,7 +30,7 @@ from catenary.robots.model import RobotModel, Tree
 
 Terms = NDArray[np.object_]
 # products of rotations that are meant to be 0 or 1 miss it by some 1e-16; far less than any robot is measured to
-EXACT = 1e-15
+_EXACT_RATIO = 1e-15
 
 
 class Placed(NamedTuple):
@@ -208,7 +208,7 @@ def _in_two(model: RobotModel) -> tuple[Tree, Floats, Floats, Floats]:
 
 def _turn_to(axis: Floats) -> Floats:
     """Return a rotation whose z is the axis; none where the axis is x, y or z already."""
-    if np.max(np.abs(axis)) > 1.0 - EXACT:
+    if np.max(np.abs(axis)) > 1.0 - _EXACT_RATIO:
         return np.eye(3)
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
@@ -218,7 +218,7 @@ def _turn_to(axis: Floats) -> Floats:
 def _rounded(R: Floats) -> Floats:
     """Return a rotation with its entries that are nearly 0 or 1 exactly so."""
     near = np.round(R)
-    return np.where(np.abs(R - near) < EXACT, near, R)
+    return np.where(np.abs(R - near) < _EXACT_RATIO, near, R)
 
 
 def total(terms: Any) -> Term:
@@ -308,7 +308,7 @@ def _drive_terms(trace: Trace, loads: ActuationLoads, q: Terms, qdd: Rates) -> l
             load = load * s + float(coefficient)
         _add(out, known.along, load)
     for term, value in zip(loads.terms, map(float, loads.values), strict=True):
-        if term.kind in ("motor_inertia", "spring"):
+        if term.friction is None:
             c = term.combination
             along = load_along(term, _along(c, q), 0.0, _along(c, qdd), 0.0, 0.0, TracedFunctions(trace))
             _add(out, c, value * along)
@@ -319,7 +319,7 @@ def _friction_terms(trace: Trace, loads: ActuationLoads, qd: Terms, carried: Rat
     out: list[Term] = [0.0] * loads.n
     smooth = loads.actuation.coulomb_velocity
     for term, value in zip(loads.terms, map(float, loads.values), strict=True):
-        if term.kind in (*SLIDING, "offset"):
+        if term.friction is not None:
             c = term.combination
             along = load_along(term, 0.0, _along(c, qd), 0.0, _along(c, carried), smooth, TracedFunctions(trace))
             _add(out, c, value * along)

@@ -21,8 +21,8 @@ from catenary.robots.model import RobotModel
 
 # The robot's own software refuses a wrist this near the RCM, where small motions of the tool need large ones
 # of the joints: r2_kinematics.cpp, Lw
-REFUSED_RADIUS = 0.013  # m
-LIMIT_TOLERANCE = 1e-9  # rad or m: rounding of the closed form, with a wide margin
+_REFUSED_RADIUS_M = 0.013  # m
+_LIMIT_TOLERANCE = 1e-9  # rad or m: rounding of the closed form, with a wide margin
 
 
 class RavenArm(NamedTuple):
@@ -42,7 +42,7 @@ def raven_candidates(arm: RavenArm, rotations: Floats, positions: Floats, k: int
     """Write to out (8, n) all configurations that reach pose k of the tip in frame 0, whatever the limits.
 
     Rotations (N, 3, 3) are not read for three joints. Angles are in (-pi, pi], insertion in m. Returns how many there
-    are, none within REFUSED_RADIUS, and the wrist's distance from the RCM [m], the smaller one of two possible wrists.
+    are, none within _REFUSED_RADIUS_M, and the wrist's distance from the RCM [m], the smaller of two possible ones.
     """
     tip = row(positions, k)
     along = (0.0, 0.0, 0.0)
@@ -58,7 +58,7 @@ def raven_candidates(arm: RavenArm, rotations: Floats, positions: Floats, k: int
     before = (tip[0] - step[0], tip[1] - step[1], tip[2] - step[2])
     behind = (tip[0] + step[0], tip[1] + step[1], tip[2] + step[2])
     nearest = min(math.sqrt(dot(before, before)), math.sqrt(dot(behind, behind)))
-    if nearest <= REFUSED_RADIUS:
+    if nearest <= _REFUSED_RADIUS_M:
         return 0, nearest
 
     count = 0
@@ -127,7 +127,7 @@ def nearest_within_limits(arm: RavenArm, rotations: Floats, positions: Floats, q
                 candidates[c, j] = turned_within_limits(arm, j, candidates[c, j], near[j])
                 value = candidates[c, j]
                 distance += (arm.weight[j] * (value - near[j])) ** 2
-                inside &= arm.lower[j] - LIMIT_TOLERANCE <= value <= arm.upper[j] + LIMIT_TOLERANCE
+                inside &= arm.lower[j] - _LIMIT_TOLERANCE <= value <= arm.upper[j] + _LIMIT_TOLERANCE
             if inside and distance < least:
                 best, least = c, distance
         if best < 0:
@@ -146,7 +146,7 @@ def turned_within_limits(arm: RavenArm, j: int, value: float, near: float) -> fl
     best, least = value, np.inf
     for turn in (0.0, -2.0 * math.pi, 2.0 * math.pi):
         shifted = value + turn
-        inside = arm.lower[j] - LIMIT_TOLERANCE <= shifted <= arm.upper[j] + LIMIT_TOLERANCE
+        inside = arm.lower[j] - _LIMIT_TOLERANCE <= shifted <= arm.upper[j] + _LIMIT_TOLERANCE
         if inside and abs(shifted - near) < least:
             best, least = shifted, abs(shifted - near)
     return best
@@ -239,10 +239,10 @@ def _arm(model: RobotModel) -> RavenArm:
 
 def _refusal(model: RobotModel, arm: RavenArm, solutions: Floats, distance: float, near: Floats) -> str:
     """Return the message that says what refuses a pose with some configurations and a wrist so far from the RCM."""
-    if distance <= REFUSED_RADIUS:
+    if distance <= _REFUSED_RADIUS_M:
         return (
             f'robot "{model.name}": the wrist would lie {1e3 * distance:.2f} mm from the remote centre; '
-            f"expected more than {1e3 * REFUSED_RADIUS:.0f} mm, where the robot's software refuses too"
+            f"expected more than {1e3 * _REFUSED_RADIUS_M:.0f} mm, where the robot's software refuses too"
         )
     if len(solutions) == 0:
         return f'robot "{model.name}": out of reach: the shaft would lie too near the shoulder\'s axis'
@@ -255,6 +255,6 @@ def _refusal(model: RobotModel, arm: RavenArm, solutions: Floats, distance: floa
         f'joint "{name}": {solutions[best, j]:.6g} {model.joint_units[j]} '
         f"outside [{model.lower[j]:.6g}, {model.upper[j]:.6g}]"
         for j, name in enumerate(model.joint_names)
-        if excess[best, j] > arm.weight[j] * LIMIT_TOLERANCE
+        if excess[best, j] > arm.weight[j] * _LIMIT_TOLERANCE
     ]
     return f'robot "{model.name}": the joint limits refuse the pose; nearest to them: {"; ".join(refusals)}'

@@ -17,8 +17,8 @@ from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
-MANY = 50_000  # configurations from which compiling for one robot is worth its while
-FEW = 100  # calls for which no kernel is compiled: whoever calls more often does so in a loop
+MANY_CONFIGURATIONS = 50_000  # configurations from which compiling for one robot is worth its while
+_FEW_CALLS = 100  # calls for which no kernel is compiled: whoever calls more often does so in a loop
 Trace = Callable[[RobotModel], Line]
 
 
@@ -90,7 +90,7 @@ class DynamicQuantity(NamedTuple):
         """
         kernel = model.kernels.get(self.name, 0)
         if isinstance(kernel, int):  # calls so far
-            if kernel < FEW or in_motion.get():
+            if kernel < _FEW_CALLS or in_motion.get():
                 model.kernels[self.name] = kernel + 1
                 return None
             kernel = self.kernel(model)
@@ -99,7 +99,7 @@ class DynamicQuantity(NamedTuple):
     def of_rows(self, model: RobotModel, inputs: tuple[Floats, ...]) -> Floats:
         """Return the quantity at N configurations: the first input has N rows, others N, or one for all."""
         count = len(inputs[0])
-        if count >= MANY:
+        if count >= MANY_CONFIGURATIONS:
             return self.kernel(model).rows(*inputs)
         out = np.empty((count, *(model.n,) * self.dimensions))
         self.recursion(model.tree, model.coupling, model.offset, *inputs, out)

@@ -18,7 +18,7 @@ from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import RobotModel, Tree
 
 PER_LINK = 10
-PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+PARAMETER_NAMES = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 PARAMETER_UNITS = ("kg", "kg m", "kg m", "kg m", *(["kg m2"] * 6))
 
 
@@ -28,7 +28,7 @@ def torque_regressor(
     """Return the matrix Y of tau = Y phi, for the robot's links and its coordinates; needs no inertia.
 
     For arguments as of `inverse_dynamics`: (n, 10 n_tree) or (N, n, 10 n_tree), columns by link in the order of
-    `model.link_names`, within a link in that of `PARAMETERS`.
+    `model.link_names`, within a link in that of `PARAMETER_NAMES`.
     """
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     felt = felt_rows(gravity, base, len(rows))

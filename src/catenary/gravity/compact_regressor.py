@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.lines import empty, placed
-from catenary.dynamics.robot_kernels import MANY, known_kernel
+from catenary.dynamics.robot_kernels import MANY_CONFIGURATIONS, known_kernel
 from catenary.dynamics.vectors import Vector, cross, dot, put, row, transpose_times
 from catenary.errors import InputError
 from catenary.gravity.gravity_regressor import (
@@ -35,18 +35,18 @@ from catenary.gravity.symbols import (
     monomials,
     symbols_of,
 )
-from catenary.gravity.written_terms import SHORT, Terms, Written, WrittenTerms, sum_of, terms_text
+from catenary.gravity.written_terms import SHORT_TERMS, Terms, Written, WrittenTerms, sum_of, terms_text
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel
 from catenary.robots.quarter_turns import with_quarter_turns
 from catenary.spatial import LEVEL
 
-DOWN = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c
-NO_EFFECT = 1e-11  # of the largest entry; random configurations show any other column
-WIDE = 100  # characters of a line
-GEOMETRY = ("parent", "prismatic", "rotation", "origin", "axis")
-LEAST = 1e-9  # of the largest number of all formulas: smaller ones are rounding
+_DOWN = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c
+_NO_EFFECT_RATIO = 1e-11  # of the largest entry; random configurations show any other column
+_LINE_CHARACTERS = 100  # characters of a line
+_GEOMETRY_FIELDS = ("parent", "prismatic", "rotation", "origin", "axis")
+_ROUNDING_RATIO = 1e-9  # of the largest number of all formulas: smaller ones are rounding
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class CompactRegressor:
         """Return the regressor (n, p), or (N, n, p), at q (n,) or (N, n) and gravity (3,) or (N, 3) in base axes."""
         rows, single = as_batch("q", q, self.model.n)
         gravities = gravity_rows(gravity, len(rows))
-        if len(rows) >= MANY:
+        if len(rows) >= MANY_CONFIGURATIONS:
             return self._kernel().rows(rows, gravities)
         out = np.zeros((len(rows), self.model.n, len(self.expressions)))
         parts = regressor_columns(self.model, self.columns, rows, gravities)
@@ -136,11 +136,11 @@ class CompactRegressor:
         return [
             [
                 terms_text(terms, latex=latex)
-                if terms is not None and len(terms) <= SHORT
+                if terms is not None and len(terms) <= SHORT_TERMS
                 else name.format(r + 1, c + 1)
                 for c, terms in enumerate(row)
             ]
-            for r, row in enumerate(self._terms(DOWN))
+            for r, row in enumerate(self._terms(_DOWN))
         ]
 
     def latex(self) -> str:
@@ -151,13 +151,13 @@ class CompactRegressor:
         rows = r" \\ ".join(" & ".join(row) for row in self.entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
         lines = [rf"g = g_c \begin{{bmatrix}} {rows} \end{{bmatrix}} \begin{{bmatrix}} {vector} \end{{bmatrix}}"]
-        table, shared = self.written(DOWN)
+        table, shared = self.written(_DOWN)
         lines += [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
         lines += [
             f"Z_{{{r},{c}}} = {terms_text(table[r - 1][c - 1], latex=True)}"
-            for r, row in enumerate(self._terms(DOWN), 1)
+            for r, row in enumerate(self._terms(_DOWN), 1)
             for c, terms in enumerate(row, 1)
-            if terms is None or len(terms) > SHORT
+            if terms is None or len(terms) > SHORT_TERMS
         ]
         lines += [f"s_{{{k + 1}}} = {expression_text(e, latex=True)}" for k, e in enumerate(self.expressions)]
         return "\n".join(lines)
@@ -180,7 +180,7 @@ class CompactRegressor:
         table = self.entries()
         names = " ".join(f"s{k + 1}" for k in range(len(self.expressions)))
         lines = [f"g = g_c [{','.join('[' + ' '.join(row) + ']' for row in table)}] [{names}]^T"]
-        if len(lines[0]) > WIDE:
+        if len(lines[0]) > _LINE_CHARACTERS:
             lines = [f"g = g_c (Z1 s1 + ... + Z{len(self.expressions)} s{len(self.expressions)})"]
             lines += [f"Z{k + 1} = [{', '.join(row[k] for row in table)}]^T" for k in range(len(self.expressions))]
         lines += [f"s{k + 1} = {label}" for k, label in enumerate(self.labels)]
@@ -298,11 +298,11 @@ def _effects(model: RobotModel, wanted: Sequence[RegressorColumn]) -> list[bool]
     rng = np.random.default_rng(0)
     Z = regressor_columns(model, wanted, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))
     largest = np.abs(Z).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates
-    return list(largest > NO_EFFECT * largest.max(initial=0.0))
+    return list(largest > _NO_EFFECT_RATIO * largest.max(initial=0.0))
 
 
 def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
-    pairs = [(getattr(made_of.tree, name), getattr(robot.tree, name)) for name in GEOMETRY]
+    pairs = [(getattr(made_of.tree, name), getattr(robot.tree, name)) for name in _GEOMETRY_FIELDS]
     pairs += [(made_of.coupling, robot.coupling), (made_of.offset, robot.offset)]
     same = made_of.joint_names == robot.joint_names and made_of.link_names == robot.link_names
     if not (same and all(np.allclose(ours, theirs, atol=1e-9) for ours, theirs in pairs)):
@@ -329,7 +329,7 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
             for atoms, factor in terms.items():
                 rows[-1][atoms] = rows[-1].get(atoms, 0.0) + factor * value
     sizes = [abs(value) for terms in rows for value in terms.values()]
-    least = LEAST * max(sizes, default=0.0)
+    least = _ROUNDING_RATIO * max(sizes, default=0.0)
     lines = [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
     for j, terms in enumerate(rows, 1):
         kept = {atoms: value for atoms, value in terms.items() if abs(value) > least}

@@ -31,11 +31,11 @@ from catenary.arrays import Floats, as_array, as_not_negative, as_positive, one_
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.gravity_regressor import full_kernel, full_labels, require_parameters
-from catenary.gravity.load_location import LOAD, LoadBeliefs, LoadHypotheses
+from catenary.gravity.load_location import LOAD_SIZE, LoadBeliefs, LoadHypotheses
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
-LONGEST_STEP = 0.1  # [s] a longer time between two updates is a pause, in which nothing was seen
+_MAX_STEP_S = 0.1  # [s] a longer time between two updates is a pause, in which nothing was seen
 
 
 class Observed(Protocol):
@@ -158,7 +158,7 @@ class GravityEstimator(EstimatedGravity):
     def _passed(self, time: float) -> float:
         last, self._time = self._time, time
         step = time - last
-        return step if 0.0 < step <= LONGEST_STEP else 0.0  # zero, too, the first time
+        return step if 0.0 < step <= _MAX_STEP_S else 0.0  # zero, too, the first time
 
     def _at_rest(self, Z: Floats, qd: Floats, dt: float) -> bool:
         """Return whether the law holds: time passes, no joint is fast, and no number is missing."""
@@ -182,11 +182,11 @@ def _as_omega(omega: ArrayLike, n: int) -> Floats:
     return np.ascontiguousarray(matrix)
 
 
-SURPRISE = 3.0  # standard deviations of torque that say that the load has changed
+_SURPRISE_DEVIATIONS = 3.0  # standard deviations of torque that say that the load has changed
 # probability that a load changes between two torques taken: of many, some stand out by noise alone
-CHANGE = 1e-3
-LEAST_SPREAD = 1e-6  # [kg m, kg] of a parameter: beside a load, less than that is lost in rounding
-ANOTHER = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
+_CHANGE_PER_S = 1e-3
+_MIN_SPREAD = 1e-6  # [kg m, kg] of a parameter: beside a load, less than that is lost in rounding
+_ANOTHER_DEVIATIONS = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
 
 
 class RecursiveGravityEstimator(EstimatedGravity):
@@ -219,7 +219,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
         interval: float = 0.01,
         novelty: float = 0.3,
         carriers: Sequence[str] = (),
-        load: tuple[float, float] = LOAD,
+        load: tuple[float, float] = LOAD_SIZE,
     ) -> None:
         """Take a robot, of which geometry and limits are used.
 
@@ -241,8 +241,8 @@ class RecursiveGravityEstimator(EstimatedGravity):
         from_stop = as_array("margin", one_for_all(margin, n), (n,))
         self._lower, self._upper = model.lower + from_stop, model.upper - from_stop
         deviations = as_positive("spread", one_for_all(spread, p), (p,))
-        if deviations.min() < LEAST_SPREAD:
-            raise InputError(f"spread: expected at least {LEAST_SPREAD} kg m, kg, got {deviations.min()}")
+        if deviations.min() < _MIN_SPREAD:
+            raise InputError(f"spread: expected at least {_MIN_SPREAD} kg m, kg, got {deviations.min()}")
         self._prior = np.diag(1.0 / deviations**2)  # A_0
         for name, value in (("settle", settle), ("interval", interval), ("novelty", novelty)):
             as_not_negative(name, value)
@@ -268,7 +268,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
         """Which carrier's load has changed, as far as torques since then tell; None where none has been noticed."""
         if self._unloaded is None:
             return None
-        return self._hypotheses.beliefs(*self._last_pose, self._noise, CHANGE)
+        return self._hypotheses.beliefs(*self._last_pose, self._noise, _CHANGE_PER_S)
 
     def update(self, q: Floats, qd: Floats, tau: Floats, gravity: Floats, time: float) -> bool:
         """Update from a state and the torque tau (n,) [Nm|N] that acts at a time [s]; return whether it was taken.
@@ -296,14 +296,16 @@ class RecursiveGravityEstimator(EstimatedGravity):
 
     def _learn(self, Z: Floats, missing: Floats) -> bool:
         """Take a torque, in standard deviations of its noise, if it tells something."""
-        tells = bool((np.abs(missing) > SURPRISE).any())
+        tells = bool((np.abs(missing) > _SURPRISE_DEVIATIONS).any())
         if not tells or self._loads.size:
             variance = np.sum(Z.T * np.linalg.solve(self._information + self._prior, Z.T), axis=0)
             tells |= bool((variance > self._novelty**2).any())
             surprise = float((np.abs(missing) / np.sqrt(1.0 + variance)).max())
-            if surprise > SURPRISE:
-                none_so_far = self._unloaded is None or self._hypotheses.shares(CHANGE)[0] > 0.5
-                if self._loads.size and (none_so_far or surprise > ANOTHER):  # a load that is not yet looked for
+            if surprise > _SURPRISE_DEVIATIONS:
+                none_so_far = self._unloaded is None or self._hypotheses.shares(_CHANGE_PER_S)[0] > 0.5
+                if self._loads.size and (
+                    none_so_far or surprise > _ANOTHER_DEVIATIONS
+                ):  # a load that is not yet looked for
                     self._hypotheses.restart(self._information + self._prior)
                     self._unloaded = self._s.copy()
                 # the covariance is widened by V V^T; from now on nothing is known beforehand of what a load changes

@@ -16,8 +16,8 @@ ExportedQuantity = Literal[
     "gravity", "holding", "mass_matrix", "inverse_dynamics", "inverse_dynamics_on_moving_base", "feedforward",
     "forward_dynamics", "forward_kinematics", "standard_gravity_regressor", "compact_regressor",
 ]  # fmt: skip
-OF_LINKS = ("inverse_dynamics", "inverse_dynamics_on_moving_base", "forward_dynamics")  # alone, but for `loads`
-WITH_LOADS = (*OF_LINKS, "feedforward")
+_OF_LINKS = ("inverse_dynamics", "inverse_dynamics_on_moving_base", "forward_dynamics")  # alone, but for `loads`
+_WITH_LOADS = (*_OF_LINKS, "feedforward")
 ExportTarget = Literal["jax", "casadi", "sympy", "c99"]
 _log = logging.getLogger(__name__)
 
@@ -69,10 +69,10 @@ def export_function(
         raise InputError(f'to "{to}": expected one of {", ".join(get_args(ExportTarget))}')
     if frame is not None and quantity != "forward_kinematics":
         raise InputError(f'frame "{frame}": only forward_kinematics has one, not {quantity}')
-    if loads is not None and quantity not in WITH_LOADS:
-        raise InputError(f"loads: only {', '.join(WITH_LOADS)} have them, not {quantity}")
+    if loads is not None and quantity not in _WITH_LOADS:
+        raise InputError(f"loads: only {', '.join(_WITH_LOADS)} have them, not {quantity}")
     known = known_loads(model)
-    if quantity in OF_LINKS and loads is None and known is not None:
+    if quantity in _OF_LINKS and loads is None and known is not None:
         _log.warning('robot "%s": %s is of its links alone; loads= adds friction and rotors', model.name, quantity)
     loads = known if quantity == "feedforward" and loads is None else loads
     line, shape, result = _traced(model, quantity, frame, loads)

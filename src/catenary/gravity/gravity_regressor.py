@@ -17,7 +17,7 @@ from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel, Tree
 
-STANDARD = ("m", "mx", "my", "mz")  # mass, and first moment about the frame's origin
+_STANDARD_LABELS = ("m", "mx", "my", "mz")  # mass, and first moment about the frame's origin
 CARRIED_MASS = 3  # in place of an axis 0, 1, 2
 
 
@@ -117,7 +117,7 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
     rows, single = as_batch("q", q, model.n)
     rest, links = np.zeros_like(rows), len(model.link_names)
     Y = torque_regressor(model, rows, rest, rest, gravity).reshape(*rows.shape, links, PER_LINK)
-    Z = Y[..., : len(STANDARD)].reshape(*rows.shape, links * len(STANDARD))
+    Z = Y[..., : len(_STANDARD_LABELS)].reshape(*rows.shape, links * len(_STANDARD_LABELS))
     return Z[0] if single else Z
 
 
@@ -131,7 +131,7 @@ def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
 
 def standard_labels(model: RobotModel) -> tuple[str, ...]:
     """Name the parameters of `standard_gravity_regressor`: "m(elbow)", "mx(elbow)", ..."""
-    return tuple(f"{kind}({link})" for link in model.link_names for kind in STANDARD)
+    return tuple(f"{kind}({link})" for link in model.link_names for kind in _STANDARD_LABELS)
 
 
 def carried(tree: Tree) -> tuple[Floats, Floats]:

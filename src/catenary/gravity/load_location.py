@@ -31,12 +31,12 @@ from catenary.gravity.compact_regressor import CompactRegressor, compact_regress
 from catenary.gravity.payload import PER_LOAD, load_directions
 from catenary.robots.model import RobotModel
 
-SURELY = 0.95  # what the carriers that are named together hold of all probability
-TELLING = 3.0  # standard deviations of torque by which carriers must differ for a pose to tell between them
-STEPS = (-0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far a joint is thought to move
+_SURE_PROBABILITY = 0.95  # what the carriers that are named together hold of all probability
+_TELLING_DEVIATIONS = 3.0  # standard deviations of torque by which carriers must differ for a pose to tell between them
+JOINT_STEPS = (-0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far a joint is thought to move
 # standard deviations of a large load's mass [kg] and of its moment about the frame's origin [kg m]
-LOAD = (2.0, 0.3)
-OCTAVES = 0.5 ** np.arange(7.0)  # sizes of loads over that, each as likely beforehand: down to 30 g
+LOAD_SIZE = (2.0, 0.3)
+_LOAD_OCTAVES = 0.5 ** np.arange(7.0)  # sizes of loads over that, each as likely beforehand: down to 30 g
 
 
 class CarrierBelief(NamedTuple):
@@ -69,7 +69,9 @@ class LoadBeliefs(NamedTuple):
 class LoadHypotheses:
     """One hypothesis per frame that may carry a load; torques are taken one after the other."""
 
-    def __init__(self, regressor: CompactRegressor, frames: Sequence[str], load: tuple[float, float] = LOAD) -> None:
+    def __init__(
+        self, regressor: CompactRegressor, frames: Sequence[str], load: tuple[float, float] = LOAD_SIZE
+    ) -> None:
         """Take the frames, and the standard deviations of a large load's mass [kg] and moment [kg m]."""
         self.frames, self._regressor = tuple(frames), regressor
         self._sizes = np.repeat(as_positive("load", load, (2,)), (1, PER_LOAD - 1))
@@ -132,7 +134,7 @@ def locate_load(
     *,
     noise: ArrayLike,
     frames: Sequence[str] = (),
-    load: tuple[float, float] = LOAD,
+    load: tuple[float, float] = LOAD_SIZE,
 ) -> LoadBeliefs:
     """Find which frame of a known arm carries an unknown load, from torques that hold it still.
 
@@ -160,8 +162,8 @@ def locate_load(
 
 
 def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
-    """Return the log evidence of a load whose size is one of OCTAVES, and the probability of each of them."""
-    each = log_evidence(OCTAVES[:, None, None] ** 2 * information, OCTAVES[:, None] * score)
+    """Return the log evidence of a load whose size is one of _LOAD_OCTAVES, and the probability of each of them."""
+    each = log_evidence(_LOAD_OCTAVES[:, None, None] ** 2 * information, _LOAD_OCTAVES[:, None] * score)
     whole = float(np.logaddexp.reduce(each))
     return whole - float(np.log(len(each))), np.exp(each - whole)
 
@@ -169,7 +171,7 @@ def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
 def _body(information: Floats, score: Floats) -> tuple[Floats, float]:
     """Return the mean (4,) of a load in standard deviations of a large one, and the deviation of its mass."""
     _, weights = _over_sizes(information, score)
-    covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in OCTAVES])
+    covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in _LOAD_OCTAVES])
     means = covariances @ score
     mean: Floats = weights @ means
     variance = weights @ (covariances[:, 0, 0] + (means[:, 0] - mean[0]) ** 2)
@@ -197,7 +199,7 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
     for k in order:
         found.append(names[k])
         held += shares[k]
-        if held >= SURELY * total:
+        if held >= _SURE_PROBABILITY * total:
             break
     return tuple(found)
 
@@ -213,9 +215,9 @@ def telling_joint(
     model = regressor.model
     (first, one), (second, other) = loads
     difference = load_directions(regressor, first) @ one - load_directions(regressor, second) @ other
-    most, found = TELLING, None
+    most, found = _TELLING_DEVIATIONS, None
     for joint, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
-        steps = np.array(STEPS) * (1.0 if unit == "rad" else 0.2)
+        steps = np.array(JOINT_STEPS) * (1.0 if unit == "rad" else 0.2)
         poses = np.tile(q, (len(steps), 1))
         poses[:, joint] = np.clip(q[joint] + steps, model.lower[joint], model.upper[joint])
         differ = float(np.abs(regressor.Z(poses, gravity) @ difference / noise).max())

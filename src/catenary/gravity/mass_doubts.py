@@ -9,18 +9,18 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.geometry import distance_to_segment
-from catenary.robots.link_inertia import SMALLEST
+from catenary.robots.link_inertia import MIN_GYRATION_M
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.units import TORQUE_UNIT
 
-DENSEST = 30_000.0  # [kg/m3]; osmium has 22,600, whole links of arms 500 to 9,000
-LARGEST = 3.0  # [m] semi-axis of a link's ellipsoid
-THINNEST = 0.1  # of an ellipsoid's longest semi-axis: rods and plates without thickness are meant as such
-OFF = 0.4  # [m] from the line between a link's joints and frames to its centre of mass
-HEAVIER = 1.5  # times the moving mass of a robot's file
-LIGHTER = 0.5
-POSES = 300  # at random within the limits
+_MAX_DENSITY = 30_000.0  # [kg/m3]; osmium has 22,600, whole links of arms 500 to 9,000
+_MAX_SEMI_AXIS_M = 3.0  # [m] semi-axis of a link's ellipsoid
+_MIN_AXIS_RATIO = 0.1  # of an ellipsoid's longest semi-axis: rods and plates without thickness are meant as such
+_MAX_COM_OFFSET_M = 0.4  # [m] from the line between a link's joints and frames to its centre of mass
+_HEAVIER_RATIO = 1.5  # times the moving mass of a robot's file
+_LIGHTER_RATIO = 0.5
+_POSE_COUNT = 300  # at random within the limits
 
 
 def mass_doubts(model: RobotModel, *, described: RobotModel | None = None) -> tuple[str, ...]:
@@ -40,7 +40,7 @@ def mass_doubts(model: RobotModel, *, described: RobotModel | None = None) -> tu
     bodies = [doubt for link in range(len(bare.link_names)) for doubt in _of_link(bare, link)]
     own = 0.0 if described is None or described.missing_inertia else float(described.tree.mass.sum())
     total = float(model.tree.mass.sum())
-    if own > 0.0 and not LIGHTER < total / own < HEAVIER:
+    if own > 0.0 and not _LIGHTER_RATIO < total / own < _HEAVIER_RATIO:
         bodies.append(f"moving mass {total:.4g} kg, {total / own:.2g} times the {own:.4g} kg of the robot's file")
     return (*bodies, *_of_efforts(model))
 
@@ -51,16 +51,16 @@ def _of_link(model: RobotModel, link: int) -> list[str]:
         return []
     found = []
     length, off = _beside(model, link, com)
-    if off > max(OFF, length):
+    if off > max(_MAX_COM_OFFSET_M, length):
         found.append(f"its centre of mass lies {off:.2g} m off the line of its joints and frames, {length:.2g} m long")
     if name not in model.missing_tensor:
         moments = np.linalg.eigvalsh(model.tree.inertia[link])
         axes = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
-        volume = 4.0 / 3.0 * np.pi * float(np.prod(np.maximum(axes, THINNEST * axes.max())))
-        if mass > DENSEST * volume:
-            density = f"{mass / volume / 1000.0:.3g} t/m3" if axes.max() > SMALLEST else "a point"
+        volume = 4.0 / 3.0 * np.pi * float(np.prod(np.maximum(axes, _MIN_AXIS_RATIO * axes.max())))
+        if mass > _MAX_DENSITY * volume:
+            density = f"{mass / volume / 1000.0:.3g} t/m3" if axes.max() > MIN_GYRATION_M else "a point"
             found.append(f"{mass:.4g} kg with the inertia of {density}; the densest metal has 22.6 t/m3")
-        if axes.max() > LARGEST:
+        if axes.max() > _MAX_SEMI_AXIS_M:
             found.append(f"{mass:.4g} kg with the inertia of a body of {axes.max():.3g} m to either side")
     return [f'link "{name}": {doubt}' for doubt in found]
 
@@ -79,7 +79,7 @@ def _of_efforts(model: RobotModel) -> list[str]:
     turn = np.where(np.array(model.joint_units) == "rad", np.pi, 0.0)
     lower = np.where(np.isfinite(model.lower), model.lower, -turn)
     upper = np.maximum(np.where(np.isfinite(model.upper), model.upper, turn), lower)
-    q = np.random.default_rng(0).uniform(lower, upper, (POSES, model.n))
+    q = np.random.default_rng(0).uniform(lower, upper, (_POSE_COUNT, model.n))
     asked = np.abs(gravity_torque(model, q, LEVEL)).max(axis=0)
     beyond = np.flatnonzero((model.effort_limit > 0.0) & (asked > model.effort_limit))
     said = [

@@ -16,7 +16,7 @@ import numpy as np
 from catenary.gravity.gravity_regressor import carried_links
 from catenary.robots.model import RobotModel
 
-NO_LENGTH = 1e-12  # [m]
+_NO_LENGTH_M = 1e-12  # [m]
 
 
 class Product(NamedTuple):
@@ -41,7 +41,7 @@ def moment_expression(model: RobotModel, link: int, axis: int) -> Expression:
     products = []
     for child in np.flatnonzero(model.tree.parent == link).tolist():
         masses = carried_masses(model, child)
-        if masses and abs(model.tree.origin[child, axis]) > NO_LENGTH:
+        if masses and abs(model.tree.origin[child, axis]) > _NO_LENGTH_M:
             products.append(Product(_step_name(model, child, axis), masses))
     if _has_mass(model, link) and model.axes_of_com[link, axis]:
         products.append(Product(_com_name(model, link, axis), (link,)))
@@ -84,7 +84,7 @@ def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str
     }
     for child, axis in np.ndindex(len(model.link_names), 3):
         step, above = float(model.tree.origin[child, axis]), int(model.tree.parent[child])
-        if above >= 0 and abs(step) > NO_LENGTH and (name := _step_name(model, child, axis)) in used:
+        if above >= 0 and abs(step) > _NO_LENGTH_M and (name := _step_name(model, child, axis)) in used:
             parent = model.link_names[above]
             meaning = f"from {parent} to {model.link_names[child]}, along {'xyz'[axis]} of {parent} [m]"
             table[name] = NamedSymbol(meaning, step)
@@ -108,7 +108,7 @@ def _has_mass(model: RobotModel, link: int) -> bool:
 def _step_name(model: RobotModel, child: int, axis: int) -> str:
     parent = int(model.tree.parent[child])
     others = np.count_nonzero(model.tree.parent == parent) > 1
-    several = np.count_nonzero(np.abs(model.tree.origin[child]) > NO_LENGTH) > 1
+    several = np.count_nonzero(np.abs(model.tree.origin[child]) > _NO_LENGTH_M) > 1
     return f"l{parent + 1}{f',{child + 1}' if others else ''}{'xyz'[axis] if several else ''}"
 
 

@@ -9,7 +9,7 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 
-MOST = 30.0  # [m/s2] beyond which a vector is none that a base feels
+_MAX_GRAVITY = 30.0  # [m/s2] beyond which a vector is none that a base feels
 
 
 class Vendor(NamedTuple):
@@ -76,8 +76,8 @@ def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) ->
 def vendor_command(name: str, gravity: ArrayLike) -> str:
     """Return the line that tells a vendor's controller of gravity (3,) [m/s2] in its base; empty if there is none."""
     vendor, vector = vendor_of(name), as_array("gravity", gravity, (3,))
-    if not 0.0 < float(np.linalg.norm(vector)) <= MOST:
+    if not 0.0 < float(np.linalg.norm(vector)) <= _MAX_GRAVITY:
         raise InputError(
-            f"gravity for {name}: expected a length of more than 0 and at most {MOST:g} m/s2, got {vector}"
+            f"gravity for {name}: expected a length of more than 0 and at most {_MAX_GRAVITY:g} m/s2, got {vector}"
         )
     return vendor.command.format(*(vendor.sign * vector + 0.0))

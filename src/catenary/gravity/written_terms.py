@@ -15,9 +15,9 @@ from catenary.arrays import Floats
 from catenary.gravity.gravity_regressor import CARRIED_MASS
 from catenary.robots.model import RobotModel
 
-SHORT = 3  # terms; longer entries are called by a name
-MOST = 64  # terms on the way; an entry that needs more is not written out
-ROUNDING = 1e-12
+SHORT_TERMS = 3  # terms; longer entries are called by a name
+_MAX_TERMS = 64  # terms on the way; an entry that needs more is not written out
+_ROUNDING = 1e-12
 
 # "c", "s" or "q" of a sum of factors times coordinates; without factors a name
 Atom = tuple[str, tuple[tuple[int, float], ...]]
@@ -34,7 +34,7 @@ def turned_back(axis: Floats, angle: Angle, v: SymbolicVector) -> SymbolicVector
     across = times(np.eye(3) - np.outer(axis, axis), v)
     sideways = crossed(-axis, v)
     cosine, sine = np.cos(offset), np.sin(offset)
-    moving = bool(np.abs(factors).max(initial=0.0) > ROUNDING)
+    moving = bool(np.abs(factors).max(initial=0.0) > _ROUNDING)
     c, (s, sign) = angle_atom("c", factors)[0], angle_atom("s", factors)
     out = []
     for k in range(3):
@@ -48,7 +48,7 @@ def turned_back(axis: Floats, angle: Angle, v: SymbolicVector) -> SymbolicVector
 
 def angle_atom(kind: str, factors: Floats) -> tuple[Atom, float]:
     """Return the atom of an angle whose first factor is positive, and the sign that a sine then has."""
-    nonzero = [(k, float(f)) for k, f in enumerate(factors) if abs(f) > ROUNDING]
+    nonzero = [(k, float(f)) for k, f in enumerate(factors) if abs(f) > _ROUNDING]
     sign = -1.0 if nonzero and nonzero[0][1] < 0.0 else 1.0
     return (kind, tuple((k, round(sign * f, 12)) for k, f in nonzero)), sign
 
@@ -80,12 +80,12 @@ def sum_of(a: Written, b: Written) -> Written:
     if a is None or b is None:
         return None
     total = cleaned(a | {atoms: a.get(atoms, 0.0) + value for atoms, value in b.items()})
-    return total if len(total) <= MOST else None
+    return total if len(total) <= _MAX_TERMS else None
 
 
 def scaled(terms: Written, factor: float) -> Written:
     """Return a number times a sum."""
-    if abs(factor) <= ROUNDING:
+    if abs(factor) <= _ROUNDING:
         return {}
     return terms and cleaned({atoms: factor * value for atoms, value in terms.items()})
 
@@ -97,7 +97,7 @@ def multiplied(terms: Written, atom: Atom) -> Written:
 
 def cleaned(terms: Terms) -> Terms:
     """Return a sum without what is left by rounding."""
-    return {atoms: value for atoms, value in terms.items() if abs(value) > ROUNDING}
+    return {atoms: value for atoms, value in terms.items() if abs(value) > _ROUNDING}
 
 
 def terms_text(terms: Terms, *, latex: bool = False) -> str:

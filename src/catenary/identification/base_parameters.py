@@ -24,14 +24,18 @@ from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
-CHUNK = 4000  # rows whose regressor is held in memory at a time
-RANDOM_ROWS = 400
-DEPENDENT = 1e-8  # of the largest column; random motion of exact geometry leaves a gap of eight decades around it
+_CHUNK_ROWS = 4000  # rows whose regressor is held in memory at a time
+_RANDOM_ROWS = 400
+_DEPENDENT_RATIO = (
+    1e-8  # of the largest column; random motion of exact geometry leaves a gap of eight decades around it
+)
 # angles that a file rounds (1.5708, 1.57) show 4e-6 to 9e-4 of a column beside exact ones, which no recording shows;
 # the least own share of a column of the catalogue's robots is 0.02
-ROUNDED = 2e-3
-SEEN = 1e-5  # of the largest column: more than a link's under gravity along an axis of 3.1416 for pi; others: 0.008
-ROUNDING = 1e-9  # of the largest entry of `combination`
+_ROUNDED_RATIO = 2e-3
+_SEEN_RATIO = (
+    1e-5  # of the largest column: more than a link's under gravity along an axis of 3.1416 for pi; others: 0.008
+)
+_ROUNDING_RATIO = 1e-9  # of the largest entry of `combination`
 # by 30 deg about a horizontal axis 40 deg from x: along nothing that a robot's axes are likely to lie along
 TILTED = (
     float(STANDARD_GRAVITY * np.sin(np.deg2rad(30)) * np.sin(np.deg2rad(40))),
@@ -79,8 +83,8 @@ class BaseParameters:
     def chunks(self, samples: Samples) -> Iterator[tuple[slice, Floats]]:
         """Yield parts of a recording's rows, and their matrix (N, n, b)."""
         loads = self.parameters.loads(samples)
-        for first in range(0, max(len(samples), 1), CHUNK):
-            part = slice(first, first + CHUNK)
+        for first in range(0, max(len(samples), 1), _CHUNK_ROWS):
+            part = slice(first, first + _CHUNK_ROWS)
             *motion, base = samples.motion(part)
             yield part, self.regressor(*motion, base=base, loads=loads[part])
 
@@ -115,14 +119,14 @@ def base_parameters(
     time; "tilted": its direction varies; "turning": the base also turns while it is recorded.
     """
     model = parameters.model
-    size = (RANDOM_ROWS, model.n)
+    size = (_RANDOM_ROWS, model.n)
     static = parameters.terms == "static"
     random = [
-        random_configurations(model, RANDOM_ROWS, rng),
+        random_configurations(model, _RANDOM_ROWS, rng),
         np.zeros(size) if static else rng.normal(scale=2.0, size=size),
         np.zeros(size) if static else rng.normal(scale=10.0, size=size),
     ]
-    some = spread(len(recorded[0]), RANDOM_ROWS)
+    some = spread(len(recorded[0]), _RANDOM_ROWS)
     motion = [np.concatenate([a, b[some]]) for a, b in zip(random, recorded, strict=True)]
     rows = len(motion[0])
     down, turning = gravity, None
@@ -171,9 +175,9 @@ def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> 
     size = np.linalg.norm(Y, axis=0)
     own = np.array(parameters.own, dtype=np.int64)
     size[own] = 0.0
-    least = np.full(k, DEPENDENT)
+    least = np.full(k, _DEPENDENT_RATIO)
     if order is None:
-        least[: len(parameters.links) * parameters.per_link] = SEEN
+        least[: len(parameters.links) * parameters.per_link] = _SEEN_RATIO
     seen = size > least * size.max(initial=0.0)
     unit = Y * (seen / np.where(seen, size, 1.0))
     chosen = _independent(unit, order) if seen.any() else np.array([], dtype=np.int64)
@@ -186,7 +190,7 @@ def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> 
         condition = float(np.linalg.cond(unit[:, chosen]))
         K = np.linalg.lstsq(unit[:, chosen], unit[:, rest], rcond=None)[0]
         combination[:, rest] = K * size[rest] / size[chosen][:, None]
-        combination[np.abs(combination) < ROUNDING * np.abs(combination).max()] = 0.0
+        combination[np.abs(combination) < _ROUNDING_RATIO * np.abs(combination).max()] = 0.0
     if len(own):
         combination = np.vstack([combination, np.eye(k)[own]])
         order_of = np.argsort(np.concatenate([chosen, own]))
@@ -201,7 +205,7 @@ def _independent(unit: Floats, order: Sequence[int] | None) -> Columns:
 
         R, pivoted = qr(unit, mode="r", pivoting=True)
         pivots = np.abs(np.diag(R))
-        return np.sort(pivoted[: int((pivots > ROUNDED * pivots[0]).sum())]).astype(np.int64)
+        return np.sort(pivoted[: int((pivots > _ROUNDED_RATIO * pivots[0]).sum())]).astype(np.int64)
     basis: list[Floats] = []
     chosen: list[int] = []
     for c in order:
@@ -209,7 +213,7 @@ def _independent(unit: Floats, order: Sequence[int] | None) -> Columns:
         for b in basis * 2:  # twice: once leaves rounding of the order of the columns' dependence
             rest = rest - (b @ rest) * b
         left = float(np.linalg.norm(rest))
-        if left > DEPENDENT:
+        if left > _DEPENDENT_RATIO:
             basis.append(rest / left)
             chosen.append(c)
     return np.array(chosen, dtype=np.int64)

@@ -19,20 +19,26 @@ from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import MOVED, play
 
-BLOCKS, FEWEST = 8, 4  # of time, whose spread gives the intervals; with reversals (rows of a slope, too)
-TURN = 0.05  # share of a joint's range that it must go back by for a reversal to count
-SMOOTHED = 0.01  # [s] to either side, over which readings are averaged; speeds over thrice that
-MOVING, FOLLOWS = 0.25, 0.5  # of a joint's RMS speed, of its motor's: slower rows tell nothing of friction
-OWN = 0.1  # of the variance of a joint's direction that pose and speed must leave
-STANDS, ABOVE = 3.0, 4.0  # of what an encoder jumps by; of that, the least lost motion that is told
-EVEN = 2.0  # at most, between the 16th and 84th percentile of lost motion, where a joint moves alone
-SAME, APART = 0.3, 3.0  # difference of a wind-up's halves that is none; factor from which neither is a stiffness
-SLOW = 0.3  # [s] that a wind-up lasts at least: in a faster one rotor inertia looks like friction
-MOST_ROWS = 6000
-NO_BACKLASH = (
+_BLOCK_COUNT, _MIN_BLOCKS = 8, 4  # of time, whose spread gives the intervals; with reversals (rows of a slope, too)
+_TURN_SHARE = 0.05  # share of a joint's range that it must go back by for a reversal to count
+_SMOOTHING_S = 0.01  # [s] to either side, over which readings are averaged; speeds over thrice that
+_MOVING_SHARE, _FOLLOWING_SHARE = (
+    0.25,
+    0.5,
+)  # of a joint's RMS speed, of its motor's: slower rows tell nothing of friction
+_OWN_VARIANCE_SHARE = 0.1  # of the variance of a joint's direction that pose and speed must leave
+_STANDING_JUMPS, _BACKLASH_JUMPS = 3.0, 4.0  # of what an encoder jumps by; of that, the least lost motion that is told
+_EVEN_RATIO = 2.0  # at most, between the 16th and 84th percentile of lost motion, where a joint moves alone
+_SAME_DIFFERENCE, _APART_FACTOR = (
+    0.3,
+    3.0,
+)  # difference of a wind-up's halves that is none; factor from which neither is a stiffness
+_MIN_WINDUP_S = 0.3  # [s] that a wind-up lasts at least: in a faster one rotor inertia looks like friction
+_MAX_ROWS = 6000
+_NO_BACKLASH_TEXT = (
     "backlash: at most the lost motion; it is not told from stretch, and a load that keeps a cable taut hides it"
 )
-PARTS = (0.1, 0.9), (0.1, 0.5), (0.5, 0.9)  # of a wind-up
+_WINDUP_PARTS = (0.1, 0.9), (0.1, 0.5), (0.5, 0.9)  # of a wind-up
 
 
 class Interval(NamedTuple):
@@ -63,7 +69,7 @@ def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
     if log.tau is None or log.time is None:
         raise InputError(f'recording "{log.name}": friction needs torques (tau) and time stamps')
     motor = log.q_nominal if log.q_reported is None else log.q_reported
-    half = SMOOTHED / float(np.median(np.diff(log.time)))
+    half = _SMOOTHING_S / float(np.median(np.diff(log.time)))
     q, tau = _smoothed(motor, half), _smoothed(log.tau, half)
     seen = None if log.q_encoder is None or not log.ok.all() else log.q_encoder
     x = q if seen is None else _smoothed(seen, half)
@@ -79,9 +85,9 @@ def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
             untold += ["stiffness, hysteresis: no encoder on every row, or the joint hardly moves"]
         else:
             jumps = float(np.median(np.abs(np.diff(seen[:, j], n=2))))
-            fine = STANDS * max(jumps, 1e-5 * float(np.ptp(q[:, j])))
+            fine = _STANDING_JUMPS * max(jumps, 1e-5 * float(np.ptp(q[:, j])))
             rows = _windups(log.time, q[:, j], x[:, j], tau[:, j], turns, fine)
-            block = np.floor((rows[:, 0] - log.time[0]) / (log.time[-1] - log.time[0] + 1e-9) * BLOCKS)
+            block = np.floor((rows[:, 0] - log.time[0]) / (log.time[-1] - log.time[0] + 1e-9) * _BLOCK_COUNT)
             found, more = _of_windups(found, rows[:, 1:], block, fine)
             untold = [*untold, *more]
         if friction.high < 0.0:
@@ -98,7 +104,7 @@ def _smoothed(values: Floats, half: float) -> Floats:
 
 def _turns(q: Floats) -> list[tuple[int, int]]:
     """Return the rows at which a motor turns back, and the way in which it goes on, 1 or -1."""
-    way = np.sign(np.diff(play(q, 0.5 * TURN * float(np.ptp(q))), prepend=q[0]))
+    way = np.sign(np.diff(play(q, 0.5 * _TURN_SHARE * float(np.ptp(q))), prepend=q[0]))
     rows = np.flatnonzero(way)
     changes = rows[1:][np.diff(way[rows]) != 0.0]
     pairs = zip([0, *changes[:-1]], changes, strict=True) if len(changes) else ()
@@ -113,21 +119,21 @@ def _friction(time: Floats, q: Floats, x: Floats, tau: Floats, j: int, half: flo
     """
     qd = _smoothed(np.gradient(np.column_stack([q[:, j], x]), time, axis=0), max(1.0, 3.0 * half))
     qdd = _smoothed(np.gradient(qd[:, :1], time, axis=0), max(1.0, 3.0 * half))[:, 0]
-    radius = TURN * float(np.ptp(q[:, j]))
+    radius = _TURN_SHARE * float(np.ptp(q[:, j]))
     past = np.abs(q[:, j] - play(np.ascontiguousarray(q[:, j]), radius)) > 0.999 * radius  # beyond the last reversal
-    past &= (qd[:, 1] * np.sign(qd[:, 0]) > FOLLOWS * np.abs(qd[:, 0])) | (qd[:, 1] == qd[:, 0])
-    rows = np.flatnonzero(past & (np.abs(qd[:, 0]) > MOVING * np.sqrt(np.mean(qd[:, 0] ** 2))))
-    rows = rows[spread(len(rows), MOST_ROWS)]
-    side, own = np.sign(qd[rows, 0]), rows * BLOCKS // len(q)
-    if any(len(np.unique(side[own == b])) < 2 for b in range(BLOCKS)):
-        return Interval(), [f"friction: the joint does not move both ways in each of {BLOCKS} blocks of time"]
+    past &= (qd[:, 1] * np.sign(qd[:, 0]) > _FOLLOWING_SHARE * np.abs(qd[:, 0])) | (qd[:, 1] == qd[:, 0])
+    rows = np.flatnonzero(past & (np.abs(qd[:, 0]) > _MOVING_SHARE * np.sqrt(np.mean(qd[:, 0] ** 2))))
+    rows = rows[spread(len(rows), _MAX_ROWS)]
+    side, own = np.sign(qd[rows, 0]), rows * _BLOCK_COUNT // len(q)
+    if any(len(np.unique(side[own == b])) < 2 for b in range(_BLOCK_COUNT)):
+        return Interval(), [f"friction: the joint does not move both ways in each of {_BLOCK_COUNT} blocks of time"]
     z = (q[rows] - q.mean(axis=0)) / np.maximum(np.ptp(q, axis=0), 1e-9)
     lean = np.column_stack([side, np.ones(len(rows)), z])
     squares = [z[:, a] * z[:, b] for a in range(z.shape[1]) for b in range(a, z.shape[1])]
     full = np.column_stack([lean, qd[rows, 0] / np.ptp(qd[:, 0]), qdd[rows] / max(float(np.ptp(qdd)), 1e-9), *squares])
     left = side - full[:, 1:] @ np.linalg.lstsq(full[:, 1:], side, rcond=None)[0]
     whole = _jackknife(full, tau[rows], own)
-    if np.mean(left**2) >= OWN:
+    if np.mean(left**2) >= _OWN_VARIANCE_SHARE:
         return whole, []
     simple = _jackknife(lean, tau[rows], own)
     told = simple._replace(low=min(simple.low, whole.low), high=max(simple.high, whole.high))
@@ -137,8 +143,10 @@ def _friction(time: Floats, q: Floats, x: Floats, tau: Floats, j: int, half: flo
 def _jackknife(X: Floats, y: Floats, block: NDArray[np.int64]) -> Interval:
     """Return the first weight of a fit, with an interval by leaving out each block in turn [Tukey 1958]."""
     whole = _first_weight(X, y)
-    without = np.array([_first_weight(X[block != b], y[block != b]) for b in range(BLOCKS)])
-    reach = student.ppf(0.975, BLOCKS - 1) * np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((without - without.mean()) ** 2))
+    without = np.array([_first_weight(X[block != b], y[block != b]) for b in range(_BLOCK_COUNT)])
+    reach = student.ppf(0.975, _BLOCK_COUNT - 1) * np.sqrt(
+        (_BLOCK_COUNT - 1) / _BLOCK_COUNT * np.sum((without - without.mean()) ** 2)
+    )
     return Interval(whole, whole - float(reach), whole + float(reach))
 
 
@@ -156,20 +164,20 @@ def _windups(time: Floats, q: Floats, x: Floats, tau: Floats, turns: list[tuple[
     """Return what each reversal of a motor (q) shows until its joint (x) has moved by `fine`, (R, 8).
 
     That is: when, the lost motion, by how much the torque swings once the motor's own friction has turned, as the first
-    half's line tells it and as the row at a tenth does, the slopes of PARTS, and the time that it takes.
+    half's line tells it and as the row at a tenth does, the slopes of _WINDUP_PARTS, and the time that it takes.
     """
     found = []
     for (row, way), end in zip(turns, [row for row, _ in (*turns, (len(q), 0))][1:], strict=True):
         joint = way * (x[row:end] - x[row])
-        near = np.flatnonzero(way * (q[row:end] - q[row]) > TURN * np.ptp(q))
+        near = np.flatnonzero(way * (q[row:end] - q[row]) > _TURN_SHARE * np.ptp(q))
         rest = int(np.argmin(joint[: max(3, near[0] if len(near) else len(joint))]))
         goes = np.flatnonzero(joint[rest:] > joint[rest] + fine)
         if len(goes):
             rows = slice(row, row + rest + int(goes[0]) + 1)
             stretch, torque = way * (q - x)[rows], way * tau[rows]
             stretch = stretch - stretch[0]
-            wide = stretch[-1] > ABOVE * fine
-            lines = [_line(stretch, torque, *part) if wide else (np.nan, np.nan) for part in PARTS]
+            wide = stretch[-1] > _BACKLASH_JUMPS * fine
+            lines = [_line(stretch, torque, *part) if wide else (np.nan, np.nan) for part in _WINDUP_PARTS]
             early = (torque[-1] - torque[np.argmax(stretch >= 0.1 * stretch[-1])]) / 0.9
             until, slopes = time[rows][-1], [slope for slope, _ in lines]
             found.append((time[row], stretch[-1], torque[-1] - lines[1][1], early, *slopes, until - time[row]))
@@ -179,7 +187,7 @@ def _windups(time: Floats, q: Floats, x: Floats, tau: Floats, turns: list[tuple[
 def _line(stretch: Floats, torque: Floats, first: float, last: float) -> tuple[float, float]:
     """Return slope and torque at no stretch of the line through part of a wind-up."""
     rows = (stretch >= first * stretch[-1]) & (stretch <= last * stretch[-1])
-    if rows.sum() < FEWEST or np.ptp(stretch[rows]) == 0.0:
+    if rows.sum() < _MIN_BLOCKS or np.ptp(stretch[rows]) == 0.0:
         return np.nan, np.nan
     slope, start = np.polyfit(stretch[rows], torque[rows], 1)
     return float(slope), float(start)
@@ -189,7 +197,7 @@ def _of_blocks(values: Floats, block: Floats) -> Interval:
     """Return the mean of the blocks' medians, with its interval."""
     told = np.isfinite(values)
     medians = np.array([np.median(values[told & (block == b)]) for b in np.unique(block[told])])
-    if len(medians) < FEWEST:
+    if len(medians) < _MIN_BLOCKS:
         return Interval()
     mean, reach = medians.mean(), student.ppf(0.975, len(medians) - 1) * medians.std(ddof=1) / np.sqrt(len(medians))
     return Interval(*map(float, (mean, mean - reach, mean + reach)))
@@ -199,27 +207,27 @@ def _of_windups(found: CableLoop, rows: Floats, block: Floats, fine: float) -> t
     """Return what wind-ups (R, 7) tell, and what they do not."""
     width, swing, early, whole, first, second, lasts = (_of_blocks(column, block) for column in rows.T)
     if not np.isfinite(width.value):
-        return found, [f"stiffness, hysteresis: reversals in fewer than {FEWEST} of {BLOCKS} blocks of time"]
+        return found, [f"stiffness, hysteresis: reversals in fewer than {_MIN_BLOCKS} of {_BLOCK_COUNT} blocks of time"]
     low, high = np.percentile(rows[:, 0], [16.0, 84.0])
-    if width.value < ABOVE * fine:
-        found = found._replace(width=Interval(width.value, 0.0, max(width.high, ABOVE * fine)))
+    if width.value < _BACKLASH_JUMPS * fine:
+        found = found._replace(width=Interval(width.value, 0.0, max(width.high, _BACKLASH_JUMPS * fine)))
         return found, [f"stiffness, sides of friction: the encoder resolves {fine:.2g} {found.unit}"]
-    if high > EVEN * low:
+    if high > _EVEN_RATIO * low:
         why = f"lost motion is {low:.2g} to {high:.2g} {found.unit}: other joints move this cable, or it is little"
         return found, [f"stiffness, hysteresis: {why}; record one joint at a time"]
-    if not all(v > 0.0 for v in (whole.low, second.low, first.value, APART * first.value - second.value)):
+    if not all(v > 0.0 for v in (whole.low, second.low, first.value, _APART_FACTOR * first.value - second.value)):
         why = "the torque does not rise evenly with the stretch, as in a backlash, or rows are too few"
-        return found._replace(width=width), [f"stiffness, sides of friction: {why}", NO_BACKLASH]
+        return found._replace(width=width), [f"stiffness, sides of friction: {why}", _NO_BACKLASH_TEXT]
     last = second.value + 0.75 * (second.value - first.value)  # where the trend leads at the wind-up's end
     ends = [max(last, 0.0), *(end for each in (whole, first, second) for end in each[1:])]
     found, untold = found._replace(width=width, stiffness=Interval(whole.value, min(ends), max(ends))), []
-    if lasts.value >= SLOW:
+    if lasts.value >= _MIN_WINDUP_S:
         side = Interval(0.5 * swing.value, 0.5 * min(swing.low, early.low), 0.5 * max(swing.high, early.high))
         rest = Interval(*(found.friction[a] - side[b] for a, b in ((0, 0), (1, 2), (2, 1))))
         found = found._replace(joint_side=side, motor_side=rest)
     else:
         untold = [f"sides of friction: wind-ups of {lasts.value:.2g} s are too fast, move more slowly"]
-    if abs(first.value - second.value) > SAME * whole.value:
+    if abs(first.value - second.value) > _SAME_DIFFERENCE * whole.value:
         why = "friction or hysteresis inside the cable" if first.value > second.value else "backlash, or soft at first"
         untold += [f"one stiffness: it is {first.value:.4g}, then {second.value:.4g} along a wind-up; {why}"]
-    return found, [*untold, NO_BACKLASH]
+    return found, [*untold, _NO_BACKLASH_TEXT]

@@ -3,12 +3,13 @@
 A link's ten parameters are those of some distribution of mass if and only if its pseudo-inertia
 J = [[1/2 tr(I) 1 - I, m c], [m c^T, m]] (4 x 4) is positive semidefinite (Wensing, Kim, Slotine, "Linear matrix
 inequalities for physically consistent inertial parameter identification", RA-L 3(1), 2018). Friction, rotors and
-springs cannot be negative. At rest only mass and first moment show: the centre of mass lies within REACH of the frame.
-All these sets are convex; clarabel solves the program.
+springs cannot be negative. At rest only mass and first moment show: the centre of mass lies within _COM_REACH_M of the
+frame. All these sets are convex; clarabel solves the program.
 
 On a level base an upright first axis feels no gravity, and no torque tells the first moments about it. Dynamics bound
 them all the same: bodies have |m c|^2 <= m I, and the inertia about the axis is known. So the least and the most are
-found among physically consistent parameters that give the same torques, with links at most HEAVIEST times as heavy.
+found among physically consistent parameters that give the same torques, with links at most _MAX_MASS_RATIO times as
+heavy.
 """
 
 from collections.abc import Sequence
@@ -28,14 +29,16 @@ from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
 
-LENGTH = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
-LEAST = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
-PREFER_SMALL = 1e-10  # of the squared torque per kg: what torques do not show is as little mass as may be
-LEAST_PRIOR = 1e-8  # of the squared torque: with a prior, what torques do not show is the prior's
-REACH = 0.5  # [m] from a link's frame to its centre of mass, at most, where no inertia tells
+_LENGTH_M = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
+_MIN_EIGENVALUE_KG = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
+_SMALL_MASS_PENALTY = 1e-10  # of the squared torque per kg: what torques do not show is as little mass as may be
+MIN_PRIOR_WEIGHT = 1e-8  # of the squared torque: with a prior, what torques do not show is the prior's
+_COM_REACH_M = 0.5  # [m] from a link's frame to its centre of mass, at most, where no inertia tells
 
 
-def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = LEAST_PRIOR) -> Floats:
+def consistent_fit(
+    base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = MIN_PRIOR_WEIGHT
+) -> Floats:
     """Return all parameters phi (k,) that minimise ||Y phi - tau||, of R of [Y_b | tau], among the consistent ones.
 
     Where torques leave a choice, the smallest sum of pseudo-inertia traces is taken. With a prior J0 of the links (k,),
@@ -60,7 +63,7 @@ def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None,
     linear = np.zeros(k + rows)
     per_link, links = base.parameters.per_link, len(base.parameters.links)
     trace = _triangle(np.eye(4)) @ _pseudo_inertia_map() * scale[:PER_LINK] if per_link == PER_LINK else np.eye(4)[0]
-    linear[: links * per_link] = PREFER_SMALL * np.tile(trace, links)
+    linear[: links * per_link] = _SMALL_MASS_PENALTY * np.tile(trace, links)
     quadratic = sparse.csc_matrix(np.diag(np.concatenate([np.zeros(k), np.ones(rows)])))
     phi = solve_program(quadratic, linear, sparse.vstack(A), np.concatenate([right, limits]), [*cones, *sets])
     return phi[:k] * scale
@@ -79,12 +82,12 @@ def consistent_cones(base: BaseParameters) -> tuple[Floats, Floats, list[object]
         if body is not None:
             block = np.zeros((10, k))
             block[:, columns] = -body
-            right.append(-LEAST * _triangle(np.eye(4)))
+            right.append(-_MIN_EIGENVALUE_KG * _triangle(np.eye(4)))
             cones.append(clarabel.PSDTriangleConeT(4))
         else:
             block = np.zeros((4, k))
-            block[:, columns] = -np.diag([REACH, 1.0, 1.0, 1.0]) * scale[columns]
-            right.append(np.array([-LEAST * REACH, 0.0, 0.0, 0.0]))
+            block[:, columns] = -np.diag([_COM_REACH_M, 1.0, 1.0, 1.0]) * scale[columns]
+            right.append(np.array([-_MIN_EIGENVALUE_KG * _COM_REACH_M, 0.0, 0.0, 0.0]))
             cones.append(clarabel.SecondOrderConeT(4))
         A.append(block)
     return np.vstack(A), np.concatenate(right), cones
@@ -121,8 +124,8 @@ def _prior_rows(base: BaseParameters, prior: Floats, scale: Floats) -> tuple[Flo
             centre = own[1:] / own[0]
             block = np.zeros((4, 4))
             block[0, 0] = 1.0 / own[0]
-            block[1:, 0] = -centre / (own[0] * LENGTH)
-            block[1:, 1:] = np.eye(3) / (own[0] * LENGTH)
+            block[1:, 0] = -centre / (own[0] * _LENGTH_M)
+            block[1:, 1:] = np.eye(3) / (own[0] * _LENGTH_M)
         wide = np.zeros((len(block), len(scale)))
         wide[:, columns] = block * scale[columns]
         rows.append(wide)
@@ -146,14 +149,14 @@ def pseudo_inertia(phi: Floats) -> Floats:
 def parameter_scale(base: BaseParameters) -> Floats:
     """Bring the unknowns to one size: links by a length, actuation by one."""
     per_link = base.parameters.per_link
-    link = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])[:per_link]
+    link = np.array([1.0, *[_LENGTH_M] * 3, *[_LENGTH_M**2] * 6])[:per_link]
     rest = base.combination.shape[1] - per_link * len(base.parameters.links)
     return np.concatenate([np.tile(link, len(base.parameters.links)), np.ones(rest)])
 
 
 def _pseudo_inertia_map() -> Floats:
-    """Return the matrix (10, 10) from a link's parameters to J's scaled upper triangle, lengths in units of LENGTH."""
-    lengths = np.diag([1.0 / LENGTH] * 3 + [1.0])
+    """Return the matrix (10, 10) from a link's parameters to J's scaled upper triangle, lengths in _LENGTH_M."""
+    lengths = np.diag([1.0 / _LENGTH_M] * 3 + [1.0])
     return np.column_stack([_triangle(lengths @ pseudo_inertia(e) @ lengths) for e in np.eye(10)])
 
 
@@ -162,8 +165,8 @@ def _triangle(J: Floats) -> Floats:
     return np.array([J[r, c] * (1.0 if r == c else np.sqrt(2.0)) for c in range(4) for r in range(c + 1)])
 
 
-WEIGHTS = (LEAST_PRIOR, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # that held-out blocks choose among
-BETTER = 1e-3  # least that a stronger prior takes from the sum over axes of log residual
+_PRIOR_WEIGHTS = (MIN_PRIOR_WEIGHT, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # that held-out blocks choose among
+_MIN_LOG_GAIN = 1e-3  # least that a stronger prior takes from the sum over axes of log residual
 
 
 def prior_of(parameters: Parameters) -> Floats | None:
@@ -184,23 +187,23 @@ def weight_of_prior(base: BaseParameters, samples: Sequence[Samples], weights: F
     used = [[part for part in fold if len(part)] for fold in folds]  # one may lack a recording that is too short
     reduced = [triangles(base, fold) for fold in used if fold]
     if len(reduced) < 2:
-        return LEAST_PRIOR
-    best, least = LEAST_PRIOR, np.inf
-    for weight in WEIGHTS:
+        return MIN_PRIOR_WEIGHT
+    best, least = MIN_PRIOR_WEIGHT, np.inf
+    for weight in _PRIOR_WEIGHTS:
         squares = np.zeros(len(weights))
         for f, held_out in enumerate(reduced):
             R = joined([part for k, part in enumerate(reduced) if k != f]).stacked(weights)
             beta = base.combination @ consistent_fit(base, R, prior, weight)
             squares += held_out.residual_rms(beta) ** 2 * held_out.rows
         score = float(np.log(np.maximum(squares, 1e-300)).sum())
-        if score < least - BETTER:
+        if score < least - _MIN_LOG_GAIN:
             best, least = weight, score
     return best
 
 
-HEAVIEST = 2.0  # times the mass of all links as identified
-FELT = 1e-6  # of the largest torque per unit: less is not felt
-ROWS = 60
+_MAX_MASS_RATIO = 2.0  # times the mass of all links as identified
+_FELT_RATIO = 1e-6  # of the largest torque per unit: less is not felt
+_FELT_ROWS = 60
 
 
 def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
@@ -209,8 +212,8 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
 
     parameters = base.parameters
     rng = np.random.default_rng(0)
-    q = random_configurations(parameters.model, ROWS, rng)
-    rest, gravity = np.zeros_like(q), random_gravity(ROWS, rng)
+    q = random_configurations(parameters.model, _FELT_ROWS, rng)
+    rest, gravity = np.zeros_like(q), random_gravity(_FELT_ROWS, rng)
     scale = parameter_scale(base)
     Y = parameters.regressor(q, rest, rest, gravity).reshape(-1, len(phi)) * scale
     links = len(parameters.links) * parameters.per_link
@@ -220,7 +223,7 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
     hidden = Vt[int((values > 1e-9 * values[0]).sum()) :].T
     felt = Y @ hidden
     _, sizes, directions_of = np.linalg.svd(felt, full_matrices=False)
-    count = int((sizes > FELT * np.linalg.norm(Y, 2)).sum())
+    count = int((sizes > _FELT_RATIO * np.linalg.norm(Y, 2)).sum())
     if count == 0:
         return ()
     D = hidden @ directions_of[:count].T
@@ -258,7 +261,7 @@ def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:
             np.zeros((k, k)),
             -along,
             np.vstack([C, mass, bounded]),
-            np.concatenate([C @ at, HEAVIEST * mass @ at, limits]),
+            np.concatenate([C @ at, _MAX_MASS_RATIO * mass @ at, limits]),
             [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones],
         )
     except InputError:  # the point lies on the border of what is possible: no bound is known

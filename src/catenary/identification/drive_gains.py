@@ -17,15 +17,16 @@ from catenary.errors import ExcitationError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.least_squares import scaled_solution
 from catenary.identification.samples import Samples
+from catenary.robots.friction_terms import FRICTION_TERMS
 from catenary.robots.model import RobotModel
 
-MOST_ROUNDS = 50
-CONVERGED = 1e-7  # of the logarithm of a gain
-VISIBLE = 1e-9  # smallest singular value, columns scaled to one
-LONGEST = 0.5  # step of that logarithm
-OWN = ("coulomb", "viscous", "offset")  # kinds of friction that a loaded arm has otherwise
-BLOCKS = 20  # of every recording, each left out in turn: of five, a standard error is itself a third off
-SURE = 0.2  # relative standard error of a gain: beyond it the recordings do not show it
+_MAX_ROUNDS = 50
+_CONVERGED_LOG_STEP = 1e-7  # of the logarithm of a gain
+_VISIBLE_RATIO = 1e-9  # smallest singular value, columns scaled to one
+_MAX_LOG_STEP = 0.5  # step of that logarithm
+_LOADED_KINDS = tuple(kind for kind, term in FRICTION_TERMS.items() if term.usual)  # friction that a load changes
+_BLOCK_COUNT = 20  # of every recording, each left out in turn: of five, a standard error is itself a third off
+_SURE_ERROR = 0.2  # relative standard error of a gain: beyond it the recordings do not show it
 
 
 @dataclass(frozen=True)
@@ -63,12 +64,14 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
         raise InputError(f"load: expected a mass above 0 kg, got {load:g}")
     link, pose = model.frame()
     parts = [(part, with_load) for with_load, group in ((False, free), (True, loaded)) for part in group]
-    folds = [_triangles(base, parts, link, block) for block in range(BLOCKS)]
-    mass = base.count + sum(name.split()[0] in OWN for name in base.names)  # its column, behind those of friction
+    folds = [_triangles(base, parts, link, block) for block in range(_BLOCK_COUNT)]
+    mass = base.count + sum(
+        name.split()[0] in _LOADED_KINDS for name in base.names
+    )  # its column, behind those of friction
     gains, unknown = _solved(folds, mass, load)
-    left_out = np.log([_solved([*folds[:f], *folds[f + 1 :]], mass, load, gains)[0] for f in range(BLOCKS)])
-    errors = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
-    unsure = [f"{model.joint_names[i]} ({100.0 * errors[i]:.0f} %)" for i in np.flatnonzero(~(errors < SURE))]
+    left_out = np.log([_solved([*folds[:f], *folds[f + 1 :]], mass, load, gains)[0] for f in range(_BLOCK_COUNT)])
+    errors = np.sqrt((_BLOCK_COUNT - 1) / _BLOCK_COUNT * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
+    unsure = [f"{model.joint_names[i]} ({100.0 * errors[i]:.0f} %)" for i in np.flatnonzero(~(errors < _SURE_ERROR))]
     if unsure:
         raise ExcitationError(
             f'robot "{model.name}": the recordings do not show the drive gain of {", ".join(unsure)}: masses stay open '
@@ -84,10 +87,10 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
 def _triangles(base: BaseParameters, parts: Sequence[tuple[Samples, bool]], link: int, block: int) -> list[Floats]:
     """Return R of [parameters | friction with load | load | current] of each axis, on one block of time."""
     model = base.parameters.model
-    own = [k for k, name in enumerate(base.names) if name.split()[0] in OWN]
+    own = [k for k, name in enumerate(base.names) if name.split()[0] in _LOADED_KINDS]
     stacks: list[list[Floats]] = [[] for _ in range(model.n)]
     for whole, with_load in parts:
-        part = whole.rows(np.arange(len(whole)) * BLOCKS // len(whole) == block, whole.name)
+        part = whole.rows(np.arange(len(whole)) * _BLOCK_COUNT // len(whole) == block, whole.name)
         for rows, Y in base.chunks(part):
             load = part.body_torques(model, link, rows) * with_load
             A = np.concatenate([Y, Y[:, :, own] * with_load, load, part.tau[rows, :, None]], axis=2)
@@ -110,11 +113,11 @@ def _solved(
     for i, R in enumerate(axes):  # K i - Y x = m y
         rows, weight = slice(bounds[i], bounds[i + 1]), 1.0 / max(float(np.linalg.norm(R[:, k])), 1e-300)
         A[rows, i], A[rows, n:], right[rows] = weight * R[:, k], -weight * R[:, free], weight * load * R[:, mass]
-    solution = scaled_solution(A, right, VISIBLE)
+    solution = scaled_solution(A, right, _VISIBLE_RATIO)
     unknown[free] = solution[n:]
     gains = solution[:n] if start is None else start
     logs = np.log(np.where(gains > 0.0, gains, np.abs(gains).max()))
-    for _ in range(MOST_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         for i, R in enumerate(axes):
             rows, gain = slice(bounds[i], bounds[i + 1]), np.exp(logs[i])
             explained = R[:, :k] @ unknown / gain
@@ -122,10 +125,10 @@ def _solved(
             weight = 1.0 / max(float(np.linalg.norm(left)), 1e-300)
             A[rows] = 0.0
             A[rows, i], A[rows, n:], right[rows] = -weight * explained, weight * R[:, free] / gain, weight * left
-        step = scaled_solution(A, right, VISIBLE)
+        step = scaled_solution(A, right, _VISIBLE_RATIO)
         largest = float(np.abs(step[:n]).max())
-        step *= min(1.0, LONGEST / max(largest, 1e-300))
+        step *= min(1.0, _MAX_LOG_STEP / max(largest, 1e-300))
         logs, unknown[free] = logs + step[:n], unknown[free] + step[n:]
-        if largest < CONVERGED:
+        if largest < _CONVERGED_LOG_STEP:
             break
     return np.exp(logs), unknown

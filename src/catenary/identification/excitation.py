@@ -15,7 +15,7 @@ from catenary.identification.least_squares import excitation
 from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
-GRID = 40  # instants for each harmonic at which extremes are looked for
+_GRID_INSTANTS = 40  # instants for each harmonic at which extremes are looked for
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class FourierSeries:
 
     def grid(self) -> Floats:
         """Return instants that lie close enough for extremes to be found between them."""
-        return np.linspace(0.0, self.period, GRID * len(self.a), endpoint=False)
+        return np.linspace(0.0, self.period, _GRID_INSTANTS * len(self.a), endpoint=False)
 
     def extremes(self) -> tuple[Floats, Floats, Floats]:
         """Return what positions and speeds do not exceed at any instant: lowest, highest, fastest, (n,) each.
@@ -83,11 +83,11 @@ def series_at_rest(coefficients: Floats, period: float) -> FourierSeries:
     return FourierSeries(a, b, np.zeros(coefficients.shape[2]), period)
 
 
-MARGIN = 0.05  # of a coordinate's range kept clear of its limits
-EFFORT = 0.95  # of the torque limit that a motion may take, by the robot's own masses
-TORQUE_ROWS = 1000  # of a motion at which torques are compared with their limits
-SEARCH_ROWS = 160  # of a motion that are looked at while it is searched for
-DIP = 0.003  # [m] by which a distance may fall between these rows; the search keeps more than the margin
+LIMIT_MARGIN = 0.05  # of a coordinate's range kept clear of its limits
+_EFFORT_SHARE = 0.95  # of the torque limit that a motion may take, by the robot's own masses
+_TORQUE_ROWS = 1000  # of a motion at which torques are compared with their limits
+_SEARCH_ROWS = 160  # of a motion that are looked at while it is searched for
+_DISTANCE_DIP_M = 0.003  # [m] by which a distance may fall between these rows; the search keeps more than the margin
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Room:
 
     def inner(self) -> tuple[Floats, Floats]:
         """Return the limits of position that designs keep to, a twentieth of the range inside."""
-        slack = MARGIN * (self.upper - self.lower)
+        slack = LIMIT_MARGIN * (self.upper - self.lower)
         return self.lower + slack, self.upper - slack
 
 
@@ -160,10 +160,10 @@ class MotionLimits:
         free: NDArray[np.bool_] = np.ones(len(q), dtype=bool)
         if self.has_torques:
             still = np.zeros_like(q)
-            over = np.abs(self.torque(q, still, still)) > EFFORT * self.room.effort
+            over = np.abs(self.torque(q, still, still)) > _EFFORT_SHARE * self.room.effort
             free = np.asarray(~over.any(axis=1))
         if self.scene is not None and free.any():
-            free[free] = ~self.scene.touching(q[free], self.margin + DIP).any(axis=1)
+            free[free] = ~self.scene.touching(q[free], self.margin + _DISTANCE_DIP_M).any(axis=1)
         return np.asarray(q[free])
 
     def seem_kept(self, series: FourierSeries) -> bool:
@@ -172,10 +172,10 @@ class MotionLimits:
             return False
         if not self.is_narrow:
             return True
-        rows = series.sample(np.arange(SEARCH_ROWS) * series.period / SEARCH_ROWS)
-        if self.has_torques and (np.abs(self.torque(*rows)) > EFFORT * self.room.effort).any():
+        rows = series.sample(np.arange(_SEARCH_ROWS) * series.period / _SEARCH_ROWS)
+        if self.has_torques and (np.abs(self.torque(*rows)) > _EFFORT_SHARE * self.room.effort).any():
             return False
-        return self.scene is None or self.scene.keeps_apart(rows[0], self.margin + DIP)
+        return self.scene is None or self.scene.keeps_apart(rows[0], self.margin + _DISTANCE_DIP_M)
 
     def check(self, path: FourierSeries) -> "CheckedMotion":
         """Return whether a motion keeps all limits: at every instant, torques at a thousand rows of it."""
@@ -191,7 +191,7 @@ class MotionLimits:
             if over.any():
                 return CheckedMotion(f"{names[int(np.argmax(over))]} {what}", None, None)
         if self.has_torques:
-            times = np.linspace(0.0, path.duration, TORQUE_ROWS)
+            times = np.linspace(0.0, path.duration, _TORQUE_ROWS)
             torque = np.abs(self.torque(*path.sample(times))).max(axis=0) / room.effort
             if (torque > 1.0).any():
                 worst = int(np.argmax(torque))
@@ -218,8 +218,8 @@ class CheckedMotion:
     clearance: Clearance | None  # None where collisions are unchecked, or another limit is not kept
 
 
-CANDIDATES = 20  # poses to choose each static one from
-POSE_ATTEMPTS = 20  # at finding one that is free
+_POSE_CANDIDATES = 20  # poses to choose each static one from
+_POSE_ATTEMPTS = 20  # at finding one that is free
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
         raise InputError(f"{count} poses cannot show {base.count} base parameters: expected {least} or more")
     scale, poses, information = None, [], 1e-6 * np.eye(base.count)
     for _ in range(count):
-        q = free_poses(limits, rng, CANDIDATES)
+        q = free_poses(limits, rng, _POSE_CANDIDATES)
         Y = base.regressor(q, np.zeros_like(q), np.zeros_like(q), g)
         if scale is None:
             scale = np.sqrt(np.mean(Y**2, axis=(0, 1)))
@@ -273,7 +273,7 @@ def shown_parameters(
     Friction that needs a recording's course or torques is left out: in steady sliding it is Coulomb friction, or none.
     """
     own = actuation_of(model)
-    steady = [replace(f, presliding=None, stribeck=None, load=False) for f in own.friction if not f.recording]
+    steady = [f.only(lambda term: not term.needs_course) for f in own.friction if not f.recording]
     model = replace(model, actuation=replace(own, friction=tuple(steady), values=None))
     low, high = room.inner()
     size = (200, model.n)
@@ -305,11 +305,11 @@ def condition_of(base: BaseParameters, *motion: Floats, most: float = np.inf) ->
     return condition
 
 
-ROWS = 120  # of a motion whose condition is looked at
-POSES = 300  # drawn within the limits, from which motions take their centres
-SHRUNK = 0.75  # what is left of a motion's amplitude where it did not keep a limit
-SHRINKS = 8  # times at most
-KEPT = 0.98  # of the limits of velocity and acceleration
+_CONDITION_ROWS = 120  # of a motion whose condition is looked at
+_CENTRE_POSES = 300  # drawn within the limits, from which motions take their centres
+_SHRINK_FACTOR = 0.75  # what is left of a motion's amplitude where it did not keep a limit
+_MAX_SHRINKS = 8  # times at most
+_LIMIT_SHARE = 0.98  # of the limits of velocity and acceleration
 
 
 @dataclass(frozen=True)
@@ -348,13 +348,13 @@ class _Draw:
         _, largest, reach, _ = self._unit(period, limits.room)
         low, high = limits.room.inner()
         share = self.share
-        for _ in range(SHRINKS):
+        for _ in range(_MAX_SHRINKS):
             span = share * largest * reach
             left = np.maximum((high - low) - span, 1e-12)
             draw = _Draw(self.coefficients, share, np.clip((centre - 0.5 * span - low) / left, 0.0, 1.0))
             if limits.seem_kept(draw.motion(period, limits.room)):
                 return draw
-            share = share * SHRUNK
+            share = share * _SHRINK_FACTOR
         return None
 
     def _unit(self, period: float, room: Room) -> tuple[FourierSeries, Floats, Floats, Floats]:
@@ -363,8 +363,8 @@ class _Draw:
         q, qd, _ = unit.sample(unit.grid())
         reach = np.ptp(q, axis=0) * 1.01  # between two instants of the grid it reaches less than a per cent further
         low, high = room.inner()
-        allowed = np.minimum((high - low) / reach, KEPT * room.velocity / np.abs(qd).max(axis=0))
-        largest = np.asarray(np.minimum(allowed, KEPT * room.acceleration / unit.acceleration_bound))
+        allowed = np.minimum((high - low) / reach, _LIMIT_SHARE * room.velocity / np.abs(qd).max(axis=0))
+        largest = np.asarray(np.minimum(allowed, _LIMIT_SHARE * room.acceleration / unit.acceleration_bound))
         return unit, largest, reach, 0.5 * (q.max(axis=0) + q.min(axis=0))
 
 
@@ -384,14 +384,14 @@ def fourier_motion(
     others around the best so far. The best is checked at every instant; where it fails, the one before it is. `rate` is
     rows per second.
     """
-    if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * ROWS):
+    if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * _CONDITION_ROWS):
         raise InputError(
-            f"fourier: expected a period and a rate of {2 * ROWS} rows at least, three or more harmonics and one "
-            f"or more trials; got {period:g} s, {rate:g} Hz, {harmonics} harmonics, {trials} trials"
+            f"fourier: expected a period and a rate of {2 * _CONDITION_ROWS} rows at least, three or more harmonics "
+            f"and one or more trials; got {period:g} s, {rate:g} Hz, {harmonics} harmonics, {trials} trials"
         )
     base = shown_parameters(limits.model, "full", limits.room, limits.gravity, rng)
-    centres = free_poses(limits, rng, POSES) if limits.is_narrow else None
-    times = np.arange(ROWS) * period / ROWS
+    centres = free_poses(limits, rng, _CENTRE_POSES) if limits.is_narrow else None
+    times = np.arange(_CONDITION_ROWS) * period / _CONDITION_ROWS
     best: list[tuple[float, _Draw]] = []  # that seemed to keep all limits, each better than the one before it
 
     def condition(draw: _Draw) -> float:
@@ -433,16 +433,16 @@ def free_poses(limits: MotionLimits, rng: np.random.Generator, count: int) -> Fl
     size = (count, limits.model.n)
     if not limits.is_narrow:
         return rng.uniform(*limits.room.inner(), size)
-    for _ in range(POSE_ATTEMPTS):
+    for _ in range(_POSE_ATTEMPTS):
         drawn = rng.uniform(*limits.room.inner(), size)
         if len(free := limits.free_poses(drawn)):
             return free
     why = "its own weight cannot be held"
     if (scene := limits.scene) is not None:
-        close = scene.touching(drawn, limits.margin + DIP)
+        close = scene.touching(drawn, limits.margin + _DISTANCE_DIP_M)
         often = [int(k) for k in np.argsort(-close.sum(axis=0), kind="stable")[:3]]
         told = (f"{' and '.join(scene.names(k))} in {100 * close[:, k].mean():.0f} %" for k in often)
         why += f", or its bodies come within {1000 * limits.margin:g} mm of what is about them: {', '.join(told)}"
     raise InputError(
-        f'robot "{limits.model.name}": none of {POSE_ATTEMPTS * count} poses within the limits is free: {why}'
+        f'robot "{limits.model.name}": none of {_POSE_ATTEMPTS * count} poses within the limits is free: {why}'
     )

@@ -1,9 +1,9 @@
 """Which friction and rotors a recording shows: parts are added while held-out blocks are predicted better.
 
-Candidates are viscous friction that differs by direction, Stribeck's and presliding friction on a grid of their
-speeds and distances, and friction that grows with the load. All are linear in their parameters, so that of every
-block the products of all columns are all that is needed. The best candidate is added, again and again, as long as it
-takes enough away from the residuals of blocks that were not fitted, and more than that differs from block to block.
+Candidates are the terms of `FRICTION_TERMS` that are not on every joint, on a grid of their speeds and distances. All
+are linear in their parameters, so that of every block the products of all columns are all that is needed. The best
+candidate is added, again and again, as long as it takes enough away from the residuals of blocks that were not fitted,
+and more than that differs from block to block.
 """
 
 from collections.abc import Collection, Sequence
@@ -18,18 +18,17 @@ from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.parameters import recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.actuation import Actuation, ActuationTerm
+from catenary.robots.friction_terms import FRICTION_TERMS
 
 Extra = tuple[str, int]  # kind, and which friction
-SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of Stribeck friction, over the rate's RMS
-DISTANCES = (0.001, 0.003, 0.01, 0.03, 0.1)  # of presliding friction, over the travel between 5 and 95 %
-GAIN = 0.02  # least that each part takes from the sum over axes of log residual: 2 % of one axis
-HARM = 0.05  # most by which any axis may be worse than with the friction that is given
-DISTINCT = 0.05  # least part of a column that others do not give
-MOST_ROWS = 20_000  # that are looked at
+_MIN_LOG_GAIN = 0.02  # least that each part takes from the sum over axes of log residual: 2 % of one axis
+_MAX_HARM = 0.05  # most by which any axis may be worse than with the friction that is given
+_DISTINCT_SHARE = 0.05  # least part of a column that others do not give
+_MAX_ROWS = 20_000  # that are looked at
 # standard errors of a gain, by how blocks differ, which it exceeds; blocks differ by their motion too, not by chance
 # alone
-SCATTER = 0.5
-MAD = 1.4826  # standard deviations in a median absolute deviation
+_SCATTER_ERRORS = 0.5
+_MAD_DEVIATIONS = 1.4826  # standard deviations in a median absolute deviation
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class FrictionPart:
 
     friction: str
     kind: str
-    scale: float | None  # [rad/s, m/s] of Stribeck's, [rad, m] of presliding friction
+    scale: float | None  # of a term that has one [rad/s, m/s, or rad, m]
     gain: float  # by how much the residual on held-out blocks, as the mean over axes, became less
 
 
@@ -85,9 +84,9 @@ def choose_friction(
             added = {(c.kind, c.friction): c for c in move if chosen.get((c.kind, c.friction)) != c}
             others = [c for key, c in chosen.items() if key not in added]
             after = with_parts([*others, *added.values()], len(added)) if added else None
-            if after is None or (after.sum(axis=0) > (1.0 + HARM) ** 2 * first.sum(axis=0)).any():
+            if after is None or (after.sum(axis=0) > (1.0 + _MAX_HARM) ** 2 * first.sum(axis=0)).any():
                 continue
-            gain = _gain(before, after, least=GAIN * len(added))
+            gain = _gain(before, after, least=_MIN_LOG_GAIN * len(added))
             if gain > most:
                 best, best_squares, most = added, after, gain
         if best is None:
@@ -109,7 +108,7 @@ def choose_friction(
     friction = list(actuation.friction)
     for (kind, place), candidate in chosen.items():
         value = True if candidate.scale is None else candidate.scale
-        friction[place] = replace(friction[place], **{kind: value})  # type: ignore[arg-type]  # by the kind's name
+        friction[place] = replace(friction[place], **{kind: value})
     return replace(actuation, friction=tuple(friction)), tuple(parts.values())
 
 
@@ -133,7 +132,7 @@ def terms_show(
             columns.append(base.count + k)
     added = len(columns) - base.count
     after = _held_out(products, columns, added=added) if added else None
-    return None if before is None or after is None else _gain(before, after, least=GAIN * added) > 0.0
+    return None if before is None or after is None else _gain(before, after, least=_MIN_LOG_GAIN * added) > 0.0
 
 
 def _gain(before: Floats, after: Floats, *, least: float) -> float:
@@ -148,8 +147,8 @@ def _gain(before: Floats, after: Floats, *, least: float) -> float:
     scatter = float(np.sqrt((FOLDS - 1) ** 2 / FOLDS) * others.std(ddof=1))
     blocks = np.log(before / after).sum(axis=1)
     usual = float(np.median(blocks))
-    of_blocks = MAD * float(np.median(np.abs(blocks - usual)))
-    if whole <= SCATTER * scatter and usual <= SCATTER * of_blocks:
+    of_blocks = _MAD_DEVIATIONS * float(np.median(np.abs(blocks - usual)))
+    if whole <= _SCATTER_ERRORS * scatter and usual <= _SCATTER_ERRORS * of_blocks:
         return 0.0
     return 0.5 * whole - least
 
@@ -167,6 +166,9 @@ def _together(candidates: list[_Candidate]) -> list[tuple[_Candidate, ...]]:
 def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str], first: int) -> list[_Candidate]:
     """Return the parts that frictions lack and could have, their columns behind the first ones."""
     found: list[_Candidate] = []
+    tried = [term for term in FRICTION_TERMS.values() if term.kind in kinds and not term.usual]
+    if samples[0].history is None:
+        tried = [term for term in tried if term.memory is None]
     for place, friction in enumerate(actuation.friction):
         c = friction.combination
         s = np.concatenate([part.q @ c for part in samples])
@@ -174,14 +176,16 @@ def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequenc
         speed = float(np.sqrt(np.mean(np.concatenate([part.qd @ c for part in samples]) ** 2)))
         if friction.recording or not (travel > 0.0 and speed > 0.0):
             continue
-        beside = {"asymmetric": friction.viscous, **dict.fromkeys(("load", "stribeck", "presliding"), friction.coulomb)}
-        tried: dict[str, Sequence[float | None]] = {"asymmetric": [None], "load": [None]}
-        tried["stribeck"] = [share * speed for share in SPEEDS]
-        tried["presliding"] = [share * travel for share in DISTANCES if samples[0].history is not None]
-        for kind in (each for each in tried if each in kinds and beside[each] and not getattr(friction, each)):
-            for rung, scale in enumerate(tried[kind]):
-                term = ActuationTerm(kind, friction.name, c, None, scale or 0.0)  # type: ignore[arg-type]  # by its name
-                found.append(_Candidate(kind, place, scale, rung, first + len(found), term))
+        sizes = {"speed": speed, "travel": travel}
+        for term in tried:
+            if getattr(friction, term.kind) or not getattr(friction, term.beside):
+                continue
+            scales: list[float | None] = [None]
+            if term.scale is not None:
+                scales = [share * sizes[term.scale.of] for share in term.scale.shares]
+            for rung, scale in enumerate(scales):
+                column = ActuationTerm(term.kind, friction.name, c, None, scale or 0.0)
+                found.append(_Candidate(term.kind, place, scale, rung, first + len(found), column))
     return found
 
 
@@ -196,7 +200,7 @@ def _products(
     n, count = samples[0].q.shape[1], base.count + len(terms) + 1
     along = np.array([term.combination for term in terms])
     products = np.zeros((FOLDS, n, count, count))
-    every = max(1, sum(len(part) for part in samples) // MOST_ROWS)
+    every = max(1, sum(len(part) for part in samples) // _MAX_ROWS)
     for part in samples:
         fold = fold_of_rows(part)
         loads = np.column_stack([recorded_load(term, part, coulomb_velocity) for term in terms])
@@ -223,7 +227,7 @@ def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats 
         lower = np.linalg.cholesky(correlation[:, :m, :m] + 1e-12 * np.eye(m))
     except np.linalg.LinAlgError:
         return None
-    if (np.einsum("fjj->fj", lower)[:, m - added :] < DISTINCT).any():
+    if (np.einsum("fjj->fj", lower)[:, m - added :] < _DISTINCT_SHARE).any():
         return None
     solution = np.linalg.solve(correlation[:, :m, :m] + 1e-12 * np.eye(m), correlation[:, :m, m, None])[:, :, 0]
     beta = solution * scale[:, m:] / scale[:, :m]

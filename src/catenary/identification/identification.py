@@ -17,19 +17,19 @@ from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification import residuals
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
-from catenary.identification.consistency import LEAST_PRIOR, consistent_fit, prior_of, unseen_of, weight_of_prior
+from catenary.identification.consistency import MIN_PRIOR_WEIGHT, consistent_fit, prior_of, unseen_of, weight_of_prior
 from catenary.identification.drive_gains import DriveGains, drive_gains
 from catenary.identification.friction_choice import FrictionPart, choose_friction, terms_show
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
-from catenary.identification.parameters import IN, Parameters
+from catenary.identification.parameters import OF_RECORDING, Parameters
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
-from catenary.robots.actuation import Actuation, Effect, Friction, MotorInertia, actuation_terms
+from catenary.robots.actuation import Actuation, Effect, MotorInertia, actuation_terms
 from catenary.robots.model import RobotModel
 
-TILTING = 0.02  # of gravity: recordings in which its direction varies by less are of one base
-ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
+_TILTING_SHARE = 0.02  # of gravity: recordings in which its direction varies by less are of one base
+_LOAD_ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
 
 
 class Rotor(NamedTuple):
@@ -161,9 +161,8 @@ class Identification:
         actuation = actuation_of(self.model)
         actuation = replace(actuation, friction=tuple(f for f in actuation.friction if not f.recording))
         if static:
-            none: dict[str, Any] = {"coulomb": False, "viscous": False, "asymmetric": False, "load": False}
-            still = [replace(f, stribeck=None, presliding=None, **none) for f in actuation.friction if f.offset]
-            actuation = replace(actuation, friction=tuple(still), motor_inertia=())
+            still = (f.only(lambda term: term.at_rest) for f in actuation.friction)
+            actuation = replace(actuation, friction=tuple(f for f in still if f.parts), motor_inertia=())
         elif self.options.rotors is not None:  # behind friction, before springs, as `actuation_terms` has them
             rows = zip(self.model.joint_names, np.eye(self.model.n), strict=True)
             values = np.insert(values, len(values) - len(actuation.springs), self.options.rotors)
@@ -253,7 +252,7 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
     names = [part.name for part in samples]
     if "recording" in options.friction and len(set(names)) == len(names) > 1:
         each = [
-            Friction(f"{own.name}{IN}{name}", own.combination, own.coulomb, own.viscous, own.offset, recording=name)
+            own.only(lambda term: term.usual, name=f"{own.name}{OF_RECORDING}{name}", recording=name)
             for name in names[:-1]
             for own in actuation.friction
         ]
@@ -289,11 +288,15 @@ def _fit(
     q, qd, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd"))
     rng, parameters = np.random.default_rng(options.seed), Parameters(model, options.terms)
     base = base_parameters(parameters, np.array(options.gravity), (q, qd, qdd), rng, base=_base_in(samples))
+    loaded = any(term.grows_with_load for term in base.parameters.actuation)
+    if loaded and like is None:  # a fit without that friction tells what it grows with
+        actuation = actuation_of(model)
+        friction = tuple(f.only(lambda term: not term.grows_with_load) for f in actuation.friction)
+        like = _fit(samples, replace(model, actuation=replace(actuation, friction=friction)), options)
     weights = None if like is None else like.weights
     known = {} if like is None else dict(zip(like.base.names, like.beta, strict=True))
     beta = None if like is None else np.array([known.get(name, 0.0) for name in base.names])  # of other friction: 0
-    loaded = any(term.kind == "load" for term in base.parameters.actuation)
-    for _ in range(ROUNDS if loaded else 1):
+    for _ in range(_LOAD_ROUNDS if loaded else 1):
         if loaded and beta is not None:
             samples = carrying(base, beta, samples)
         reduced = triangles(base, samples)
@@ -311,7 +314,7 @@ def _fit(
         prior = prior_of(base.parameters) if options.prior else None
         if prior is not None:
             prior_weight = weight_of_prior(base, samples, weights, prior)
-        phi = consistent_fit(base, R, prior, prior_weight or LEAST_PRIOR)
+        phi = consistent_fit(base, R, prior, prior_weight or MIN_PRIOR_WEIGHT)
         beta = base.combination @ phi
     result = Identification(
         base, beta, covariance(reduced, weights, beta), options, weights, rank, condition, training=(), phi=phi,
@@ -338,7 +341,7 @@ def _base_in(samples: Sequence[Samples]) -> Base:
     directions = np.concatenate(rows)
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     spread = float(np.sqrt(np.mean(np.sum((directions - directions.mean(axis=0)) ** 2, axis=1))))
-    return "tilted" if spread > TILTING else "still"
+    return "tilted" if spread > _TILTING_SHARE else "still"
 
 
 def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats) -> str:

@@ -44,11 +44,11 @@ class IdentificationRecord:
     seen: MovedRange | None
 
 
-OWN = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))
+_OWN_FIELDS = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))
 
 
 def _record(result: Identification, robot: Any) -> dict[str, Any]:
-    own = {name: getattr(result, name) for name in OWN}
+    own = {name: getattr(result, name) for name in _OWN_FIELDS}
     return plain_data(IdentificationRecord(FORMAT, robot, **own))
 
 
@@ -66,7 +66,7 @@ def identification_card(
         "joints": [
             {"name": n, "unit": u} for n, u in zip(result.model.joint_names, result.model.joint_units, strict=True)
         ],
-        **{name: value for name, value in _record(result, None).items() if name in OWN},
+        **{name: value for name, value in _record(result, None).items() if name in _OWN_FIELDS},
         "n_base": base.count,
         "physically_consistent": result.phi is not None,
         "parameters": [
@@ -123,7 +123,7 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             covariance=arrays["covariance"],
             weights=arrays["weights"],
             phi=arrays.get("phi"),
-            **{name: getattr(record, name) for name in OWN},
+            **{name: getattr(record, name) for name in _OWN_FIELDS},
         )
         if record.seen is not None and any(values.shape != (n,) for values in vars(record.seen).values()):
             raise ValueError(f"seen: expected {n} numbers each")

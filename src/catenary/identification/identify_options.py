@@ -10,12 +10,12 @@ from catenary.arrays import Floats
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.robots.actuation import Actuation, MotorInertia, SignalFilter, Weighting, default_actuation
+from catenary.robots.friction_terms import FRICTION_PARTS
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
 Terms = Literal["full", "static"]
-FRICTION_PARTS = ("asymmetric", "stribeck", "load", "presliding", "recording")
-NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
+_NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class IdentifyOptions:
     __pydantic_config__ = IN_FILES
 
     terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
-    gravity: tuple[float, float, float] = NOMINAL_GRAVITY  # [m/s2] in base axes
+    gravity: tuple[float, float, float] = _NOMINAL_GRAVITY  # [m/s2] in base axes
     cutoff_hz: float | None = None
     order: Annotated[int, Field(ge=1, le=10)] | None = None
     cut_time_constants: float | None = None  # of the filter, left out at either end of a stretch of time

@@ -11,7 +11,7 @@ from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.samples import Samples
 from catenary.robots.actuation import Weighting
 
-SINGULAR = 1e-5  # smallest singular value, columns scaled to one, of a motion that shows its parameters
+SINGULAR_RATIO = 1e-5  # smallest singular value, columns scaled to one, of a motion that shows its parameters
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def flattened(columns: Floats, weights: Floats) -> Floats:
 def left_beside(onto: Floats) -> Callable[[Floats], Floats]:
     """Return what takes out of columns (N, k) or (N,) all that those of a fit (N, b) give."""
     U, sizes, _ = np.linalg.svd(onto / np.maximum(np.linalg.norm(onto, axis=0), 1e-300), full_matrices=False)
-    U = U[:, sizes > SINGULAR * sizes[0]]
+    U = U[:, sizes > SINGULAR_RATIO * sizes[0]]
     return lambda columns: columns - U @ (U.T @ columns)
 
 
@@ -116,7 +116,7 @@ def excitation(R: Floats) -> tuple[int, float, Floats]:
     scale = np.linalg.norm(R[:b, :b], axis=0)
     values, Vt = np.linalg.svd(R[:b, :b] / np.where(scale > 0.0, scale, 1.0))[1:]
     condition = float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
-    return int((values > SINGULAR * values[0]).sum()), condition, Vt[-1]
+    return int((values > SINGULAR_RATIO * values[0]).sum()), condition, Vt[-1]
 
 
 def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:

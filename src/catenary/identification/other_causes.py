@@ -17,13 +17,16 @@ from catenary.identification.payload import PayloadEstimate, point_mass
 from catenary.identification.samples import Samples
 from catenary.verdict.finding import Finding
 
-BETWEEN_DAYS = 0.4  # of the product of all axes' mean squares: at most this is left where one day has a cause
-CLEARLY = 0.1  # of it, from which on nothing is identified
-ROWS, MOST_ROWS = 600, 6000  # that are looked at, of each of several days, and of one that is weighed
-WORSE = 1.3  # times the training residual, from which on another cause is asked for
-LEFT = 0.6  # of what load and zeros leave squared, at most, that a cause leaves
-NOTHING_LEFT = 1e-3  # of the torque
-LEAST_GAIN, LEAST_TILT = 0.1, np.deg2rad(3.0)  # from the one identified: less spoils less than friction of other days
+_DAY_LEFT_SHARE = 0.4  # of the product of all axes' mean squares: at most this is left where one day has a cause
+_CLEAR_LEFT_SHARE = 0.1  # of it, from which on nothing is identified
+_DAY_ROWS, _MAX_ROWS = 600, 6000  # that are looked at, of each of several days, and of one that is weighed
+_WORSE_RATIO = 1.3  # times the training residual, from which on another cause is asked for
+_LEFT_SHARE = 0.6  # of what load and zeros leave squared, at most, that a cause leaves
+_NOTHING_LEFT_SHARE = 1e-3  # of the torque
+_MIN_GAIN_CHANGE, _MIN_TILT_RAD = (
+    0.1,
+    np.deg2rad(3.0),
+)  # from the one identified: less spoils less than friction of other days
 
 
 def cause_findings(
@@ -44,7 +47,7 @@ def _cause(
     result: Identification, part: Samples, payload: PayloadEstimate | None, place: Floats | None
 ) -> Finding | None:
     model, weights = result.model, one_over(result.usual)
-    part = _some(part, MOST_ROWS)
+    part = _some(part, _MAX_ROWS)
     link = 0 if payload is None else model.link_names.index(payload.link)
     mass, moment = (None, None) if payload is None else (payload.mass, payload.moment)
     body = np.zeros(PER_LINK) if mass is None or moment is None else mass * point_mass(np.nan_to_num(moment) / mass)
@@ -64,7 +67,7 @@ def _cause(
     of_load = rest(load @ (tangent if payload is not None else tangent[:, :0]))
     before = y if payload is None else y - of_load @ scaled_solution(of_load, y, 1e-6)
     size = float(before @ before)
-    if size <= WORSE**2 * len(y):
+    if size <= _WORSE_RATIO**2 * len(y):
         return None
     causes = {name: rest(columns) for name, columns in zip(model.joint_names, _gains(part), strict=True)}
     if turned := _tilted(part):  # torques are linear in gravity
@@ -74,7 +77,7 @@ def _cause(
     for name, columns in causes.items():
         X = np.hstack([of_load, columns])
         steps = scaled_solution(X, y, 1e-6)
-        if name and not LEAST_GAIN < 1.0 + steps[-1] < 1.0 / LEAST_GAIN:
+        if name and not _MIN_GAIN_CHANGE < 1.0 + steps[-1] < 1.0 / _MIN_GAIN_CHANGE:
             continue
         found[name] = float(np.sum((y - X @ steps) ** 2)) / size, steps
     if not found:
@@ -82,7 +85,7 @@ def _cause(
     name = min(found, key=lambda each: found[each][0])
     left, steps = found[name]
     changed = steps[of_load.shape[1] :]
-    if left > LEFT or float(np.linalg.norm(changed)) < (LEAST_GAIN if name else LEAST_TILT):
+    if left > _LEFT_SHARE or float(np.linalg.norm(changed)) < (_MIN_GAIN_CHANGE if name else _MIN_TILT_RAD):
         return None
     beside = "" if place is None else f"; beside it the load weighs {(mass or 0.0) + steps[0]:.3g} kg"
     leaves = f"which leaves {100.0 * left:.0f} % of the squared residual{beside}: what is printed is off"
@@ -100,7 +103,7 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
     if len(days) < 2:
         return []
     n = result.model.n
-    few = [_some(day, ROWS) for day in days]
+    few = [_some(day, _DAY_ROWS) for day in days]
     heard = carrying(result.base, result.beta, few)
     X = [np.concatenate([Y for _, Y in result.base.chunks(day)]) for day in heard]
     ends = np.cumsum([0, *map(len, few)])
@@ -108,10 +111,10 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
     of_others = left_beside(flattened(np.concatenate(X), weights))
     tau = flattened(np.concatenate([day.tau for day in few])[:, :, None], weights)[:, 0]
     y = of_others(tau)
-    least = NOTHING_LEFT**2 * np.square(tau.reshape(-1, n)).sum(axis=0) + 1e-300
+    least = _NOTHING_LEFT_SHARE**2 * np.square(tau.reshape(-1, n)).sum(axis=0) + 1e-300
     before = log_squares(y[:, None], least)[0]
     found = list[tuple[float, str, str, int, Floats]]()
-    if y @ y < NOTHING_LEFT**2 * float(tau @ tau):
+    if y @ y < _NOTHING_LEFT_SHARE**2 * float(tau @ tau):
         return []
     for day, part, first, last in zip(few, heard, ends, ends[1:], strict=False):
         causes = {("offset", i): np.ones((len(day), n, 1)) * np.eye(n)[i][:, None] for i in range(n)}
@@ -124,13 +127,13 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
             whole[first:last] = columns
             beside = of_others(flattened(whole, weights))
             steps = scaled_solution(beside, y, 1e-6)
-            if name == "torques" and not LEAST_GAIN < 1.0 + steps[0] < 1.0 / LEAST_GAIN:
+            if name == "torques" and not _MIN_GAIN_CHANGE < 1.0 + steps[0] < 1.0 / _MIN_GAIN_CHANGE:
                 continue
             after = log_squares((y - beside @ steps)[:, None], least)[0]
             found.append((float(np.exp(after - before)), day.name, name, axis, steps))
     left, where, name, axis, steps = min(found, key=lambda each: each[0])
-    smallest = {"offset": 0.0, "torques": LEAST_GAIN, "gravity": LEAST_TILT}[name]
-    if left > BETWEEN_DAYS or float(np.linalg.norm(steps)) < smallest:
+    smallest = {"offset": 0.0, "torques": _MIN_GAIN_CHANGE, "gravity": _MIN_TILT_RAD}[name]
+    if left > _DAY_LEFT_SHARE or float(np.linalg.norm(steps)) < smallest:
         return []
     says, remedy = {
         "offset": (
@@ -149,7 +152,9 @@ def day_findings(result: Identification, days: Sequence[Samples]) -> list[tuple[
     says = f"{says}, which leaves {100.0 * left:.0f} % of the product of all axes' mean squares: masses are wrong"
     joints = () if axis < 0 else (result.model.joint_names[axis],)
     culprit = "a day with another zero, gain or mounting"
-    return [(where, Finding(name, joints, says, culprit, remedy, refuses=left < CLEARLY and name != "offset"))]
+    return [
+        (where, Finding(name, joints, says, culprit, remedy, refuses=left < _CLEAR_LEFT_SHARE and name != "offset"))
+    ]
 
 
 def _gains(part: Samples) -> Floats:

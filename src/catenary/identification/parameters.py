@@ -6,17 +6,16 @@ from functools import cached_property
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation_loads import NEVER_NEGATIVE, SLIDING, term_load
+from catenary.dynamics.actuation_loads import term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
-from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
+from catenary.dynamics.torque_regressor import PARAMETER_NAMES, PARAMETER_UNITS, PER_LINK, torque_regressor
 from catenary.identification.identify_options import Terms, actuation_of
-from catenary.identification.samples import HELD_OUT, STEPS, Samples
+from catenary.identification.samples import HELD_OUT, Samples
 from catenary.robots.actuation import ActuationTerm, actuation_terms
+from catenary.robots.friction_terms import NOT_NEGATIVE
 from catenary.robots.model import RobotModel
 
-# kinds that no random motion finds dependent on others: they stand beside what is reduced
-OWN = ("asymmetric", "stribeck", "load", "presliding")
-IN = " in "  # between the name of a friction and that of the recording that has it
+OF_RECORDING = " in "  # between the name of a friction and that of the recording that has it
 FIRST_MOMENTS = 4  # of a link's ten parameters, mass and first moment: all that shows at rest
 
 
@@ -48,7 +47,7 @@ class Parameters:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """What each is called, in the order of the regressor's columns."""
-        bodies = [f"{PARAMETERS[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)]
+        bodies = [f"{PARAMETER_NAMES[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)]
         return (*bodies, *(f"{term.kind} {term.name}" for term in self.actuation))
 
     @cached_property
@@ -61,20 +60,23 @@ class Parameters:
         slides = self.model.joint_units[int(np.flatnonzero(term.combination)[0])] == "m"
         if term.kind == "spring" and term.lever is not None:
             return "N/m"
-        force, length = ("N", "m") if slides else ("Nm", "rad")
-        per_speed = f"{force} s/{length}"
-        other = {"viscous": per_speed, "asymmetric": per_speed, "load": "", "spring": f"{force}/{length}"}
-        return (other | {"motor_inertia": "kg" if slides else "kg m2"}).get(term.kind, force)
+        if term.friction is not None:
+            return term.friction.unit("m" if slides else "rad")
+        return {"motor_inertia": ("kg m2", "kg"), "spring": ("Nm/rad", "N/m")}[term.kind][slides]
 
     @cached_property
     def own(self) -> tuple[int, ...]:
-        """Columns of friction that are independent of all others."""
-        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in OWN or term.recording)
+        """Columns of friction that no random motion finds dependent on others: they stand beside what is reduced."""
+        return tuple(
+            self._first + k
+            for k, term in enumerate(self.actuation)
+            if term.friction is not None and (term.recording or not term.friction.usual)
+        )
 
     @cached_property
     def carrying(self) -> tuple[int, ...]:
         """Columns of what load-dependent friction grows with: links, rotors, springs."""
-        beside = (k for k, term in enumerate(self.actuation) if term.kind not in (*SLIDING, "offset"))
+        beside = (k for k, term in enumerate(self.actuation) if term.friction is None)
         return (*range(self._first), *(self._first + k for k in beside))
 
     @property
@@ -83,23 +85,21 @@ class Parameters:
 
     @cached_property
     def bounds(self) -> Floats:
-        """Rows (r, k) of B phi >= 0: no friction drives, no rotor or spring is below zero.
+        """Rows (r, k) of B phi >= 0: the bounds of friction terms, and no rotor or spring is below zero.
 
-        Stribeck's part may be negative down to Coulomb's: friction that rises with speed. What differs by direction
-        is at most the viscous friction. What one recording has beside the others leaves its friction zero or more.
+        What one recording has beside the others leaves its friction zero or more.
         """
         place = {(t.kind, t.name): self._first + k for k, t in enumerate(self.actuation)}
-        rows = [
-            {self._first + k: 1.0}
-            | _one(place.get((term.kind, term.name.removesuffix(f"{IN}{term.recording}"))) if term.recording else None)
-            for k, term in enumerate(self.actuation)
-            if term.kind in NEVER_NEGATIVE
-        ]
-        for (kind, name), column in place.items():
-            if kind == "stribeck":
-                rows.append({column: 1.0} | _one(place.get(("coulomb", name))))
-            elif kind == "asymmetric":
-                rows += [{column: sign} | _one(place.get(("viscous", name))) for sign in (1.0, -1.0)]
+        alone, beside = list[dict[int, float]](), list[dict[int, float]]()
+        for (kind, name), term in zip(place, self.actuation, strict=True):
+            for factor, other in NOT_NEGATIVE if term.friction is None else term.friction.bounds:
+                row = {place[kind, name]: factor}
+                if other:
+                    beside.append(row | _one(place.get((other, name))))
+                else:
+                    common = name.removesuffix(f"{OF_RECORDING}{term.recording}") if term.recording else ""
+                    alone.append(row | _one(place.get((kind, common))))
+        rows = [*alone, *beside]
         B = np.zeros((len(rows), len(self.names)))
         for r, row in enumerate(rows):
             for column, factor in row.items():
@@ -145,11 +145,12 @@ def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float
     """Return the load (N,) of a term on a recording's rows, per unit, as friction remembers the motion."""
     if term.recording and samples.name.removesuffix(HELD_OUT) != term.recording:
         return np.zeros(len(samples))
-    if samples.history is None or term.kind not in (*STEPS, "presliding"):
+    friction = term.friction
+    if samples.history is None or friction is None or not (friction.leaps or friction.memory):
         return term_load(term, samples.q, samples.qd, samples.qdd, coulomb_velocity, samples.carried)
-    load = samples.history.load(term, coulomb_velocity)
-    if term.kind == "load":
-        c = term.combination
+    c = term.combination
+    load = samples.history.load(friction, c, term.scale, coulomb_velocity)
+    if friction.grows_with_load:
         carried = np.zeros(len(samples)) if samples.carried is None else samples.carried @ c
         load = load * np.abs(carried) / (c @ c)
     return load

@@ -21,7 +21,7 @@ from catenary.arrays import Floats, as_array
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.load_location import STEPS, likely, location_text, probabilities, telling_joint
+from catenary.gravity.load_location import JOINT_STEPS, likely, location_text, probabilities, telling_joint
 from catenary.identification.identification import Identification
 from catenary.identification.identify_options import filter_of
 from catenary.identification.least_squares import one_over, scaled_solution
@@ -31,16 +31,18 @@ from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 from catenary.verdict.finding import Finding
 
-SIGNIFICANT = 3.0  # standard deviations of the estimate
-SHARE = 0.2  # torque of the payload over what stays unexplained: less is seen in unloaded recordings of other days
-SHARE_ANYWHERE = 0.4  # the same where mass, place and link are free to follow a drift of the arm
-CORRELATED = 1.0  # [s] over which residuals hang together: friction and cables remember
-TOLD = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
-PREFER_SMALL = 3e-3  # of the residual per kg: where a place near an axis hides any mass, the smallest is taken
-HIDDEN = 100.0  # [kg, kg m] standard deviation of what recordings do not show at all
-RARE = 3.0  # logarithm of how much less likely beforehand it is, of each zero, that it shifted
-SHIFTED = 0.5  # of the RMS that identification leaves of an axis: a zero that differs by less is none that shifted
-VISIBLE = 0.02  # smallest singular value, columns scaled to one, of a direction that recordings show
+_SIGNIFICANT_DEVIATIONS = 3.0  # standard deviations of the estimate
+_TORQUE_SHARE = (
+    0.2  # torque of the payload over what stays unexplained: less is seen in unloaded recordings of other days
+)
+_TORQUE_SHARE_ANYWHERE = 0.4  # the same where mass, place and link are free to follow a drift of the arm
+_CORRELATED_S = 1.0  # [s] over which residuals hang together: friction and cables remember
+_TOLD_DEVIATION = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
+_SMALL_MASS_PENALTY = 3e-3  # of the residual per kg: where a place near an axis hides any mass, the smallest is taken
+_HIDDEN_DEVIATION = 100.0  # [kg, kg m] standard deviation of what recordings do not show at all
+_ZERO_SHIFT_LOG_ODDS = 3.0  # logarithm of how much less likely beforehand it is, of each zero, that it shifted
+_SHIFTED_RMS = 0.5  # of the RMS that identification leaves of an axis: a zero that differs by less is none that shifted
+_VISIBLE_RATIO = 0.02  # smallest singular value, columns scaled to one, of a direction that recordings show
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ def payload_candidates(
     counted = 1.0 / repeated / max(1.0, best / (rows * n))
     # every link has the same four unknowns, so that what each leaves decides, and how many zeros must have shifted
     each = zip(misfits, shifted, strict=True)
-    shares = probabilities([-0.5 * counted * (misfit - best) - RARE * count for misfit, count in each])
+    shares = probabilities([-0.5 * counted * (misfit - best) - _ZERO_SHIFT_LOG_ODDS * count for misfit, count in each])
     order = sorted(range(len(fits)), key=lambda k: (-shares[k], -found[k].explained))
     links = likely([found[k].link for k in order], [shares[k] for k in order])
     joint = None
@@ -159,7 +161,7 @@ def zero_findings(
 
 def _shifted(zeros: Floats, deviations: Floats) -> NDArray[np.bool_]:
     """Return which zeros, in units of what identification leaves of an axis, are surely not those identified."""
-    return np.asarray(np.abs(zeros) > np.maximum(SIGNIFICANT * deviations, SHIFTED))
+    return np.asarray(np.abs(zeros) > np.maximum(_SIGNIFICANT_DEVIATIONS * deviations, _SHIFTED_RMS))
 
 
 def _separating_joint(result: Identification, q: Floats, payload: PayloadEstimate) -> str | None:
@@ -167,7 +169,7 @@ def _separating_joint(result: Identification, q: Floats, payload: PayloadEstimat
     model = result.model
     body = np.array([payload.mass or 1.0, *np.nan_to_num(np.zeros(3) if payload.moment is None else payload.moment)])
     own = slice(PER_LINK * model.link_names.index(payload.link), None)
-    steps = np.array([0.0, *STEPS])
+    steps = np.array([0.0, *JOINT_STEPS])
     changes = []
     for joint, unit in enumerate(model.joint_units):
         poses = np.tile(q, (len(steps), 1))
@@ -177,7 +179,7 @@ def _separating_joint(result: Identification, q: Floats, payload: PayloadEstimat
         torque = torque_regressor(model, poses, still, still, result.gravity)[:, :, own][:, :, :4] @ body
         changes.append(float(np.abs((torque - torque[0]) / (result.usual + 1e-9)).max()))
     best = int(np.argmax(changes))
-    return model.joint_names[best] if changes[best] > SIGNIFICANT else None
+    return model.joint_names[best] if changes[best] > _SIGNIFICANT_DEVIATIONS else None
 
 
 def _rate(result: Identification, samples: Sequence[Samples]) -> float:
@@ -235,7 +237,7 @@ def _fit(
     if unloaded:
         before = _rows(result, unloaded, link)
         directions = np.eye(PER_LINK) if place is None else point_mass(place)[:, None]
-        baseline = directions @ scaled_solution(_flat(before.Y @ directions), before.y.reshape(-1), VISIBLE)
+        baseline = directions @ scaled_solution(_flat(before.Y @ directions), before.y.reshape(-1), _VISIBLE_RATIO)
         y = y - Y @ baseline
     if not np.abs(Y).max() > 0.0:
         nothing = PayloadEstimate(name, None, None, None, None, False, 0.0, 0.0)
@@ -257,8 +259,8 @@ def _fit(
     if size > 0.0:
         z = 1.0 / float(np.sqrt(_spread(result, rows, torque[None] / size**2, left, rate)[0, 0]))
     # one number for both conditions, so that the confidence is above 0.997 exactly where a payload is detected
-    least = SHARE if place is not None else SHARE_ANYWHERE
-    sure = min(z, SIGNIFICANT * size / max(rest, 1e-300) / least) if mass > 0.0 else 0.0
+    least = _TORQUE_SHARE if place is not None else _TORQUE_SHARE_ANYWHERE
+    sure = min(z, _SIGNIFICANT_DEVIATIONS * size / max(rest, 1e-300) / least) if mass > 0.0 else 0.0
     X = Y @ tangent
     scale = np.linalg.norm(X, axis=(0, 1))
     scale[scale == 0.0] = 1.0
@@ -275,8 +277,8 @@ def _fit(
     # what a load or zeros that shifted would ask alike: its mean torque, beside the noise of means
     alike = [float(np.sum((of @ phi) ** 2 / n_)) for (of, _), n_ in zip(rows.means, noise, strict=True)]
     body = np.array([mass, *moment])
-    told = place is not None or deviation[0] < TOLD * mass
-    hidden = deviation > HIDDEN
+    told = place is not None or deviation[0] < _TOLD_DEVIATION * mass
+    hidden = deviation > _HIDDEN_DEVIATION
     deviation[hidden] = np.nan
     if place is None:
         moment = np.where(hidden[1:], np.nan, moment)
@@ -286,13 +288,15 @@ def _fit(
         float(deviation[0]) if told else None,
         moment,
         deviation[1:] if place is None else float(deviation[0]) * np.abs(place),
-        sure >= SIGNIFICANT,
+        sure >= _SIGNIFICANT_DEVIATIONS,
         erf(sure / sqrt(2.0)),
         explained,
         likely=(name,),
         zeros=zeros / rows.weights,
         zeros_std=zeros_std / rows.weights,
-        like_zeros=bool(sure < SIGNIFICANT < np.sqrt(sum(alike)) and z < SIGNIFICANT and mass > 0.0),
+        like_zeros=bool(
+            sure < _SIGNIFICANT_DEVIATIONS < np.sqrt(sum(alike)) and z < _SIGNIFICANT_DEVIATIONS and mass > 0.0
+        ),
     )
     return estimate, rest**2, body, int(_shifted(zeros, zeros_std).sum())
 
@@ -303,7 +307,7 @@ def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]
     A mass far from every axis shows by its inertia too: the equation is quadratic, and solved from several masses.
     """
     R = np.asarray(np.linalg.qr(np.hstack([_flat(Y), y.reshape(-1, 1)]), mode="r"))
-    small = PREFER_SMALL * float(np.linalg.norm(R[:, PER_LINK]))
+    small = _SMALL_MASS_PENALTY * float(np.linalg.norm(R[:, PER_LINK]))
     from scipy.optimize import least_squares
 
     def misfit(unknown: Floats) -> Floats:
@@ -312,7 +316,7 @@ def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]
 
     solutions = []
     bounds = ([1e-4] + [-reach] * 3, [1e3] + [reach] * 3)
-    linear = scaled_solution(R[:, :4], R[:, PER_LINK], VISIBLE)
+    linear = scaled_solution(R[:, :4], R[:, PER_LINK], _VISIBLE_RATIO)
     for start in (0.05, 0.2, 1.0, 5.0):
         at = np.clip(linear[1:] / start, -0.9 * reach, 0.9 * reach)
         solutions.append(least_squares(misfit, [start, *at], bounds=bounds, x_scale="jac"))
@@ -380,7 +384,7 @@ def _spread(result: Identification, rows: _Equations, inverse: Floats, left: Flo
 
 def _lags(result: Identification, rows: int, rate: float) -> int:
     """Return over how many rows residuals hang together."""
-    return 1 if result.options.terms == "static" else max(1, min(int(CORRELATED * rate), rows // 4))
+    return 1 if result.options.terms == "static" else max(1, min(int(_CORRELATED_S * rate), rows // 4))
 
 
 def _repeats(result: Identification, rows: int) -> float:

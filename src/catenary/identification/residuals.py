@@ -18,9 +18,9 @@ from catenary.units import TORQUE_UNIT
 
 Axes = Annotated[Floats, Listed(null=np.nan)]
 Verdict = Literal["holds", "unclear", "drifted", "fails"]
-HOLDS = 2.0  # times the training residual
-FAILS = 0.9  # of the torque itself: hardly better than predicting nothing
-SMALL = 0.1  # relative residuals below this are never called drift
+_HOLDS_RATIO = 2.0  # times the training residual
+_FAILS_SHARE = 0.9  # of the torque itself: hardly better than predicting nothing
+_SMALL_RESIDUAL = 0.1  # relative residuals below this are never called drift
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,12 @@ def judged(
     """
     found = residual(samples, predicted)
     with np.errstate(invalid="ignore"):
-        axes = np.flatnonzero(found.relative_rms > np.maximum(HOLDS * training, SMALL)).tolist()
+        axes = np.flatnonzero(found.relative_rms > np.maximum(_HOLDS_RATIO * training, _SMALL_RESIDUAL)).tolist()
     reasons = [_reason(model, i, samples, predicted, seen) for i in axes]
     telling = [i for i, (_, tells) in zip(axes, reasons, strict=True) if tells]
     verdict: Verdict = "unclear" if axes else "holds"
     if telling:
-        verdict = "fails" if any(found.relative_rms[i] > FAILS for i in telling) else "drifted"
+        verdict = "fails" if any(found.relative_rms[i] > _FAILS_SHARE for i in telling) else "drifted"
     return replace(found, verdict=verdict, reasons=tuple(says for says, _ in reasons))
 
 
@@ -69,11 +69,11 @@ def rms(values: Floats) -> Floats:
     return np.sqrt(np.mean(values**2, axis=0))
 
 
-LITTLE = 0.1  # of the speed, or of the travel, that it was identified with
-BEYOND = 0.1  # of that travel, outside of which a joint was not identified
-THERE = 0.5  # of the squared residual on rows outside it
-EXPLAINED = 0.4  # of the squared residual that a shape takes away
-LAGS = 0.1  # [s] by which torques may be late
+_LITTLE_MOTION_SHARE = 0.1  # of the speed, or of the travel, that it was identified with
+_BEYOND_TRAVEL_SHARE = 0.1  # of that travel, outside of which a joint was not identified
+_OUTSIDE_SHARE = 0.5  # of the squared residual on rows outside it
+_EXPLAINED_SHARE = 0.4  # of the squared residual that a shape takes away
+_MAX_LAG_S = 0.1  # [s] by which torques may be late
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def _reason(
     if seen is not None and (moved := _motion_reason(name, unit, axis, samples, left, seen)) is not None:
         return moved, False
     share, says = max(_shapes(name, unit, axis, samples, predicted, left))
-    if share < EXPLAINED:
+    if share < _EXPLAINED_SHARE:
         return f"what is left of {name} has no shape of a constant, friction, scale or lag", True
     return says, True
 
@@ -105,13 +105,17 @@ def _motion_reason(name: str, unit: str, axis: int, samples: Samples, left: Floa
     q = samples.q[:, axis]
     travel = float(seen.high[axis] - seen.low[axis])
     speed = float(np.sqrt(np.mean(samples.qd[:, axis] ** 2)))
-    if seen.speed[axis] > 0.0 and (speed < LITTLE * seen.speed[axis] or np.ptp(q) < LITTLE * travel):
+    if seen.speed[axis] > 0.0 and (
+        speed < _LITTLE_MOTION_SHARE * seen.speed[axis] or np.ptp(q) < _LITTLE_MOTION_SHARE * travel
+    ):
         return (
             f"too little motion in joint {name}: {np.ptp(q):.2g} {unit} at {speed:.2g} {unit}/s, identified over "
             f"{travel:.2g} at {seen.speed[axis]:.2g}"
         )
-    outside = (q < seen.low[axis] - BEYOND * travel) | (q > seen.high[axis] + BEYOND * travel)
-    if left[outside] @ left[outside] > THERE * (left @ left):
+    outside = (q < seen.low[axis] - _BEYOND_TRAVEL_SHARE * travel) | (
+        q > seen.high[axis] + _BEYOND_TRAVEL_SHARE * travel
+    )
+    if left[outside] @ left[outside] > _OUTSIDE_SHARE * (left @ left):
         return (
             f"joint {name} moves from {q.min():.3g} to {q.max():.3g} {unit}, and was identified from "
             f"{seen.low[axis]:.3g} to {seen.high[axis]:.3g}"
@@ -151,7 +155,7 @@ def _shapes(
 
 def _late(name: str, samples: Samples, own: Floats, left: Floats, size: float) -> tuple[float, str]:
     step = float(np.median(np.diff(samples.time)))
-    tau, most = own + left, max(1, min(round(LAGS / step), len(own) // 4))
+    tau, most = own + left, max(1, min(round(_MAX_LAG_S / step), len(own) // 4))
     best, at = size, 0
     for lag in range(-most, most + 1):
         early, late = (tau, own) if lag >= 0 else (own, tau)

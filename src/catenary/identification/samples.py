@@ -10,7 +10,9 @@ they hold is rounded: the column it is fitted with passes the same filter. Presl
 the last reversals. Both are computed over the whole recording before rows are left out.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -18,19 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation_loads import known_torque, term_load
+from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, known_rotors
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
-from catenary.robots.actuation import ActuationTerm, SignalFilter
+from catenary.robots.actuation import SignalFilter
+from catenary.robots.friction_terms import FrictionTerm
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.verdict.units_and_scale import LARGEST, limits_of
-
-STEPS = ("coulomb", "stribeck", "load")  # kinds that leap where the rate changes sign
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,44 +43,36 @@ class FrictionHistory:
     sections: Floats  # of the filter, second-order
     kept: NDArray[np.int64]  # rows that are left, counted after the cut
 
-    def load(self, term: ActuationTerm, coulomb_velocity: float) -> Floats:
-        """Return a term's load (N,) on the rows kept, per unit; that of load-dependent friction per Nm or N carried."""
+    def load(self, friction: FrictionTerm, c: Floats, scale: float, coulomb_velocity: float) -> Floats:
+        """Return a term's load (N,) along c (n,) on the rows kept, per unit, and per Nm or N that it grows with."""
         parts = []
         for q, qd, cut in self.segments:
-            if term.kind == "presliding":
-                load = presliding(q @ term.combination, term.scale)
+            if friction.memory is not None:
+                load = path_load(friction.memory, q @ c, scale)
             else:
-                step = term._replace(kind="coulomb") if term.kind == "load" else term
-                load = _filtered(self.sections, term_load(step, q, qd, qd, coulomb_velocity), cut)
+                load = _filtered(self.sections, friction.load(qd @ c, scale, coulomb_velocity, np), cut)
             parts.append(load[cut : len(load) - cut])
         return np.concatenate(parts)[self.kept]
 
 
-def presliding(s: Floats, distance: float) -> Floats:
-    """Return Dahl's friction z (N,) along a path s, from rest, between -1 and 1: dz = ds - |ds| z / distance, in its
-    units.
-    """
+def path_load(memory: Callable[[Floats, float, Floats], None], s: Floats, scale: float) -> Floats:
+    """Return the load (N,) of friction that remembers its path s (N,), from rest."""
     out = np.empty(len(s))
-    _presliding_rows(np.ascontiguousarray(s), distance, out)
+    _compiled_memory(memory)(np.ascontiguousarray(s), scale, out)
     return out
 
 
-@compiled
-def _presliding_rows(s: Floats, distance: float, out: Floats) -> None:
-    z = 0.0
-    out[0] = z
-    for k in range(1, len(s)):
-        step = s[k] - s[k - 1]
-        # exact while the direction stays: z goes to the direction's sign as exp(-|ds| / distance)
-        towards = 1.0 if step > 0.0 else -1.0
-        z = towards + (z - towards) * np.exp(-abs(step) / distance)
-        out[k] = z
+_compiled_memory = cache(compiled)
 
 
-FAITHFUL = 0.5  # least correlation of a velocity with the derivative of its position
-MOVING = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
-SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
-CLOSE, ALIKE, OTHER = 0.99, 0.02, 0.03  # correlation, spread and distance from 1 of slopes that stamps make; real 0.012
+_MIN_RATE_CORRELATION = 0.5  # least correlation of a velocity with the derivative of its position
+_MOVING_RMS = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
+_RATE_SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
+_CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = (
+    0.99,
+    0.02,
+    0.03,
+)  # correlation, spread and distance from 1 of slopes that stamps make; real 0.012
 
 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
@@ -105,14 +98,14 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
     own = derivative - derivative.mean(axis=0)
     given = qd - qd.mean(axis=0)
     size, given_size = np.linalg.norm(own, axis=0), np.linalg.norm(given, axis=0)
-    least = np.array([MOVING[unit] for unit in model.joint_units]) * np.sqrt(len(qd))
+    least = np.array([_MOVING_RMS[unit] for unit in model.joint_units]) * np.sqrt(len(qd))
     moving = (size > least) & (given_size > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = own.T @ given / size[:, None] / given_size
         slopes = np.sum(own * given, axis=0) / size**2
     for i in np.flatnonzero(moving):
         name = model.joint_names[i]
-        if correlation[i, i] < FAITHFUL:
+        if correlation[i, i] < _MIN_RATE_CORRELATION:
             others = np.where(moving, correlation[:, i], -1.0)
             best = int(np.argmax(others))
             follows = f"; it follows joint {model.joint_names[best]}: swapped axes?"
@@ -122,31 +115,31 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
                 f"(correlation {correlation[i, i]:.2f}){hint}"
             )
         slope = slopes[i]
-        if not SLOPES[0] < slope < SLOPES[1]:
+        if not _RATE_SLOPES[0] < slope < _RATE_SLOPES[1]:
             degrees = abs(slope / np.rad2deg(1.0) - 1.0) < 0.3
             hint = "degrees per second?" if degrees else "another unit, or another sampling rate than stated?"
             raise InputError(
                 f"{where}: the velocity of joint {name} is {slope:.3g} times the derivative of its position: {hint}"
             )
-    same = slopes[moving & (np.diag(correlation) > CLOSE)]
-    if len(same) < 2 or np.ptp(same) > ALIKE or abs(np.median(same) - 1.0) < OTHER:
+    same = slopes[moving & (np.diag(correlation) > _CLOSE_CORRELATION)]
+    if len(same) < 2 or np.ptp(same) > _ALIKE_SPREAD or abs(np.median(same) - 1.0) < _OTHER_DISTANCE:
         return ()
     return (f"velocities are {np.median(same):.3g} times the derivatives of positions: is the time or the rate wrong?",)
 
 
-UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
-LEAST, MOST = 1.0, 30.0  # [m/s2] that gravity on a base can be; beyond it is in another unit
+_BASE_UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
+_MIN_GRAVITY, _MAX_GRAVITY = 1.0, 30.0  # [m/s2] that gravity on a base can be; beyond it is in another unit
 
 
 def base_of(log: MotionLog) -> dict[str, Floats]:
     """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, those that a log has."""
-    found = {name: values for name in UNITS if (values := _vector(log, name)) is not None}
+    found = {name: values for name in _BASE_UNITS if (values := _vector(log, name)) is not None}
     for name, needed in (("base_rate", "gravity"), ("base_acceleration", "base_rate")):
         if name in found and needed not in found:
             raise InputError(f'recording "{log.name}": has {name} and no {needed}: expected {needed}:x, :y and :z too')
     if "gravity" in found:
         size = float(np.median(np.linalg.norm(found["gravity"], axis=1)))
-        if not LEAST < size < MOST:
+        if not _MIN_GRAVITY < size < _MAX_GRAVITY:
             raise InputError(
                 f'recording "{log.name}": gravity has a size of {size:.3g}, expected m/s2, about 9.8; is it in g?'
             )
@@ -168,12 +161,12 @@ def _vector(log: MotionLog, name: str) -> Floats | None:
     return values
 
 
-EVERY = slice(None)
+_ALL_ROWS = slice(None)
 HELD_OUT = " (held-out blocks)"  # behind the name of a recording, of which these rows are
-IRREGULAR = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
-BRIDGED = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
-LEFT = 30  # rows that a stretch of time must have beside those cut
-MADE, MOST_MADE = 1.1, 100  # even rows for each one recorded: from which on that is told, and refused
+_IRREGULAR_SPREAD = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
+_BRIDGED_PERIODS = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
+_MIN_ROWS_LEFT = 30  # rows that a stretch of time must have beside those cut
+_TOLD_ROWS_RATIO, _MAX_ROWS_RATIO = 1.1, 100  # even rows for each one recorded: from which on that is told, and refused
 
 
 @dataclass(frozen=True)
@@ -210,13 +203,13 @@ class Samples:
         """Whether gravity was recorded, row by row."""
         return self.gravity.ndim == 2
 
-    def motion(self, part: slice = EVERY) -> tuple[Floats, Floats, Floats, Floats, BaseMotion | None]:
+    def motion(self, part: slice = _ALL_ROWS) -> tuple[Floats, Floats, Floats, Floats, BaseMotion | None]:
         """Return q, qd, qdd and gravity of some rows, and how the base turned; None where that is not known."""
         down = self.gravity[part] if self.holds_gravity else self.gravity
         base = None if self.base is None else BaseMotion(self.base[part, 0], self.base[part, 1])
         return self.q[part], self.qd[part], self.qdd[part], down, base
 
-    def body_torques(self, model: RobotModel, link: int, part: slice = EVERY) -> Floats:
+    def body_torques(self, model: RobotModel, link: int, part: slice = _ALL_ROWS) -> Floats:
         """Return what a body on a link asks of the joints, (N, n, 10) per parameter of it."""
         whole = torque_regressor(model, *self.motion(part))
         return whole[:, :, PER_LINK * link : PER_LINK * (link + 1)]
@@ -245,14 +238,14 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     settings = filter_of(model, options)
     stretches, gaps = _stretches(log, settings)
     grids = [(part, *_grid(f'recording "{log.name}"', log.time[part], settings)) for part in stretches]
-    used = [grid for grid in grids if len(grid[1]) >= 2 * _cut_rows(settings, grid[2]) + LEFT]
+    used = [grid for grid in grids if len(grid[1]) >= 2 * _cut_rows(settings, grid[2]) + _MIN_ROWS_LEFT]
     parts = [_segment(log, *grid, settings) for grid in used]
     if not parts:
         longest, even, step = max(grids, key=lambda grid: len(grid[1]))
         between = f", between {len(gaps)} gap(s) in time" if len(gaps) else ""
         raise InputError(
             f'recording "{log.name}": {len(even)} rows from row {longest.start}{between}: shorter than the filter, '
-            f"which needs {2 * _cut_rows(settings, step) + LEFT} ({settings.cut_s:.2g} s cut at each end)"
+            f"which needs {2 * _cut_rows(settings, step) + _MIN_ROWS_LEFT} ({settings.cut_s:.2g} s cut at each end)"
         )
     cuts = [_cut_rows(settings, step) for _, _, step in used]
     pieces = list(zip(parts, cuts, strict=True))
@@ -277,7 +270,7 @@ def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Flo
     steps = np.diff(log.time) if log.time is not None else np.zeros(0)
     if not np.count_nonzero(steps) or (settings.rate_hz is None and float(np.median(steps)) <= 0.0):
         raise InputError(f'recording "{log.name}": time stands still on most rows')
-    gaps = log.gaps(BRIDGED / settings.cutoff_hz)
+    gaps = log.gaps(_BRIDGED_PERIODS / settings.cutoff_hz)
     bounds = sorted({*log.starts, *gaps, len(log)})
     return [slice(first, last) for first, last in pairwise(bounds)], steps[np.array(gaps, dtype=int) - 1]
 
@@ -289,7 +282,7 @@ def _told(short: int, gaps: Floats, rows: tuple[int, int, int, int]) -> tuple[st
     told = {
         f"{longest}: what lies between was filtered, and cut at both ends, by itself": len(gaps) > 0,
         f"{short} stretch(es) of time shorter than the filter needs, {every - recorded} rows, were left out": short,
-        f"{recorded} rows were brought to {made} even ones, on straight lines": made > MADE * recorded,
+        f"{recorded} rows were brought to {made} even ones, on straight lines": made > _TOLD_ROWS_RATIO * recorded,
     }
     return tuple(f"{note}; {kept} rows are used of {every}" for note, is_so in told.items() if is_so)
 
@@ -302,12 +295,12 @@ def _grid(where: str, time: Floats, settings: SignalFilter) -> tuple[Floats, flo
     usual = float(np.median(steps))
     # of bursts half the mean: no more than two rows are made of one
     step = max(usual, 0.5 * float(np.mean(steps))) if settings.rate_hz is None else 1.0 / settings.rate_hz
-    if float(time[-1] - time[0]) > MOST_MADE * len(time) * step > 0.0:
+    if float(time[-1] - time[0]) > _MAX_ROWS_RATIO * len(time) * step > 0.0:
         raise InputError(
-            f"{where}: {len(time)} rows in {time[-1] - time[0]:g} s, filtered at {1 / step:g} Hz: expected {MOST_MADE} "
-            "times as many rows at most; is time in ms, us or ns?"
+            f"{where}: {len(time)} rows in {time[-1] - time[0]:g} s, filtered at {1 / step:g} Hz: expected "
+            f"{_MAX_ROWS_RATIO} times as many rows at most; is time in ms, us or ns?"
         )
-    if step > 0.0 and (np.ptp(steps) > IRREGULAR * step or abs(usual / step - 1.0) > IRREGULAR):
+    if step > 0.0 and (np.ptp(steps) > _IRREGULAR_SPREAD * step or abs(usual / step - 1.0) > _IRREGULAR_SPREAD):
         return np.arange(time[0], time[-1], step), step
     return time, step
 
@@ -369,10 +362,10 @@ def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]
 
 
 FOLDS = 5
-TURNS = 2  # blocks of each recording in every fold
+_FOLD_TURNS = 2  # blocks of each recording in every fold
 
 
 def fold_of_rows(samples: Samples) -> NDArray[np.int64]:
     """Return which fold each row is in (N,): blocks of time, one fold after the other, and once more around."""
-    block = np.arange(len(samples)) * (FOLDS * TURNS) // max(len(samples), 1)
+    block = np.arange(len(samples)) * (FOLDS * _FOLD_TURNS) // max(len(samples), 1)
     return np.asarray(block % FOLDS, dtype=np.int64)

@@ -20,7 +20,7 @@ import numpy as np
 from catenary.arrays import Floats, spread
 from catenary.dynamics.torque_regressor import link_parameters, torque_regressor
 from catenary.identification.identification import Identification, carrying
-from catenary.identification.least_squares import SINGULAR, flattened, left_beside, log_squares, solve, triangles
+from catenary.identification.least_squares import SINGULAR_RATIO, flattened, left_beside, log_squares, solve, triangles
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY, angle_between
@@ -30,15 +30,17 @@ from catenary.verdict.finding import Finding
 
 # Friction of real arms takes 8 to 170 % of a recording's mean torque times its mean speed, 2 to 70 standard deviations
 # above zero; an axis whose torque has the wrong sign seems to drive itself as strongly.
-SURE = 3.0  # standard deviations below zero of the power that friction takes
-NOTABLE = 0.05  # of the mean torque times the mean speed
-MENDED = 0.35  # of the product of all axes' mean squares: at most this is left when one axis's sign is turned back
-LEAST = 1e-3  # relative residual that counts as none
-DOUBTFUL = 0.1  # relative residual from which on it is asked whether axes are swapped or turned
-ROWS = 600  # that are looked at
-EXPLAINED = 0.8  # least correlation of measured torques with the model's own, to speak of their ratio
-TOLD = 1e-6  # of a torque: less than that beside friction, rotor and constant is rounding
-RATIO = (0.4, 2.5)  # of a torque to the model's own: assumed masses are wrong by less
+_SURE_DEVIATIONS = 3.0  # standard deviations below zero of the power that friction takes
+_NOTABLE_POWER_SHARE = 0.05  # of the mean torque times the mean speed
+_MENDED_SHARE = (
+    0.35  # of the product of all axes' mean squares: at most this is left when one axis's sign is turned back
+)
+_NO_RESIDUAL = 1e-3  # relative residual that counts as none
+_DOUBTFUL_RESIDUAL = 0.1  # relative residual from which on it is asked whether axes are swapped or turned
+_LOOKED_ROWS = 600  # that are looked at
+_MIN_CORRELATION = 0.8  # least correlation of measured torques with the model's own, to speak of their ratio
+_ROUNDING_SHARE = 1e-6  # of a torque: less than that beside friction, rotor and constant is rounding
+_MASS_TORQUE_RATIOS = (0.4, 2.5)  # of a torque to the model's own: assumed masses are wrong by less
 
 
 def torque_findings(
@@ -52,14 +54,14 @@ def torque_findings(
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """
     count = len(samples)
-    some = np.isin(np.arange(count), spread(count, ROWS))
+    some = np.isin(np.arange(count), spread(count, _LOOKED_ROWS))
     rows = samples.rows(some, samples.name)
     if fitted and (mounting := mounting_finding(result.model, rows)) is not None:
         return [mounting]
     own = result.training if fitted else result.tests
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
-        doubtful = bool(np.any(residual.relative_rms > DOUBTFUL)) or residual.verdict not in (None, "holds")
+        doubtful = bool(np.any(residual.relative_rms > _DOUBTFUL_RESIDUAL)) or residual.verdict not in (None, "holds")
     findings, against, factors = _known_torques(result, rows, fitted, may_carry)
     pair, axis = None, None
     if doubtful:
@@ -72,9 +74,9 @@ def torque_findings(
         turned_left, axis = min(
             (left(_times(rows, signs)), i) for i, signs in enumerate(1.0 - 2.0 * np.eye(rows.q.shape[1]))
         )
-        axis = axis if turned_left < MENDED else None
+        axis = axis if turned_left < _MENDED_SHARE else None
         swapped_left, pair = min(((left(swapped), pair) for pair, swapped in _swapped(rows)), default=(1.0, None))
-        if swapped_left >= min(CLEARLY, 1.0 if axis is None else turned_left, left(_times(rows, factors))):
+        if swapped_left >= min(_SWAPPED_SHARE, 1.0 if axis is None else turned_left, left(_times(rows, factors))):
             pair = None
     if pair is not None:
         a, b = (result.model.joint_names[i] for i in pair)
@@ -117,9 +119,10 @@ def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], se
     driven, braked = set[int](), set[int]()
     power: dict[tuple[float, ...], list[tuple[int, float]]] = {}
     for k, term in enumerate(parameters.actuation):
-        if term.kind in ("coulomb", "viscous") and first + k in place:
+        friction = term.friction
+        if friction is not None and friction.usual and not friction.at_rest and first + k in place:
             speed = samples.qd @ term.combination
-            weight = float(np.mean(np.abs(speed) if term.kind == "coulomb" else speed**2))
+            weight = float(np.mean(speed * friction.load(speed, term.scale, 0.0, np)))
             power.setdefault(tuple(term.combination), []).append((place[first + k], weight))
     for combination, parts in power.items():
         columns, weights = [column for column, _ in parts], np.array([weight for _, weight in parts])
@@ -128,7 +131,11 @@ def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], se
         along = np.array(combination)
         axis = int(np.argmax(np.abs(along)))
         size = float(np.mean(np.abs(samples.tau[:, axis])) * np.mean(np.abs(samples.qd[:, axis])))
-        if abs(taken) > SURE * spread and abs(taken) > NOTABLE * size and np.count_nonzero(along) == 1:
+        if (
+            abs(taken) > _SURE_DEVIATIONS * spread
+            and abs(taken) > _NOTABLE_POWER_SHARE * size
+            and np.count_nonzero(along) == 1
+        ):
             (driven if taken < 0.0 else braked).add(axis)
     return driven, braked
 
@@ -160,21 +167,21 @@ def _known_torques(
         beside = np.column_stack([np.sign(speed), speed, one, *([rows.qdd[:, i]] if fitted else [])])
         given, measured = (v - beside @ np.linalg.lstsq(beside, v)[0] for v in (own[:, i], rows.tau[:, i]))
         size, torque = float(np.linalg.norm(given)), float(np.linalg.norm(measured))
-        if torque <= TOLD * np.linalg.norm(rows.tau[:, i]):
+        if torque <= _ROUNDING_SHARE * np.linalg.norm(rows.tau[:, i]):
             continue
-        told = size > TOLD * np.linalg.norm(own[:, i])
+        told = size > _ROUNDING_SHARE * np.linalg.norm(own[:, i])
         ratio, correlation = np.array([1.0 / size, 1.0 / torque]) * (given @ measured) / size if told else np.zeros(2)
-        if correlation < -EXPLAINED:
+        if correlation < -_MIN_CORRELATION:
             against.add(i)
-        if abs(correlation) <= EXPLAINED:
+        if abs(correlation) <= _MIN_CORRELATION:
             untold.append(name)
-        elif RATIO[0] < abs(ratio) < RATIO[1]:
+        elif _MASS_TORQUE_RATIOS[0] < abs(ratio) < _MASS_TORQUE_RATIOS[1]:
             as_expected += 1
         else:
             found[i] = abs(ratio)
     if may_carry and as_expected:
         # another unit is all axes' or a smaller one; beside axes as expected, a load on light links explains more
-        found = {i: ratio for i, ratio in found.items() if ratio < RATIO[1]}
+        found = {i: ratio for i, ratio in found.items() if ratio < _MASS_TORQUE_RATIOS[1]}
     factors = np.array([1.0 / found.get(i, 1.0) for i in range(model.n)])
     if not found:
         return [], against, factors
@@ -189,7 +196,7 @@ def _known_torques(
         "torques",
         tuple(names),
         f"torques over those of {whose} are {', '.join(f'{name} {ratio:.3g}' for name, ratio in names.items())}, "
-        f"expected {RATIO[0]:g} to {RATIO[1]:g}",
+        f"expected {_MASS_TORQUE_RATIOS[0]:g} to {_MASS_TORQUE_RATIOS[1]:g}",
         "motor currents, or torques at the motor, read as joint torques",
         remedy,
     )
@@ -197,7 +204,7 @@ def _known_torques(
 
 
 # untouched recordings of five real arms keep 0.95 or more
-CLEARLY = 0.4  # of the product of all axes' mean squares: at most this is left when two are swapped back
+_SWAPPED_SHARE = 0.4  # of the product of all axes' mean squares: at most this is left when two are swapped back
 
 
 def _swapped(rows: Samples) -> Iterator[tuple[tuple[int, int], Samples]]:
@@ -215,15 +222,15 @@ def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
     reduced = triangles(result.base, [rows])
     beta = solve(reduced.stacked(result.weights)) if refit else result.beta
     relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-9)
-    return np.clip(relative, LEAST, 2.0) ** 2
+    return np.clip(relative, _NO_RESIDUAL, 2.0) ** 2
 
 
-TURNED = 15.0  # [deg] from the stated gravity, from which on another mounting is meant
-SIZE = (0.5, 2.0)  # of the gravity that is found to standard gravity: a file's masses are wrong by less
-MOUNTING_LEFT = 0.4  # of the squared residual with the stated direction, at most
-UPSIDE_DOWN = 150.0  # [deg]: torques of the wrong sign look like this as well
-NEAR = 10.0  # [deg] from an axis of the base, within which a mounting has a name
-NAMES = {
+_TURNED_DEG = 15.0  # [deg] from the stated gravity, from which on another mounting is meant
+_GRAVITY_RATIOS = (0.5, 2.0)  # of the gravity that is found to standard gravity: a file's masses are wrong by less
+_MOUNTING_LEFT_SHARE = 0.4  # of the squared residual with the stated direction, at most
+_UPSIDE_DOWN_DEG = 150.0  # [deg]: torques of the wrong sign look like this as well
+_NAMED_WITHIN_DEG = 10.0  # [deg] from an axis of the base, within which a mounting has a name
+_MOUNTING_NAMES = {
     "the base stands upright": (0, 0, -1), "the base hangs from a ceiling": (0, 0, 1),
     "the base is on a wall, its x axis down": (1, 0, 0), "the base is on a wall, its x axis up": (-1, 0, 0),
     "the base is on a wall, its y axis down": (0, 1, 0), "the base is on a wall, its y axis up": (0, -1, 0),
@@ -279,14 +286,24 @@ def mounting_finding(model: RobotModel, samples: Samples) -> Finding | None:
         return None
     vector, left, braked = found
     size, turned = float(np.linalg.norm(vector)), float(np.rad2deg(angle_between(vector, stated)))
-    if left > MOUNTING_LEFT or not braked or not SIZE[0] < size / STANDARD_GRAVITY < SIZE[1]:
+    if (
+        left > _MOUNTING_LEFT_SHARE
+        or not braked
+        or not _GRAVITY_RATIOS[0] < size / STANDARD_GRAVITY < _GRAVITY_RATIOS[1]
+    ):
         return None
-    if turned < TURNED or (turned > UPSIDE_DOWN and not samples.qd.any()):
+    if turned < _TURNED_DEG or (turned > _UPSIDE_DOWN_DEG and not samples.qd.any()):
         return None
-    off, name = min((float(np.rad2deg(angle_between(vector, np.array(axis)))), name) for name, axis in NAMES.items())
-    mounted = f"{name}, within {off:.0f} deg" if off < NEAR else f"the base is tilted, {off:.0f} deg from where {name}"
-    exact = np.array(NAMES[name]) * float(np.linalg.norm(stated))
-    given = exact if off < NEAR else vector * STANDARD_GRAVITY / size
+    off, name = min(
+        (float(np.rad2deg(angle_between(vector, np.array(axis)))), name) for name, axis in _MOUNTING_NAMES.items()
+    )
+    mounted = (
+        f"{name}, within {off:.0f} deg"
+        if off < _NAMED_WITHIN_DEG
+        else f"the base is tilted, {off:.0f} deg from where {name}"
+    )
+    exact = np.array(_MOUNTING_NAMES[name]) * float(np.linalg.norm(stated))
+    given = exact if off < _NAMED_WITHIN_DEG else vector * STANDARD_GRAVITY / size
     x, y, z = vector
     return Finding(
         "gravity",
@@ -299,11 +316,13 @@ def mounting_finding(model: RobotModel, samples: Samples) -> Finding | None:
     )
 
 
-LEFT = 0.4  # of the product of all axes' mean squares, at most; untouched runs of four real arms keep 0.74 or more
-REACH, LAGS = 0.2, 41  # [s] by which torques may be late or early, and how many such times are tried
-TOLERANCE = 0.012  # [s]: intervals of those arms' delays contain zero, and are about 10 ms wide at best
-EDGES = np.linspace(0.15, 0.85, 15)  # of the recording, at which a change is tried
-LOAD = 4  # parameters of a load, whose inertia about its own centre is small: mass and moment
+_COURSE_LEFT_SHARE = (
+    0.4  # of the product of all axes' mean squares, at most; untouched runs of four real arms keep 0.74 or more
+)
+_MAX_LAG_S, _LAG_COUNT = 0.2, 41  # [s] by which torques may be late or early, and how many such times are tried
+_DELAY_TOLERANCE_S = 0.012  # [s]: intervals of those arms' delays contain zero, and are about 10 ms wide at best
+_CHANGE_TIMES = np.linspace(0.15, 0.85, 15)  # of the recording, at which a change is tried
+_LOAD_PARAMETERS = 4  # parameters of a load, whose inertia about its own centre is small: mass and moment
 
 
 def course_findings(result: Identification, samples: Samples) -> list[Finding]:
@@ -311,8 +330,8 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
     steps = np.diff(samples.time, prepend=samples.time[0])
     time = np.cumsum(np.where(steps >= 0.0, steps, 0.0))  # of joined recordings too, whose stamps go back
     span = float(time[-1])
-    inside = np.abs(time - span / 2.0) <= span / 2.0 - min(REACH, span / 10.0)
-    places = np.flatnonzero(inside)[spread(int(inside.sum()), ROWS)]
+    inside = np.abs(time - span / 2.0) <= span / 2.0 - min(_MAX_LAG_S, span / 10.0)
+    places = np.flatnonzero(inside)[spread(int(inside.sum()), _LOOKED_ROWS)]
     few = samples.rows(np.isin(np.arange(len(samples)), places), samples.name)
     n, b = few.q.shape[1], result.base.count
     if result.options.terms == "static" or len(few) < 2 * (b + n):
@@ -321,7 +340,7 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
     explained = np.concatenate([Y for _, Y in result.base.chunks(heard)])
     rotors = few.qdd[:, :, None] * np.eye(n)
     beside = left_beside(flattened(np.concatenate([explained, rotors], axis=2), result.weights))
-    least = np.maximum((LEAST * result.weights) ** 2 * np.sum(few.tau**2, axis=0), 1e-300)
+    least = np.maximum((_NO_RESIDUAL * result.weights) ** 2 * np.sum(few.tau**2, axis=0), 1e-300)
     misfit = partial(log_squares, least=least)
 
     def rest(columns: Floats) -> Floats:
@@ -330,35 +349,35 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
 
     y = rest(few.tau[:, :, None])
     before = misfit(y)[0]
-    lags = np.linspace(-1.0, 1.0, LAGS) * min(REACH, span / 10.0)
+    lags = np.linspace(-1.0, 1.0, _LAG_COUNT) * min(_MAX_LAG_S, span / 10.0)
     whole = (samples.tau + samples.known).T
     read = [np.column_stack([np.interp(time[places] + lag, time, axis) for axis in whole]) for lag in lags]
     cost = misfit(rest(np.stack(read, axis=2) - few.known[:, :, None]))
     best = lags[np.argmin(cost)]
-    if np.abs(lags[LOOKS * (cost - cost.min()) <= CERTAIN**2]).min() > TOLERANCE:
+    if np.abs(lags[LOOKS * (cost - cost.min()) <= CERTAIN**2]).min() > _DELAY_TOLERANCE_S:
         word, shown = "late" if best > 0.0 else "early", "" if abs(best) < lags[-1] else " or more"
         says = f"torques come {abs(best) * 1e3:.0f} ms{shown} too {word} for the motion: what is printed is off"
         return [Finding("delay", (), says, "two clocks, or positions and velocities filtered otherwise", refuses=False)]
     along = np.linspace(0.0, 1.0, len(few))
-    after = (along[:, None] > EDGES).astype(float)
+    after = (along[:, None] > _CHANGE_TIMES).astype(float)
     zeros = np.column_stack([along, after])[:, None, :, None] * np.eye(n)[None, :, None, :]  # (N, n, way, axis)
     left = rest(zeros.reshape(len(few), n, -1))
     sizes = (left.T @ y)[:, 0] / np.maximum(np.square(left).sum(axis=0), 1e-300)
     turned = few.tau[:, :, None, None] * (1.0 - 2.0 * after[:, None, :, None] * np.eye(n)[None, :, None, :])
-    load = few.body_torques(result.model, result.model.frame().link)[:, :, :LOAD]
+    load = few.body_torques(result.model, result.model.frame().link)[:, :, :_LOAD_PARAMETERS]
     loads = [rest(load * step[:, None, None]) for step in after.T]
     ways = {
         "zero": misfit(y - left * sizes),
         "sign": misfit(rest(turned.reshape(len(few), n, -1))),
-        "load": np.concatenate([misfit(y - X @ np.linalg.lstsq(X, y, rcond=SINGULAR)[0]) for X in loads]),
+        "load": np.concatenate([misfit(y - X @ np.linalg.lstsq(X, y, rcond=SINGULAR_RATIO)[0]) for X in loads]),
     }
     way = min(ways, key=lambda name: ways[name].min())
     place = int(np.argmin(ways[way]))
-    if ways[way][place] - before > np.log(LEFT):
+    if ways[way][place] - before > np.log(_COURSE_LEFT_SHARE):
         return []
     shape, axis = divmod(place, n) if way != "load" else (place, -1)
     drifts = way == "zero" and shape == 0
-    at = few.time[np.searchsorted(along, EDGES[max(0, shape - (way == "zero"))])]
+    at = few.time[np.searchsorted(along, _CHANGE_TIMES[max(0, shape - (way == "zero"))])]
     size = f"{sizes[place]:+.2g} {TORQUE_UNIT[result.model.joint_units[axis]]}"
     says, culprit = {
         "zero": (f"the zero of its torque {'drifts' if drifts else 'leaps'} by {size}", "a sensor, or a push"),

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from catenary.errors import InputError
 from catenary.kernels.compiled import Compiled, load_module, start_numba
 
-METH_NOARGS = 0x0004  # methodobject.h
-CODE, NONE, ARGUMENTS = range(3)  # places in the block
-NUMBERS = tuple(map(np.dtype, (np.float64, np.int64, np.uint8, np.bool_)))
+_METH_NOARGS = 0x0004  # methodobject.h
+_CODE, _NONE, _ARGUMENTS = range(3)  # places in the block
+_NUMBER_TYPES = tuple(map(np.dtype, (np.float64, np.int64, np.uint8, np.bool_)))
 _code: dict[tuple[FunctionType, str], Any] = {}  # by function and types of arrays
 
 
@@ -48,7 +48,7 @@ def bind(
     words = [_code_of(function, arrays), id(None), *(array.ctypes.data for array in arrays), *sizes]
     block = (ctypes.c_int64 * len(words))(*words)
     name = str(getattr(function, "__name__", "bound")).encode()
-    method = _Method(name, _passing_on(len(words) - ARGUMENTS)[1], METH_NOARGS, None)
+    method = _Method(name, _passing_on(len(words) - _ARGUMENTS)[1], _METH_NOARGS, None)
     capsule = _new_capsule(ctypes.addressof(block), None, None)
     return _new_function(method, capsule, _Home(__name__, arrays, block, method))
 
@@ -112,7 +112,7 @@ def _is_known(dtype: np.dtype[Any]) -> bool:
         return all(_is_known(dtype[name]) for name in dtype.names)
     if dtype.subdtype is not None:
         return dtype.base != np.bool_ and _is_known(dtype.base)
-    return dtype in NUMBERS
+    return dtype in _NUMBER_TYPES
 
 
 def _code_of(function: Callable[..., None], arrays: Sequence[NDArray[Any]]) -> int:
@@ -185,10 +185,10 @@ def _passing_on(count: int) -> tuple[Any, int]:
     builder = ir.IRBuilder(function.append_basic_block())
     pointer = builder.call(get_pointer, [function.args[0], ir.Constant(address, None)])
     block = builder.bitcast(pointer, word.as_pointer())
-    words = [builder.load(builder.gep(block, [word(k)])) for k in range(ARGUMENTS + count)]
+    words = [builder.load(builder.gep(block, [word(k)])) for k in range(_ARGUMENTS + count)]
     kind = ir.FunctionType(ir.VoidType(), [word] * count).as_pointer()
-    builder.call(builder.inttoptr(words[CODE], kind), words[ARGUMENTS:])
-    none = builder.inttoptr(words[NONE], address)
+    builder.call(builder.inttoptr(words[_CODE], kind), words[_ARGUMENTS:])
+    none = builder.inttoptr(words[_NONE], address)
     builder.call(count_up, [none])
     builder.ret(none)
 

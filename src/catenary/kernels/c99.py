@@ -14,7 +14,7 @@ def c_sines(prefix: str) -> str:
     half_pi = [repr(part) for part in sines.HALF_PI]
     s = [_number(value) for value in sines.SINE]
     c = [_number(value) for value in sines.COSINE]
-    up = repr(sines.ROUND)
+    up = repr(sines.ROUNDER)
     return f"""\
 /* Sines and cosines of x [rad], within 2e-16; see W. Cody, W. Waite 1980 and fdlibm (Sun Microsystems 1993). */
 static inline void {prefix}_small_sine_cosine(double x, double *sine, double *cosine) {{
@@ -37,13 +37,13 @@ static inline void {prefix}_small_sine_cosine(double x, double *sine, double *co
 
 static inline void {prefix}_sines(int count, const double *x, double *sine, double *cosine) {{
   int i, small = 1;
-  for (i = 0; i < count; ++i) small &= fabs(x[i]) <= {sines.LARGEST!r};
+  for (i = 0; i < count; ++i) small &= fabs(x[i]) <= {sines.LARGEST_ANGLE_RAD!r};
   if (small) {{
     for (i = 0; i < count; ++i) {prefix}_small_sine_cosine(x[i], sine + i, cosine + i);
     return;
   }}
   for (i = 0; i < count; ++i) {{
-    if (fabs(x[i]) <= {sines.LARGEST!r}) {{
+    if (fabs(x[i]) <= {sines.LARGEST_ANGLE_RAD!r}) {{
       {prefix}_small_sine_cosine(x[i], sine + i, cosine + i);
     }} else {{
       sine[i] = sin(x[i]);

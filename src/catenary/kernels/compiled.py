@@ -32,9 +32,9 @@ from typing import Any, TypeVar, cast
 _log = logging.getLogger(__name__)
 in_motion: ContextVar[bool] = ContextVar("in_motion", default=False)  # a loop moves a robot: nothing may be compiled
 _told: list[object] = []  # why code is compiled in memory
-OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-OTHERS = stat.S_IRWXG | stat.S_IRWXO
-ROOM = 4 << 20  # [B]; ten times the largest function
+_OTHERS_WRITE_BITS = stat.S_IWGRP | stat.S_IWOTH
+_OTHERS_BITS = stat.S_IRWXG | stat.S_IRWXO
+_ROOM_BYTES = 4 << 20  # [B]; ten times the largest function
 Function = TypeVar("Function", bound=Callable[..., object])
 _inlined: list[Callable[..., object]] = []
 _sources: set[str] = set()  # files of compiled and inlined functions
@@ -64,7 +64,7 @@ def check_room(folder: Path) -> None:
     """Raise OSError where a folder is full, or cannot be written to."""
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
-            os.posix_fallocate(file.fileno(), 0, ROOM)
+            os.posix_fallocate(file.fileno(), 0, _ROOM_BYTES)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(folder)) from None
 
@@ -74,11 +74,13 @@ def private_folder(folder: Path) -> Path:
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     folder = folder.parent.resolve() / folder.name
     mode = folder.parent.stat().st_mode
-    if is_own(folder.parent, stat.S_ISDIR) and mode & OTHERS_WRITE == stat.S_IWGRP:  # as numba makes it by umask 002
+    if (
+        is_own(folder.parent, stat.S_ISDIR) and mode & _OTHERS_WRITE_BITS == stat.S_IWGRP
+    ):  # as numba makes it by umask 002
         folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # what lies in it is looked at below
     for above in folder.parents:
         status = above.stat()
-        shared = status.st_mode & OTHERS_WRITE and not status.st_mode & stat.S_ISVTX
+        shared = status.st_mode & _OTHERS_WRITE_BITS and not status.st_mode & stat.S_ISVTX
         if shared or status.st_uid not in (0, os.geteuid()):
             raise PermissionError(f"{above} can be written by others")
     if os.path.lexists(folder) and not _is_closed(folder):
@@ -90,7 +92,7 @@ def private_folder(folder: Path) -> Path:
 
 
 def _is_closed(folder: Path) -> bool:
-    return is_own(folder, stat.S_ISDIR) and not os.lstat(folder).st_mode & OTHERS
+    return is_own(folder, stat.S_ISDIR) and not os.lstat(folder).st_mode & _OTHERS_BITS
 
 
 def is_own(path: Path, is_kind: Callable[[int], bool]) -> bool:

@@ -13,9 +13,9 @@ from catenary.errors import InputError, NotReadyError, imported
 from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
 
 JaxFunction = Callable[..., Any]
-READABLE = 60  # operations up to which expressions are multiplied out: a RAVEN's three joints
-ROUNDING = 1e-12  # of a coefficient, beside the largest one
-VECTORS = ("gravity", "omega", "alpha")  # whose parts are x, y, z
+_READABLE_OPERATIONS = 60  # operations up to which expressions are multiplied out: a RAVEN's three joints
+_ROUNDING_RATIO = 1e-12  # of a coefficient, beside the largest one
+_VECTOR_INPUTS = ("gravity", "omega", "alpha")  # whose parts are x, y, z
 
 
 def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) -> Any:
@@ -97,13 +97,13 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
     sympy = imported("sympy", "SymPy expressions need sympy", "symbolic")
     inputs = {
         array: tuple(
-            sympy.Symbol(f"{array}_{'xyz'[i]}" if array in VECTORS else f"{array}{i + 1}", real=True)
+            sympy.Symbol(f"{array}_{'xyz'[i]}" if array in _VECTOR_INPUTS else f"{array}{i + 1}", real=True)
             for i in range(width)
         )
         for array, width in widths_of(line).items()
     }
     entries = evaluate(line, sine=sympy.sin, cosine=sympy.cos, functions=_functions(sympy, abs="Abs"), **inputs)
-    if line.operations <= READABLE and not any(step.kind in FUNCTIONS for step in line.steps):
+    if line.operations <= _READABLE_OPERATIONS and not any(step.kind in FUNCTIONS for step in line.steps):
         entries = [_multiplied_out(sympy.sympify(entry)) for entry in entries]
     return SymbolicFunction(inputs, sympy.Matrix(shape[0], shape[1] if len(shape) == 2 else 1, entries))
 
@@ -115,4 +115,4 @@ def _multiplied_out(entry: Any) -> Any:
 
     terms = sympy.expand(TR8(sympy.expand(entry))).as_coefficients_dict()
     largest = max((abs(float(value)) for value in terms.values()), default=0.0)
-    return sympy.Add(*(v * term for term, v in terms.items() if abs(float(v)) > ROUNDING * largest))
+    return sympy.Add(*(v * term for term, v in terms.items() if abs(float(v)) > _ROUNDING_RATIO * largest))

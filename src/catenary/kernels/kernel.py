@@ -13,7 +13,7 @@ from catenary.kernels.bind import bind
 from catenary.kernels.tracing import Line, widths_of
 
 NDARRAY, FLOAT64 = np.ndarray, np.dtype(np.float64)
-ONE_AFTER_THE_OTHER = (FLOAT64.itemsize,)  # strides of a contiguous row
+_CONTIGUOUS_STRIDES = (FLOAT64.itemsize,)  # strides of a contiguous row
 
 
 class Kernel:
@@ -66,7 +66,7 @@ class Kernel:
         """Return the quantity at one configuration; None where inputs are not finite float64 arrays of its size."""
         for given in inputs:
             # numba would refuse other arrays too, but in 300 us
-            if type(given) is not NDARRAY or given.dtype is not FLOAT64 or given.strides != ONE_AFTER_THE_OTHER:
+            if type(given) is not NDARRAY or given.dtype is not FLOAT64 or given.strides != _CONTIGUOUS_STRIDES:
                 return None
         out = np.empty(self.shape)
         try:

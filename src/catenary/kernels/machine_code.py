@@ -1,7 +1,7 @@
 """A line of operations as machine code: LLVM's instructions through one intrinsic of numba's.
 
 numba's compiler spends 2 ms on each sum in a function's text. A robot has hundreds, so they are written here, one by
-one, for a single configuration or for `LANES` configurations side by side in the processor's registers; functions for
+one, for a single configuration or for `_LANES` configurations side by side in the processor's registers; functions for
 one configuration a call and for many are made of them.
 """
 
@@ -15,14 +15,14 @@ from llvmlite import ir
 
 from catenary.kernels import sines
 from catenary.kernels.compiled import load_module, start_numba
-from catenary.kernels.sines import LARGEST, small_sine_cosine
+from catenary.kernels.sines import LARGEST_ANGLE_RAD, small_sine_cosine
 from catenary.kernels.tracing import ANGLES, Line, needed, widths_of
 
-LANES = 4  # numbers in a register of processors with AVX2; LLVM halves it for others
-NUMBER = ir.DoubleType()
-VECTOR = ir.VectorType(NUMBER, LANES)
-INT, WORD = ir.IntType(32), ir.IntType(64)
-TEXT = '''"""{title}: {operations} sums and products, {angles} angles."""
+_LANES = 4  # numbers in a register of processors with AVX2; LLVM halves it for others
+_NUMBER = ir.DoubleType()
+_VECTOR = ir.VectorType(_NUMBER, _LANES)
+_INT, _WORD = ir.IntType(32), ir.IntType(64)
+_TEXT = '''"""{title}: {operations} sums and products, {angles} angles."""
 # line {line}, written by {writers}
 
 from catenary.errors import InputError
@@ -76,8 +76,8 @@ def line_code(line: Line, lanes: int = 1) -> Any:
 
             def pointers(name: str, element: int) -> list[Any]:
                 data, at, behind = places[name]
-                starts = [builder.add(at, builder.mul(behind, WORD(lane))) for lane in range(lanes)]
-                return [builder.gep(data, [builder.add(start, WORD(element))]) for start in starts]
+                starts = [builder.add(at, builder.mul(behind, _WORD(lane))) for lane in range(lanes)]
+                return [builder.gep(data, [builder.add(start, _WORD(element))]) for start in starts]
 
             write_line(builder, line, pointers)
             return context.get_dummy_value()
@@ -112,7 +112,7 @@ def write_line(builder: Any, line: Line, pointers: Callable[[str, int], Sequence
     for k, result in enumerate(line.results):
         places = pointers("out", k)
         if isinstance(result, float):
-            parts = [NUMBER(result)] * len(places)
+            parts = [_NUMBER(result)] * len(places)
         else:
             sign, number = result
             value = values[number] if sign > 0 else builder.fneg(values[number])
@@ -122,7 +122,7 @@ def write_line(builder: Any, line: Line, pointers: Callable[[str, int], Sequence
 
 
 class Register:
-    """A number, or `LANES` of them, in a register: plain arithmetic on it writes instructions."""
+    """A number, or `_LANES` of them, in a register: plain arithmetic on it writes instructions."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         """Take what was written."""
@@ -148,12 +148,13 @@ class Register:
 
 
 def _sines(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, Any]]:
-    """Write sines and cosines of angles, of single ones `LANES` at a time."""
-    if not angles or angles[0].type == VECTOR:
+    """Write sines and cosines of angles, of single ones `_LANES` at a time."""
+    if not angles or angles[0].type == _VECTOR:
         return _sines_of_vectors(builder, angles)
     # the last group is filled up with the last angle
     groups = [
-        [angles[min(first + lane, len(angles) - 1)] for lane in range(LANES)] for first in range(0, len(angles), LANES)
+        [angles[min(first + lane, len(angles) - 1)] for lane in range(_LANES)]
+        for first in range(0, len(angles), _LANES)
     ]
     pairs = _sines_of_vectors(builder, [_together(builder, group) for group in groups])
     sines, cosines = ([part for vector in of for part in _apart(builder, vector)] for of in zip(*pairs, strict=True))
@@ -167,10 +168,10 @@ def _sines_of_vectors(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, An
     small = None
     for angle in angles:
         for sign, comparison in ((1.0, "<="), (-1.0, ">=")):
-            here = builder.fcmp_ordered(comparison, angle, _constant(VECTOR, sign * LARGEST))
+            here = builder.fcmp_ordered(comparison, angle, _constant(_VECTOR, sign * LARGEST_ANGLE_RAD))
             small = here if small is None else builder.and_(small, here)
-    mask = builder.bitcast(small, ir.IntType(LANES))
-    with builder.if_else(builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1)), likely=True) as (quick, slow):
+    mask = builder.bitcast(small, ir.IntType(_LANES))
+    with builder.if_else(builder.icmp_unsigned("==", mask, mask.type(2**_LANES - 1)), likely=True) as (quick, slow):
         with quick:
             found = [_small(builder, angle) for angle in angles]
             quick_block = builder.block
@@ -185,7 +186,7 @@ def _sines_of_vectors(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, An
             slow_block = builder.block
     merged = []
     for quick_pair, slow_pair in zip(found, called, strict=True):
-        phis = [builder.phi(VECTOR), builder.phi(VECTOR)]
+        phis = [builder.phi(_VECTOR), builder.phi(_VECTOR)]
         for phi, ours, theirs in zip(phis, quick_pair, slow_pair, strict=True):
             phi.add_incoming(ours, quick_block)
             phi.add_incoming(theirs, slow_block)
@@ -194,15 +195,15 @@ def _sines_of_vectors(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, An
 
 
 def _small(builder: Any, angle: Any) -> list[Any]:
-    """Write the sine and cosine of angles up to `LARGEST`."""
+    """Write the sine and cosine of angles up to `LARGEST_ANGLE_RAD`."""
     of_any_numbers: Callable[[Any], tuple[Any, Any]] = small_sine_cosine
     return [part.value for part in of_any_numbers(Register(builder, angle))]
 
 
 def _any_angle(module: Any) -> Any:
     """Write a function that gives sine and cosine of any angle, NaN among them; rarely called."""
-    pair = ir.LiteralStructType([NUMBER, NUMBER])
-    function = ir.Function(module, ir.FunctionType(pair, [NUMBER]), name=module.get_unique_name("sine_cosine"))
+    pair = ir.LiteralStructType([_NUMBER, _NUMBER])
+    function = ir.Function(module, ir.FunctionType(pair, [_NUMBER]), name=module.get_unique_name("sine_cosine"))
     function.linkage = "internal"
     function.attributes.add("noinline")
     builder = ir.IRBuilder(function.append_basic_block())
@@ -213,34 +214,35 @@ def _any_angle(module: Any) -> Any:
         builder.ret(builder.insert_value(both, cosine, 1))
 
     near = builder.and_(
-        builder.fcmp_ordered("<=", angle, NUMBER(LARGEST)), builder.fcmp_ordered(">=", angle, NUMBER(-LARGEST))
+        builder.fcmp_ordered("<=", angle, _NUMBER(LARGEST_ANGLE_RAD)),
+        builder.fcmp_ordered(">=", angle, _NUMBER(-LARGEST_ANGLE_RAD)),
     )
     with builder.if_then(near):
         give(*_small(builder, angle))
-    kind = ir.FunctionType(NUMBER, [NUMBER])
+    kind = ir.FunctionType(_NUMBER, [_NUMBER])
     library = [module.globals.get(name) or ir.Function(module, kind, name=name) for name in ANGLES]
     give(*(builder.call(each, [angle]) for each in library))
     return function
 
 
 def _constant(kind: Any, number: float) -> Any:
-    return ir.Constant(kind, [float(number)] * LANES if kind == VECTOR else float(number))
+    return ir.Constant(kind, [float(number)] * _LANES if kind == _VECTOR else float(number))
 
 
 def _together(builder: Any, numbers: Sequence[Any]) -> Any:
     """Put numbers side by side; a single one stays a number."""
     if len(numbers) == 1:
         return numbers[0]
-    value = ir.Constant(VECTOR, ir.Undefined)
+    value = ir.Constant(_VECTOR, ir.Undefined)
     for lane, number in enumerate(numbers):
-        value = builder.insert_element(value, number, INT(lane))
+        value = builder.insert_element(value, number, _INT(lane))
     return value
 
 
 def _apart(builder: Any, value: Any) -> list[Any]:
-    if value.type != VECTOR:
+    if value.type != _VECTOR:
         return [value]
-    return [builder.extract_element(value, INT(lane)) for lane in range(LANES)]
+    return [builder.extract_element(value, _INT(lane)) for lane in range(_LANES)]
 
 
 def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleType:
@@ -253,7 +255,7 @@ def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleTyp
     """
     widths = widths_of(line)
     writers = [Path(file) for file in (str(sines.__file__), __file__)]
-    text = TEXT.format(
+    text = _TEXT.format(
         title=title,
         operations=line.operations,
         angles=line.angles,
@@ -269,6 +271,6 @@ def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleTyp
         steps=", ".join(f"{width} * (len({name}) > 1)" for name, width in widths.items()),
         starts=", ".join(f"step[{i}] * k" for i in range(len(widths))),
         size=len(line.results),
-        lanes=LANES,
+        lanes=_LANES,
     )
-    return load_module(title, text, {"one": line_code(line), "several": line_code(line, LANES)})
+    return load_module(title, text, {"one": line_code(line), "several": line_code(line, _LANES)})

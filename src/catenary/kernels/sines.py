@@ -5,15 +5,15 @@ runs them on as many numbers at once as the processor holds.
 
 The angle less the nearest multiple of pi/2 (W. Cody, W. Waite, Software manual for the elementary functions, 1980,
 chapter 8; pi/2 in three parts of 33 bits, so that products with the multiple are exact) goes into the polynomials
-of fdlibm (Sun Microsystems 1993, k_sin.c and k_cos.c). Within 2e-16 of the true values up to LARGEST.
+of fdlibm (Sun Microsystems 1993, k_sin.c and k_cos.c). Within 2e-16 of the true values up to LARGEST_ANGLE_RAD.
 """
 
 from catenary.kernels.compiled import inlined
 
-LARGEST = 1e5  # [rad] beyond it the C library takes over: 16 000 turns
+LARGEST_ANGLE_RAD = 1e5  # [rad] beyond it the C library takes over: 16 000 turns
 TWO_OVER_PI = 6.36619772367581382433e-01
 HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
-ROUND = 6755399441055744.0  # 1.5 * 2^52: x + ROUND - ROUND is x, rounded to a whole number
+ROUNDER = 6755399441055744.0  # 1.5 * 2^52: x + ROUNDER - ROUNDER is x, rounded to a whole number
 SINE = (
     -1.66666666666666324348e-01,
     8.33333333332248946124e-03,
@@ -34,8 +34,8 @@ COSINE = (
 
 @inlined
 def small_sine_cosine(x: float) -> tuple[float, float]:
-    """Return sine and cosine of an angle within LARGEST [rad]: + - * alone, so it runs on many side by side too."""
-    quarter = (x * TWO_OVER_PI + ROUND) - ROUND
+    """Return sine and cosine of an angle within LARGEST_ANGLE_RAD [rad]: + - * alone, so it runs on many at once."""
+    quarter = (x * TWO_OVER_PI + ROUNDER) - ROUNDER
     r = ((x - quarter * HALF_PI[0]) - quarter * HALF_PI[1]) - quarter * HALF_PI[2]
     z = r * r
     p = SINE[1] + z * (SINE[2] + z * (SINE[3] + z * (SINE[4] + z * SINE[5])))
@@ -44,9 +44,9 @@ def small_sine_cosine(x: float) -> tuple[float, float]:
     w = 1.0 - 0.5 * z
     c = w + (((1.0 - w) - 0.5 * z) + z * p)
     # whole halves of the turn: (quarter - 1/2) / 2, rounded, is the floor of quarter / 2
-    half = ((0.5 * quarter - 0.25) + ROUND) - ROUND
+    half = ((0.5 * quarter - 0.25) + ROUNDER) - ROUNDER
     odd = quarter - 2.0 * half
-    turn = ((0.5 * half - 0.25) + ROUND) - ROUND
+    turn = ((0.5 * half - 0.25) + ROUNDER) - ROUNDER
     sign = 1.0 - 2.0 * (half - 2.0 * turn)
     even = 1.0 - odd  # one of them is 1, the other 0: a choice by arithmetic, for several numbers at once
     return sign * (even * s + odd * c), sign * (even * c - odd * s)

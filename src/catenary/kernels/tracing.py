@@ -28,9 +28,9 @@ Key = tuple[str, float | int, float | int]
 FUNCTIONS: dict[str, Callable[[float], float]] = {
     "tanh": np.tanh, "sign": np.sign, "exp": np.exp, "abs": np.abs, "sqrt": np.sqrt, "inverse": np.reciprocal,
 }  # fmt: skip
-ODD = ("tanh", "sign", "inverse")
+_ODD_FUNCTIONS = ("tanh", "sign", "inverse")
 ANGLES = ("sin", "cos")
-QUARTERS = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))  # sine and cosine of quarter turns
+_QUARTER_TURNS = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))  # sine and cosine of quarter turns
 
 
 class Operation(NamedTuple):
@@ -137,7 +137,7 @@ class Trace:
         """Return the sine and cosine of an angle; quarter turns that are added to it are taken exactly."""
         if not isinstance(x, Symbol):
             exact = _quarters(float(x))
-            return (math.sin(x), math.cos(x)) if exact is None else QUARTERS[exact % 4]
+            return (math.sin(x), math.cos(x)) if exact is None else _QUARTER_TURNS[exact % 4]
         x, k = self._without_constant(x)
         quarters = _quarters(k)
         angle = self._plus(x, k if quarters is None else 0.0)
@@ -152,8 +152,8 @@ class Trace:
         """Return one of FUNCTIONS of x."""
         if not isinstance(x, Symbol):
             return float(FUNCTIONS[function](float(x)))
-        if function in ODD or function == "abs":
-            return self._symbol(function, x.step, 0, x.sign if function in ODD else 1)
+        if function in _ODD_FUNCTIONS or function == "abs":
+            return self._symbol(function, x.step, 0, x.sign if function in _ODD_FUNCTIONS else 1)
         return self._symbol(function, (x if x.sign > 0 else self._symbol("*k", x.step, -1.0)).step, 0)
 
     def line(self, results: Sequence[Term]) -> Line:

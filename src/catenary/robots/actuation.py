@@ -6,9 +6,9 @@ like any other. These dataclasses are also what stands in files: `[actuation]` o
 of identified parameters.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, NamedTuple, get_args
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, make_dataclass, replace
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo
@@ -16,12 +16,10 @@ from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo
 from catenary.arrays import Floats, Listed, frozen
 from catenary.config import IN_FILES, file_keys
 from catenary.errors import InputError
-from catenary.robots.plausible import FARTHEST, MOST_FACTOR, check_names, check_within
+from catenary.robots.friction_terms import FRICTION_TERMS, FrictionTerm
+from catenary.robots.plausible import FARTHEST, MAX_FACTOR, check_names, check_within
 
 Weighting = Literal["none", "range", "spread", "residual"]
-FrictionKind = Literal["coulomb", "viscous", "offset", "asymmetric", "stribeck", "load", "presliding"]
-FRICTION_KINDS: tuple[FrictionKind, ...] = get_args(FrictionKind)  # in the order of their columns
-ActuationKind = FrictionKind | Literal["motor_inertia", "spring"]
 
 
 def _combination(given: Any, info: ValidationInfo) -> Floats:
@@ -59,29 +57,39 @@ class Effect:
                 object.__setattr__(self, key, frozen(value))
 
 
+# a field for each term: whether it is there, or its scale
+_FrictionParts: Any = make_dataclass(
+    "_FrictionParts",
+    [
+        (term.kind, bool, term.usual) if term.scale is None else (term.kind, Positive | None, None)
+        for term in FRICTION_TERMS.values()
+    ],
+    bases=(Effect,),
+    frozen=True,
+    eq=False,
+)
+
+
 @dataclass(frozen=True, eq=False)
-class Friction(Effect):
-    """Friction on the rate v = c . qd, each part identified if set.
+class Friction(_FrictionParts):  # type: ignore[misc]  # its fields are those of the registry
+    """Friction on the rate v = c . qd, with the terms of `FRICTION_TERMS` that are set, each identified."""
 
-    coulomb sign(v) + viscous v + offset, and, where a recording shows them:
-    asymmetric |v|: viscous friction that differs by direction (Coulomb friction that does is `offset`);
-    stribeck sign(v) exp(-(v / v_s)^2): more, or less, friction at low speed [Armstrong-Helouvry, Dupont, Canudas de
-    Wit, "A survey of models, analysis tools and compensation methods", Automatica 30(7), 1994];
-    load sign(v) |what the links ask along c|: gears and cables rub with what they carry;
-    presliding: friction that builds up over a distance x_s after every reversal, z' = v - |v| z / x_s, in units of x_s
-    [Dahl, "A solid friction model", 1968], as on cables and elastic drives; in steady sliding it is sign(v).
-    """
+    __pydantic_config__ = file_keys(
+        combination="on", **{term.kind: term.scale.key for term in FRICTION_TERMS.values() if term.scale is not None}
+    )
 
-    __pydantic_config__ = file_keys(combination="on", stribeck="stribeck_velocity", presliding="presliding_distance")
-
-    coulomb: bool = True
-    viscous: bool = True
-    offset: bool = True
-    asymmetric: bool = False
-    stribeck: Positive | None = None  # v_s [rad/s or m/s]; none when None
-    load: bool = False
-    presliding: Positive | None = None  # x_s [rad or m]; none when None
     recording: str = ""  # that alone has this, beside the friction of all; such as that of another day
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """The scale of each term that is set, by its kind; 0 for terms without."""
+        given = {kind: getattr(self, kind) for kind in FRICTION_TERMS}
+        return {kind: 0.0 if value is True else value for kind, value in given.items() if value}
+
+    def only(self, kept: Callable[[FrictionTerm], bool], **changes: str) -> "Friction":
+        """Return it with no other terms than some of its own."""
+        left_out = [FRICTION_TERMS[kind] for kind in self.parts if not kept(FRICTION_TERMS[kind])]
+        return replace(self, **{term.kind: None if term.scale else False for term in left_out}, **changes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,23 +198,32 @@ class JointDrives(NamedTuple):
 class ActuationTerm(NamedTuple):
     """One parameter beside those of the links."""
 
-    kind: ActuationKind
+    kind: str  # of `FRICTION_TERMS`, "motor_inertia" or "spring"
     name: str  # of the friction, rotor or spring
     combination: Floats  # (n,)
     lever: LeverSpring | None = None
-    scale: float = 0.0  # v_s of Stribeck friction, x_s of presliding friction
+    scale: float = 0.0  # of a friction that has one
     recording: str = ""  # that alone has it
+
+    @property
+    def friction(self) -> FrictionTerm | None:
+        """The term of friction that it is; None for rotors and springs, the loads that friction can grow with."""
+        return FRICTION_TERMS.get(self.kind)
+
+    @property
+    def grows_with_load(self) -> bool:
+        """Whether it is friction that grows with what links, rotors and springs ask."""
+        return self.friction is not None and self.friction.grows_with_load
 
 
 def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:
     """Return the parameters in the order of their columns; at rest only constants and springs are left."""
-    terms: list[ActuationTerm] = []
-    for friction in actuation.friction:
-        for kind in FRICTION_KINDS:
-            given = getattr(friction, kind)  # whether it is there, or its scale
-            if given is not None and given is not False and (kind == "offset" or not static):
-                scale = 0.0 if given is True else given
-                terms.append(ActuationTerm(kind, friction.name, friction.combination, None, scale, friction.recording))
+    terms = [
+        ActuationTerm(kind, friction.name, friction.combination, None, scale, friction.recording)
+        for friction in actuation.friction
+        for kind, scale in friction.parts.items()
+        if FRICTION_TERMS[kind].at_rest or not static
+    ]
     if not static:
         terms += [ActuationTerm("motor_inertia", m.name, m.combination) for m in actuation.motor_inertia]
     return (*terms, *(ActuationTerm("spring", s.name, s.combination, s.lever) for s in actuation.springs))
@@ -265,24 +282,18 @@ def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
     """
     if actuation.values is None:
         return None
-    friction, damping, armature = np.zeros(n), np.zeros(n), np.zeros(n)
+    drives = {drive: np.zeros(n) for drive in ("friction", "damping", "armature")}
     left_out = [f"known torque {known.name}" for known in actuation.known_torques]
     for term, value in zip(actuation_terms(actuation), actuation.values, strict=True):
         moved = np.flatnonzero(term.combination)
         i, factor = int(moved[0]), abs(float(term.combination[moved[0]]))
-        if len(moved) > 1:
-            left_out.append(f"{term.kind} {term.name}")
-        elif term.kind in ("coulomb", "presliding"):
-            friction[i] += factor * value
-        elif term.kind == "viscous":
-            damping[i] += factor**2 * value
-        elif term.kind == "motor_inertia":
-            armature[i] += factor**2 * value
-        elif value != 0.0:
+        drive = {"motor_inertia": "armature"}.get(term.kind, "") if term.friction is None else term.friction.drive
+        if len(moved) == 1 and drive:
+            drives[drive][i] += (factor if drive == "friction" else factor**2) * value
+        elif len(moved) > 1 or value != 0.0:
             left_out.append(f"{term.kind} {term.name}")
     # a solver's zero may lie a rounding below
-    friction, damping, armature = (np.maximum(v, 0.0) for v in (friction, damping, armature))
-    return JointDrives(friction, damping, armature, tuple(left_out))
+    return JointDrives(*(np.maximum(values, 0.0) for values in drives.values()), tuple(left_out))
 
 
 def check_actuation(where: str, actuation: Actuation, n: int) -> None:
@@ -297,7 +308,7 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
                 raise InputError(f"{what}: is there twice")
             if term.combination.shape != (n,) or not np.isfinite(term.combination).all():
                 raise InputError(f"{what}: expected {n} finite factors, got {term.combination}")
-            check_within(f"{what}: factor", term.combination, MOST_FACTOR, "")
+            check_within(f"{what}: factor", term.combination, MAX_FACTOR, "")
             along = getattr(term, "along", None)
             if along is not None and (along.shape != (n,) or not np.isfinite(along).all()):
                 raise InputError(f"{what}: expected {n} finite factors along which it acts, got {along}")

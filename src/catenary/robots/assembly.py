@@ -14,16 +14,16 @@ from catenary.arrays import Flags, Floats, as_array
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
 from catenary.robots import plausible
 from catenary.robots.actuation import Actuation, check_actuation
-from catenary.robots.link_inertia import LIGHTEST, NOTHING, LinkInertia, check_inertia, is_negative, unphysical
+from catenary.robots.link_inertia import MIN_DOUBTED_KG, NO_INERTIA, LinkInertia, check_inertia, is_negative, unphysical
 from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree, is_base
 from catenary.robots.quarter_turns import quarter_turn_notes
 from catenary.spatial import Pose, as_rotation, identity_pose, unit_vector
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
-OFF_AXIS = 1e-12  # [m] more than rounding leaves of a coordinate that is zero
-SHOWN = 3  # doubts that a warning names
+_OFF_AXIS_M = 1e-12  # [m] more than rounding leaves of a coordinate that is zero
+_SHOWN_DOUBTS = 3  # doubts that a warning names
 _log = logging.getLogger(__name__)
-ANYWHERE = (True, True, True)  # a centre of mass of which nothing is known
+_ANYWHERE_AXES = (True, True, True)  # a centre of mass of which nothing is known
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Link:
     frame: Pose = field(default_factory=identity_pose)
     inertia: LinkInertia | None = None
     massless: bool = False
-    axes_of_com: tuple[bool, bool, bool] = ANYWHERE  # axes of the link's frame on which its CoM may lie
+    axes_of_com: tuple[bool, bool, bool] = _ANYWHERE_AXES  # axes of the link's frame on which its CoM may lie
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ def assemble(
     """
     plausible.check_names("robot", [name])
     where = f'robot "{name}"'
-    if len(links) > plausible.MOST_LINKS:
-        raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {plausible.MOST_LINKS}")
+    if len(links) > plausible.MAX_LINKS:
+        raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {plausible.MAX_LINKS}")
     plausible.check_names(f"{where}: link", [link.name for link in links])
     plausible.check_names(f"{where}: frame", frames or {})
     ordered = depth_first(where, links, root)
@@ -115,12 +115,12 @@ def assemble(
     untold = [
         link.name
         for link, body in zip(folded.moving, folded.inertia, strict=True)
-        if body.inertia is None or (body.mass > LIGHTEST and is_negative(body.mass, body.inertia))
+        if body.inertia is None or (body.mass > MIN_DOUBTED_KG and is_negative(body.mass, body.inertia))
     ]
     doubted = [*doubts, *_doubts(ordered, folded, untold)]
     if doubted:
-        more = f"; and {len(doubted) - SHOWN} more" if len(doubted) > SHOWN else ""
-        _log.warning("%s: %s%s", where, "; ".join(doubted[:SHOWN]), more)
+        more = f"; and {len(doubted) - _SHOWN_DOUBTS} more" if len(doubted) > _SHOWN_DOUBTS else ""
+        _log.warning("%s: %s%s", where, "; ".join(doubted[:_SHOWN_DOUBTS]), more)
 
     tree, offset = tree_of(folded), np.array([link.offset for link in folded.moving])
     moved = [[link.variable.get(c.name, 0.0) for c in coordinates] for link in folded.moving]
@@ -212,14 +212,14 @@ def fold(ordered: Sequence[Link], root: str) -> Folded:
             folded.carrier[link.name] = Frame(index, here)
             if index >= 0 and link.inertia is not None:
                 body, more = folded.inertia[index], link.inertia.moved(here)
-                folded.inertia[index] = more if body is NOTHING else body.plus(more)
+                folded.inertia[index] = more if body is NO_INERTIA else body.plus(more)
                 folded.axes_of_com[index] |= _axes_seen_from(here, link.axes_of_com)
             continue
         folded.carrier[link.name] = Frame(len(folded.moving), link.frame)
         folded.moving.append(link)
         folded.parents.append(index)
         folded.poses.append(here)
-        folded.inertia.append(NOTHING if link.inertia is None else link.inertia.moved(link.frame))
+        folded.inertia.append(NO_INERTIA if link.inertia is None else link.inertia.moved(link.frame))
         folded.axes_of_com.append(_axes_seen_from(link.frame, link.axes_of_com))
     return folded
 
@@ -227,7 +227,7 @@ def fold(ordered: Sequence[Link], root: str) -> Folded:
 def _axes_seen_from(pose: Pose, axes_of_com: Sequence[bool]) -> Flags:
     """Return on which axes of a parent frame a CoM may lie that lies on some of a frame at `pose`."""
     reached = np.abs(pose.rotation)[:, np.array(axes_of_com, dtype=bool)].sum(axis=1)
-    return np.asarray(np.abs(pose.position) + reached > OFF_AXIS)
+    return np.asarray(np.abs(pose.position) + reached > _OFF_AXIS_M)
 
 
 def tree_of(folded: Folded) -> Tree:
@@ -318,11 +318,11 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
             )
         if not np.isfinite(factor):
             raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
-        plausible.check_within(f'{what}: factor of "{coordinate}"', factor, plausible.MOST_FACTOR, "")
+        plausible.check_within(f'{what}: factor of "{coordinate}"', factor, plausible.MAX_FACTOR, "")
     if link.inertia is not None:
         check_inertia(what, link.inertia)
         for axis, may, value in zip("xyz", link.axes_of_com, link.inertia.com, strict=True):
-            if not may and abs(value) > OFF_AXIS:
+            if not may and abs(value) > _OFF_AXIS_M:
                 raise InputError(
                     f"{what}: centre of mass has {axis} = {value:g} m, and its axes are declared to be "
                     f"{', '.join(a for a, m in zip('xyz', link.axes_of_com, strict=True) if m) or 'none'}"

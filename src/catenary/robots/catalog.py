@@ -12,7 +12,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.robots.model import Massless, RobotModel
 
 # by ending, or XML's root; each is imported when its file comes: a table needs neither an XML nor a MuJoCo reader
-READERS = {
+_READERS = {
     ".toml": ("dh_table", "load_table"), ".npz": ("model_record", "load_identified"),
     ".json": ("dvrk_files", "load_dvrk"),
     "<robot>": ("urdf", "load_urdf"), "<mujoco>": ("mjcf", "load_mjcf"),
@@ -89,16 +89,16 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
             return as_described(load_dvrk(description, instrument=instrument, massless=chosen), path, described)
     if kind in (".urdf", ".xml", ".mjcf"):
         kind = f"<{xml_root_tag(read_bounded(path, MOST_XML), str(path))}>"
-        if kind not in READERS:
+        if kind not in _READERS:
             raise FileFormatError(f"{path}: root element {cut(kind)}: expected <robot> (URDF) or <mujoco> (MJCF)")
     if kind == ".xacro":
         from catenary.robots.urdf import XACRO_HINT
 
         raise FileFormatError(f"{path}: {XACRO_HINT}")
-    if kind not in READERS:
+    if kind not in _READERS:
         endings = ".toml, .urdf, .xml, .mjcf, .json or .npz"
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected {endings}')
-    module, function = READERS[kind]
+    module, function = _READERS[kind]
     return getattr(import_module(f"catenary.robots.{module}"), function)(path, massless=massless)
 
 

@@ -21,7 +21,7 @@ from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import BASE, Frame, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_vector
 
-ROOT = ""  # no link's name
+_ROOT = ""  # no link's name
 
 
 def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
@@ -139,11 +139,11 @@ def _folded(model: RobotModel, moving: list[int], offset: Floats) -> Folded:
             slid = kind == "prismatic"
             pose = pose @ (Pose(np.eye(3), along) if slid else Pose(rotation_from_vector(along), np.zeros(3)))
             kind = "fixed"
-        parent = ROOT if tree.parent[i] < 0 else model.link_names[tree.parent[i]]
+        parent = _ROOT if tree.parent[i] < 0 else model.link_names[tree.parent[i]]
         body = LinkInertia(float(tree.mass[i]), tree.com[i], tree.inertia[i]) if tree.mass[i] > 0.0 else None
         x, y, z = model.axes_of_com[i].tolist()
         links.append(Link(name, parent, cast(JointKind, kind), pose, tree.axis[i], inertia=body, axes_of_com=(x, y, z)))
-    return fold(links, ROOT)
+    return fold(links, _ROOT)
 
 
 def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: Floats) -> Actuation:
@@ -177,8 +177,8 @@ def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: 
     return replace(cut, values=values, effort_scale=None if scale is None else scale[free])
 
 
-DESCRIPTIONS = (".urdf", ".xml", ".mjcf")  # that have shapes, too
-DVRK = ".json"
+_DESCRIPTION_ENDINGS = (".urdf", ".xml", ".mjcf")  # that have shapes, too
+_DVRK_ENDING = ".json"
 
 
 class DescribedRobot(Settings):
@@ -209,7 +209,7 @@ def described_table(path: Path) -> DescribedRobot | None:
 def description_of(path: Path, named: str) -> Path:
     """Return the file that a table names as its description, or as the instrument's."""
     place = path.parent / named
-    kinds = (*DESCRIPTIONS, DVRK)
+    kinds = (*_DESCRIPTION_ENDINGS, _DVRK_ENDING)
     if place.suffix.lower() not in kinds or not place.is_file():
         raise ConfigError(f'{path}: description "{named}": expected a {", ".join(kinds)} file beside it')
     return place

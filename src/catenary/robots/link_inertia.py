@@ -7,12 +7,12 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.robots.plausible import MOST_INERTIA, MOST_MASS, check_length, check_within
+from catenary.robots.plausible import MAX_INERTIA, MAX_MASS_KG, check_length, check_within
 from catenary.spatial import Pose
 
-ROUNDING = 1e-6  # of the largest entry of an inertia; files print six digits or more
-SMALLEST = 1e-5  # [m] radius of gyration that no part of a robot is below
-LIGHTEST = 1e-3  # [kg] of links whose inertia is worth an objection
+_ROUNDING_RATIO = 1e-6  # of the largest entry of an inertia; files print six digits or more
+MIN_GYRATION_M = 1e-5  # [m] radius of gyration that no part of a robot is below
+MIN_DOUBTED_KG = 1e-3  # [kg] of links whose inertia is worth an objection
 
 
 @dataclass(frozen=True)
@@ -48,20 +48,20 @@ def symmetric(six: Sequence[float] | Floats) -> Floats:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-NOTHING = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
+NO_INERTIA = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def check_inertia(what: str, body: LinkInertia) -> None:
     """Refuse numbers that are none of a body's: not finite, negative or huge mass, an inertia that is not symmetric."""
     if not np.isfinite(body.mass) or body.mass < 0.0:
         raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
-    check_within(f"{what}: mass", body.mass, MOST_MASS, "kg")
+    check_within(f"{what}: mass", body.mass, MAX_MASS_KG, "kg")
     check_length(f"{what}: centre of mass", body.com)
     if body.inertia is None:
         return
     tensor = as_array(f"{what}: inertia", body.inertia, (3, 3))
-    check_within(f"{what}: inertia", tensor, MOST_INERTIA, "kg m2")
-    if np.abs(tensor - tensor.T).max() > ROUNDING * float(np.abs(tensor).max()):
+    check_within(f"{what}: inertia", tensor, MAX_INERTIA, "kg m2")
+    if np.abs(tensor - tensor.T).max() > _ROUNDING_RATIO * float(np.abs(tensor).max()):
         raise InputError(f"{what}: inertia must be symmetric, got {tensor.tolist()}")
 
 
@@ -83,4 +83,4 @@ def is_negative(mass: float, inertia: Floats) -> bool:
 
 def _rounding(mass: float, inertia: Floats) -> float:
     """Return what files may leave of a moment that is zero [kg m2]."""
-    return max(ROUNDING * float(np.abs(inertia).max()), mass * SMALLEST**2)
+    return max(_ROUNDING_RATIO * float(np.abs(inertia).max()), mass * MIN_GYRATION_M**2)

@@ -24,7 +24,7 @@ from catenary.robots.assembly import (
 )
 from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import Massless, RobotModel
-from catenary.robots.plausible import MOST_LINKS
+from catenary.robots.plausible import MAX_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 from catenary.visible import visible
 
@@ -332,9 +332,9 @@ def _notes(c: CompiledMjcf, joints: Mapping[int, str]) -> list[str]:
 
 
 # what a file asks for is counted before MuJoCo is given it: a line of it can ask for gigabytes
-MOST_FILES = 100  # that a file includes
-MOST_ASKED = {"bodies": MOST_LINKS, "points of images and height fields": 2**24, "reserved numbers": 10_000}
-IMAGES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
+_MAX_FILES = 100  # that a file includes
+_MAX_COUNTS = {"bodies": MAX_LINKS, "points of images and height fields": 2**24, "reserved numbers": 10_000}
+_IMAGE_SIZES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
 
 
 def _mjcf_tree(content: bytes, where: str) -> Element:
@@ -356,8 +356,8 @@ def _included_files(path: Path, content: bytes) -> dict[str, bytes]:
             if not place.resolve().is_relative_to(folder):
                 raise FileFormatError(f"{where}: <include file={shortened(name)}>: is outside {path.parent}")
             found[name] = read_bounded(place, MOST_XML)
-            if len(found) > MOST_FILES or sum(map(len, found.values())) > MOST_XML:
-                raise FileFormatError(f"{path}: includes more than {MOST_FILES} files, or more than {MOST_XML} bytes")
+            if len(found) > _MAX_FILES or sum(map(len, found.values())) > MOST_XML:
+                raise FileFormatError(f"{path}: includes more than {_MAX_FILES} files, or more than {MOST_XML} bytes")
             waiting.append((str(place), found[name]))
     return found
 
@@ -365,19 +365,19 @@ def _included_files(path: Path, content: bytes) -> dict[str, bytes]:
 def _refuse_too_much(path: Path, content: bytes, included: Mapping[str, bytes]) -> None:
     """Refuse a file that asks for more bodies, points of images or reserved numbers than a robot has."""
     trees = {name: _mjcf_tree(text, str(path.parent / name)) for name, text in included.items()}
-    bodies, points, reserved = MOST_ASKED
-    asked = dict.fromkeys(MOST_ASKED, 0.0)
+    bodies, points, reserved = _MAX_COUNTS
+    asked = dict.fromkeys(_MAX_COUNTS, 0.0)
     for element, times in _elements(_mjcf_tree(content, str(path)), trees):
         if element.tag == "body":
             asked[bodies] += times
         elif element.tag in ("composite", "flexcomp"):
             asked[bodies] += times * _product(element.get("count", "").split())
-        elif element.tag in IMAGES:
-            asked[points] += _product([element.get(key, "1") for key in IMAGES[element.tag]])
+        elif element.tag in _IMAGE_SIZES:
+            asked[points] += _product([element.get(key, "1") for key in _IMAGE_SIZES[element.tag]])
         elif element.tag == "size":
             numbers = [n for key, n in element.items() if key.startswith(("nuser_", "nkey"))]
             asked[reserved] += sum(_product([number]) for number in numbers)
-        for what, most in MOST_ASKED.items():
+        for what, most in _MAX_COUNTS.items():
             if asked[what] > most:
                 raise FileFormatError(f"{path}: asks for {asked[what]:g} {what}, expected at most {most}")
 

@@ -13,7 +13,7 @@ from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.actuation import Actuation
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric, unphysical
-from catenary.robots.plausible import FAR, HEAVY
+from catenary.robots.plausible import FAR, HEAVY_RATIO
 from catenary.spatial import Pose
 
 Massless = Sequence[str] | Literal["all"]  # links declared to have no mass; all that a description gives none
@@ -204,7 +204,7 @@ class RobotModel:
             raise InputError(f"{where}: {fault}")
         if load == 0.0:
             return self
-        if load > HEAVY * (own := float(self.tree.mass.sum())) > 0.0:
+        if load > HEAVY_RATIO * (own := float(self.tree.mass.sum())) > 0.0:
             _log.warning("%s: payload of %g kg on an arm of %.3g kg; payloads are in kg", where, load, own)
         if np.linalg.norm(place) > FAR:
             _log.warning("%s: it lies %.4g m from the joint; positions are in m", where, np.linalg.norm(place))

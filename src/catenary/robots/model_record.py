@@ -13,18 +13,18 @@ from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.actuation import check_actuation
 from catenary.robots.model import Massless, RobotModel, Tree
-from catenary.robots.plausible import MOST_LINKS
+from catenary.robots.plausible import MAX_LINKS
 
 FORMAT = "catenary.identification.3"
 REMEDY = "`catenary identify` makes it again"
 IDENTIFIED = "identified"  # array of the archive that holds the robot, as JSON
 # of what was declared or carried, an identified robot knows nothing
-UNSAVED = ("axes_of_com", "without_payload")
+_UNSAVED_FIELDS = ("axes_of_com", "without_payload")
 
 
 def robot_record(model: RobotModel) -> dict[str, Any]:
     """Return a robot as plain data for JSON; infinite limits are null."""
-    record = {key: value for key, value in plain_data(model).items() if key not in UNSAVED}
+    record = {key: value for key, value in plain_data(model).items() if key not in _UNSAVED_FIELDS}
     return record | {"tree": dict(zip(Tree._fields, record["tree"], strict=True))}
 
 
@@ -66,8 +66,8 @@ def load_identified(path: Path, *, massless: Massless = ()) -> RobotModel:
 def _check(model: RobotModel) -> None:
     """Refuse arrays that do not fit together: compiled code trusts their sizes and the tree's indices."""
     tree, links, n = model.tree, len(model.link_names), model.n
-    if not 0 < links <= MOST_LINKS or not n:
-        raise InputError(f"{links} links and {n} joints, expected at least one of each, and {MOST_LINKS} at most")
+    if not 0 < links <= MAX_LINKS or not n:
+        raise InputError(f"{links} links and {n} joints, expected at least one of each, and {MAX_LINKS} at most")
     counts = dict.fromkeys((*Tree._fields, "coupling", "offset"), links)
     counts |= dict.fromkeys(("joint_units", "lower", "upper", "velocity_limit", "effort_limit"), n)
     for key, count in counts.items():

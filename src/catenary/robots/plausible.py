@@ -10,24 +10,25 @@ from catenary.arrays import as_array
 from catenary.documents import cut, shortened
 from catenary.errors import InputError
 
-MOST_LINKS = 1_000
-MOST_MASS = 1e6  # [kg] of a link; a loaded harbour crane has as much
+MAX_LINKS = 1_000
+MAX_MASS_KG = 1e6  # [kg] of a link; a loaded harbour crane has as much
 FARTHEST = 1e3  # [m] of any length, and [rad] of any constant angle
-MOST_INERTIA = MOST_MASS * FARTHEST**2  # [kg m2]
+MAX_INERTIA = MAX_MASS_KG * FARTHEST**2  # [kg m2]
 FAR = 10.0  # [m] from a joint to the next or to a centre of mass: no arm is so long, numbers in mm are
-MOST_FACTOR = 1e6  # of a coordinate in a joint's: gear ratios in both directions
-HEAVY = 10.0  # times an arm's own mass
-EARTH = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
-LONGEST_NAME = 500
+MAX_FACTOR = 1e6  # of a coordinate in a joint's: gear ratios in both directions
+HEAVY_RATIO = 10.0  # times an arm's own mass
+EARTH_GRAVITY = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
+_MAX_NAME_LENGTH = 500
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
 
 def check_names(what: str, names: Iterable[str]) -> None:
     """Refuse names of something, such as `robot "a": link`, that are empty, too long, or hold control characters."""
     for name in names:
-        if not 0 < len(name) <= LONGEST_NAME or _CONTROL.search(name):
+        if not 0 < len(name) <= _MAX_NAME_LENGTH or _CONTROL.search(name):
             raise InputError(
-                f"{what} {shortened(name)}: expected a name of 1 to {LONGEST_NAME} characters, none a control character"
+                f"{what} {shortened(name)}: expected a name of 1 to {_MAX_NAME_LENGTH} characters, none a "
+                "control character"
             )
 
 
@@ -54,10 +55,10 @@ def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
     vector = as_array("gravity", gravity, (3,))
     length, shown = float(np.linalg.norm(vector)), ", ".join(f"{v:.4g}" for v in vector)
     doubts = []
-    if not EARTH[0] <= length <= EARTH[1]:
+    if not EARTH_GRAVITY[0] <= length <= EARTH_GRAVITY[1]:
         doubts.append(
-            f"gravity ({shown}) has a magnitude of {length:.4g} m/s2, on Earth it is {EARTH[0]} to {EARTH[1]}: right "
-            "for another planet or a base that accelerates only"
+            f"gravity ({shown}) has a magnitude of {length:.4g} m/s2, on Earth it is {EARTH_GRAVITY[0]} to "
+            f"{EARTH_GRAVITY[1]}: right for another planet or a base that accelerates only"
         )
     if vector[2] > 0.0 and not hanging:
         doubts.append(

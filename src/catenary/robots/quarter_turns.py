@@ -11,8 +11,8 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.robots.model import RobotModel, Tree
 
-WITHIN = 1e-6  # [rad] that a quarter turn may be off
-ROUNDING = 1e-12  # [rad] that is no digit of a file
+_WITHIN_RAD = 1e-6  # [rad] that a quarter turn may be off
+_ROUNDING_RAD = 1e-12  # [rad] that is no digit of a file
 
 
 def with_quarter_turns(model: RobotModel) -> RobotModel:
@@ -22,15 +22,15 @@ def with_quarter_turns(model: RobotModel) -> RobotModel:
     one of their frame, and constants of turning joints. A robot that has none but exact ones is returned itself.
     """
     off = _turns_off(model.tree, model.offset)
-    if not ((off > ROUNDING) & (off <= WITHIN)).any():
+    if not ((off > _ROUNDING_RAD) & (off <= _WITHIN_RAD)).any():
         return model
     tree = model.tree
     near = np.round(tree.rotation) + 0.0
-    turns = (_off_axis(tree.rotation.swapaxes(1, 2)).min(axis=1) <= WITHIN)[:, None, None]
-    rotation = np.where(turns & (np.abs(tree.rotation - near) <= WITHIN), near, tree.rotation)
-    axis = np.where(_off_axis(tree.axis)[:, None] > WITHIN, tree.axis, np.round(tree.axis) + 0.0)
+    turns = (_off_axis(tree.rotation.swapaxes(1, 2)).min(axis=1) <= _WITHIN_RAD)[:, None, None]
+    rotation = np.where(turns & (np.abs(tree.rotation - near) <= _WITHIN_RAD), near, tree.rotation)
+    axis = np.where(_off_axis(tree.axis)[:, None] > _WITHIN_RAD, tree.axis, np.round(tree.axis) + 0.0)
     quarters = _quarters(model.offset)
-    is_quarter = ~tree.prismatic & (np.abs(model.offset - quarters) <= WITHIN)
+    is_quarter = ~tree.prismatic & (np.abs(model.offset - quarters) <= _WITHIN_RAD)
     offset = np.where(is_quarter, quarters, model.offset)
     return replace(model, tree=tree._replace(rotation=rotation, axis=axis), offset=offset)
 
@@ -38,7 +38,7 @@ def with_quarter_turns(model: RobotModel) -> RobotModel:
 def quarter_turn_notes(names: tuple[str, ...], tree: Tree, offset: Floats) -> list[str]:
     """Return in words which links' turns are taken for quarter turns in formulas."""
     off = _turns_off(tree, offset)
-    those = (off > ROUNDING) & (off <= WITHIN)
+    those = (off > _ROUNDING_RAD) & (off <= _WITHIN_RAD)
     links = [name for name, mine in zip(names, those, strict=True) if mine.any()]
     told = f"quarter turns, to within {off[those].max(initial=0.0):.1e} rad, are exact in formulas"
     return [f"{told} ({', '.join(links)})"] if links else []

@@ -26,10 +26,10 @@ from catenary.robots.urdf import named_elements, number_of, numbers_of, origin_o
 from catenary.spatial import Pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]
-DESCRIPTIONS = (".urdf", ".xml", ".mjcf")  # endings of files that may state shapes, beside tables
-URDF_FORMS = ("box", "cylinder", "sphere", "capsule", "mesh")
-DENSITY = 1000.0  # [kg/m3] of water
-NO_LENGTH = 1e-6  # [m] a segment of less is a point
+_DESCRIPTION_ENDINGS = (".urdf", ".xml", ".mjcf")  # endings of files that may state shapes, beside tables
+_URDF_FORMS = ("box", "cylinder", "sphere", "capsule", "mesh")
+_DENSITY_KG_M3 = 1000.0  # [kg/m3] of water
+_NO_LENGTH_M = 1e-6  # [m] a segment of less is a point
 Segment = tuple[Floats, Floats]
 
 
@@ -71,7 +71,7 @@ def described_geometry(
         if (described := described_table(path)) is None:
             return table_shapes(path, model)
         path = description_of(path, described.description)
-    if path.suffix.lower() not in DESCRIPTIONS:
+    if path.suffix.lower() not in _DESCRIPTION_ENDINGS:
         return None
     content = read_bounded(path, MOST_XML)
     if xml_root_tag(content, str(path)) == "robot":
@@ -104,7 +104,7 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> geom
         shapes += [geometry.Shape(name, link, *geometry.capsule_between(*segment, thick)) for segment in segments]
     for child in np.flatnonzero(model.tree.parent < 0):
         end = model.tree.origin[child]
-        if np.linalg.norm(end) > NO_LENGTH:
+        if np.linalg.norm(end) > _NO_LENGTH_M:
             shapes.append(geometry.Shape(model.base, -1, *geometry.capsule_between(np.zeros(3), end, radii[0])))
     thickness = f"{1000 * min(radii):.0f} to {1000 * max(radii):.0f} mm"
     by = "as given" if radius is not None else "as thick as their masses are in water"
@@ -119,7 +119,7 @@ def _segments(model: RobotModel, link: int) -> list[Segment]:
     if not ends:
         ends = [frame.pose.position for frame in model.frames.values() if frame.link == link]
         ends = sorted(ends, key=lambda end: float(np.linalg.norm(end)))[-1:]
-    far = [end for end in ends if np.linalg.norm(end) > NO_LENGTH]
+    far = [end for end in ends if np.linalg.norm(end) > _NO_LENGTH_M]
     return [(np.zeros(3), end) for end in far] or [(np.zeros(3), np.zeros(3))]
 
 
@@ -129,13 +129,13 @@ def _through_com(segments: list[Segment], com: Floats, radius: float) -> list[Se
     nearest = min(segments, key=lambda segment: geometry.distance_to_segment(com, *segment))
     others = [segment for segment in segments if segment is not nearest]
     halves = [(nearest[0], com), (com, nearest[1])]
-    return [*others, *(half for half in halves if np.linalg.norm(half[1] - half[0]) > NO_LENGTH)]
+    return [*others, *(half for half in halves if np.linalg.norm(half[1] - half[0]) > _NO_LENGTH_M)]
 
 
 def _thickness(mass: float, segments: list[Segment]) -> float:
     """Return the radius r at which capsules hold a mass: m / density = pi r^2 length + 4/3 pi r^3."""
     length = sum(float(np.linalg.norm(end - start)) for start, end in segments)
-    roots = np.roots([4.0 / 3.0 * np.pi, np.pi * length, 0.0, -mass / DENSITY])
+    roots = np.roots([4.0 / 3.0 * np.pi, np.pi * length, 0.0, -mass / _DENSITY_KG_M3])
     return float(roots[np.isclose(roots.imag, 0.0) & (roots.real > 0.0)].real[0])
 
 
@@ -191,10 +191,10 @@ def urdf_shapes(
 def _urdf_form(what: str, element: Element, path: Path | None, packages: Sequence[Path]) -> geometry.Form:
     stated = element.find("geometry")
     assert stated is not None
-    found = [each for each in stated if each.tag in URDF_FORMS]
+    found = [each for each in stated if each.tag in _URDF_FORMS]
     if len(found) != 1:
         got = ", ".join(f"<{cut(each.tag)}>" for each in stated) or "nothing"
-        raise FileFormatError(f"{what}: <geometry> holds {got}: expected one of {', '.join(URDF_FORMS)}")
+        raise FileFormatError(f"{what}: <geometry> holds {got}: expected one of {', '.join(_URDF_FORMS)}")
     form = found[0]
     what = f"{what}: <{form.tag}>"
     if form.tag == "box":

@@ -15,7 +15,7 @@ from catenary.robots.actuation import JointDrives, joint_drives
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
-UNLIMITED = 1e3  # URDF's <limit> has no infinity [m, rad/s, m/s, Nm, N]
+_UNLIMITED = 1e3  # URDF's <limit> has no infinity [m, rad/s, m/s, Nm, N]
 
 
 def write_urdf(model: RobotModel, path: Path) -> None:
@@ -145,4 +145,4 @@ def _text(vector: Floats) -> str:
 
 
 def _finite(value: float) -> str:
-    return repr(float(np.clip(value, -UNLIMITED, UNLIMITED)))
+    return repr(float(np.clip(value, -_UNLIMITED, _UNLIMITED)))

@@ -80,9 +80,11 @@ def c_header(
         elif not model.missing_inertia:
             loads = known_loads(model) if loads is None else loads
             told |= _motion(model, told["at"], loads)
-            remembers = [term.name for term in (() if loads is None else loads.terms) if term.kind == "presliding"]
-            if remembers:  # a function of one instant does not know what was before
-                told_of = f"presliding friction of {', '.join(remembers)}"
+            remembers = [
+                t for t in (() if loads is None else loads.terms) if t.friction is not None and t.friction.memory
+            ]
+            for kind in sorted({term.kind for term in remembers}):  # one instant does not know what was before
+                told_of = f"{kind} friction of {', '.join(term.name for term in remembers if term.kind == kind)}"
                 notes.append(f"{told_of} is written as in steady sliding, where it is Coulomb friction")
             functions += ["mass_matrix", "holding", "inverse_dynamics"]
             functions += [*(["friction", "drives"] if loads is not None else []), "feedforward"]
