@@ -12,6 +12,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.neural import BEST, PAPER
+from catenary.calibration.recordings import Recordings
 from catenary.plant import MotionLog
 from catenary.transmission.cable_friction import coupled_friction
 
@@ -61,13 +62,13 @@ def coupled_arm(seed: int = 0, rows: int = 1500, level: float = 1.0) -> MotionLo
 
 def data_of(*logs: MotionLog, **options: Any) -> CalibrationData:
     """Usable rows of recordings with the features that the options ask for."""
-    return calibration_data(logs, choose_inputs(logs, FitOptions(**options)).features)
+    return calibration_data(logs, choose_inputs(Recordings.of(logs), FitOptions(**options)).features)
 
 
 def fitted(*logs: MotionLog, **options: Any) -> CalibrationModel:
     """Model fitted to all usable rows of recordings, a linear one where no kind is given."""
     asked = FitOptions(**{"kind": "linear"} | options)
-    inputs = choose_inputs(logs, asked)
+    inputs = choose_inputs(Recordings.of(logs), asked)
     return fit(calibration_data(logs, inputs.features), inputs, asked)
 
 
@@ -76,6 +77,6 @@ def short_training() -> Iterator[None]:
     paper = replace(PAPER, hidden=(20, 20), l2=1e-5, learning_rate=1e-2, epochs=60)
     best = replace(BEST, hidden=(20, 20), l2=(1e-4, 1e-3), epochs=15)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("catenary.calibration.fit_rows.PAPER", paper)
-        patch.setattr("catenary.calibration.fit_rows.BEST", best)
+        patch.setattr("catenary.calibration.neural.PAPER", paper)
+        patch.setattr("catenary.calibration.neural.BEST", best)
         yield

@@ -13,11 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.calibration.dataset import calibration_data, error_limits
+from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit_options import FOLDS, FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
-from catenary.calibration.kind_choice import SIMPLEST_FIRST, block_squares
+from catenary.calibration.kind_choice import block_squares
+from catenary.calibration.model_kinds import TRIED
+from catenary.calibration.recordings import error_limits
 from papers.beyond.intervals import DVRK_UNITS, LATER, RECORDINGS, TRAININGS
 from papers.calibration.dvrk import HELD_OUT, limit_of, log_of
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Result, Scope, run
@@ -34,9 +36,9 @@ def dvrk_advice(recording: str, others: Sequence[str], data: Path) -> Result:
     def fitted(kind: str) -> FitResult:
         held_out = None if others else HELD_OUT
         settings = FitRun(held_out=held_out, max_error=limit_of(recording), folds=FOLDS if kind == AUTO else 0)
-        return fit_logs([log_of(recording, data)], FitOptions(kind=kind), settings)  # type: ignore[arg-type]
+        return fit_logs([log_of(recording, data)], FitOptions(kind=kind), settings)
 
-    fits = {kind: fitted(kind) for kind in (*SIMPLEST_FIRST, AUTO)}
+    fits = {kind: fitted(kind) for kind in (*TRIED, AUTO)}
     tests: dict[str, Plain] = {}
     excess: dict[str, Plain] = {}
     for name in others or (LATER,):
@@ -60,10 +62,10 @@ def excess_errors(found: Mapping[str, Evaluation]) -> np.ndarray:
     Standard errors are of the difference of mean squares over blocks of the test's time.
     """
     squares = {kind: block_squares(each.after_model, each.data.recording) for kind, each in found.items()}
-    rmse = np.array([[joint.rmse for joint in found[kind].joints] for kind in SIMPLEST_FIRST])
+    rmse = np.array([[joint.rmse for joint in found[kind].joints] for kind in TRIED])
     excesses = []
     for j, best in enumerate(rmse.argmin(axis=0)):
-        over = squares[AUTO][:, j] - squares[SIMPLEST_FIRST[best]][:, j]
+        over = squares[AUTO][:, j] - squares[TRIED[best]][:, j]
         error = over.std(ddof=1) / np.sqrt(len(over))
         excesses.append(over.mean() / error if error > 0.0 else 0.0)
     return np.array(excesses)
@@ -81,7 +83,7 @@ def cases(scope: Scope) -> list[Case]:
 
 def ratios(errors: Mapping[str, Sequence[float]]) -> np.ndarray:
     """Return the error of `auto` over that of the best single kind, joint by joint, (n,)."""
-    best = np.min([errors[kind] for kind in SIMPLEST_FIRST], axis=0)
+    best = np.min([errors[kind] for kind in TRIED], axis=0)
     return np.asarray(np.array(errors[AUTO]) / best)
 
 
@@ -91,7 +93,7 @@ def report(o: Outcomes) -> Report:
     blocks = [
         [told["recording"], kind, *(_of_blocks(choice, kind) for choice in result["choice"])]
         for told, result in found
-        for kind in SIMPLEST_FIRST
+        for kind in TRIED
         if not told["others"]
     ]
     tests = [
@@ -133,7 +135,7 @@ def _of_blocks(choice: Plain, kind: str) -> str:
 def _cells(errors: Mapping[str, Sequence[float]], chosen: Sequence[str]) -> list[str]:
     found = []
     for j, (ratio, kind) in enumerate(zip(ratios(errors), chosen, strict=True)):
-        best = min(SIMPLEST_FIRST, key=lambda name: errors[name][j])
+        best = min(TRIED, key=lambda name: errors[name][j])
         worse = "" if ratio < 1.0005 else f" (+{100.0 * (ratio - 1.0):.1f} % than {best})"
         found.append(f"{errors[AUTO][j]:.3g} {kind}{worse}")
     return found

@@ -23,6 +23,7 @@ from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import refresh_model
+from catenary.calibration.recordings import Recordings
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond.registration import ELBOW_FIRST
 from papers.beyond.rehoming import home_from
@@ -83,7 +84,7 @@ def recorded_day(train: str, test: str, data: Path) -> Result:
     options = FitOptions(kind="linear", play=PLAY_SHARES)
     models, rows = [], []
     for log in (first, second):
-        inputs = choose_inputs([log], options)
+        inputs = choose_inputs(Recordings.of([log]), options)
         limits = None if RECORDINGS.get(log.name) is None else _limits(log.name)
         models.append(fit(calibration_data([log], inputs.features, max_error=limits), inputs, options))
         rows.append(limits)

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.dataset import calibration_data, error_limits
+from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
+from catenary.calibration.recordings import error_limits
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.dvrk import HELD_OUT, limit_of, log_of
 from papers.calibration.recordings import TEST_SECONDS, draws, homed, random_log

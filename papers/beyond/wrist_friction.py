@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from catenary import MotionLog
-from catenary.calibration.dataset import calibration_data, error_limits
+from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate, rms
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model_refresh import refresh_model
+from catenary.calibration.recordings import Recordings, error_limits
 from catenary.recording.logs import read_log
 from papers.calibration.dvrk import JOINTS, RECORDINGS, SAMPLED_LIMIT, UNITS, log_of
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
@@ -99,7 +100,7 @@ def loaded(folder: str, signal: str, data: Path) -> Result:
     On rows on which midlines are known, and on `all`, of which a run's first have the fixed offset.
     """
     logs, options = _runs(folder, data), FitOptions(kind="hysteretic", inputs=LOADED[signal])
-    inputs = choose_inputs(logs, options)
+    inputs = choose_inputs(Recordings.of(logs), options)
     rows = calibration_data(logs, inputs.features)
     known, whole = (
         cross_validate(part, lambda train, _: fit(train, inputs, options), folds=4)

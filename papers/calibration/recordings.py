@@ -18,7 +18,8 @@ from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.calibration.neural import NetworkSettings, fit_neural
 from catenary.calibration.predictors import Network
-from catenary.calibration.spike_filter import ANY
+from catenary.calibration.recordings import Recordings
+from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import Direction
@@ -81,7 +82,7 @@ def random_log(
 
 def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:
     """Fit a model to recordings."""
-    inputs = choose_inputs(logs, options)
+    inputs = choose_inputs(Recordings.of(logs), options)
     return fit(calibration_data(logs, inputs.features), inputs, options)
 
 
@@ -111,7 +112,7 @@ def unguarded(model: CalibrationModel) -> CalibrationModel:
     """
     nothing = np.zeros(0, dtype=np.int64)
     groups = tuple(replace(group, valid_range=EVERYWHERE, watched=nothing) for group in model.groups)
-    return replace(model, groups=groups, largest=np.full(len(model.joint_names), ANY), limits=None)
+    return replace(model, groups=groups, largest=np.full(len(model.joint_names), ANY_SIZE), limits=None)
 
 
 def rows_of(model: CalibrationModel, log: MotionLog) -> CalibrationData:

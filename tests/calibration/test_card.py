@@ -1,11 +1,12 @@
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import catenary
+from catenary.calibration import neural
 from catenary.calibration.card import model_card
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
@@ -13,6 +14,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import Card
+from catenary.calibration.recordings import Recordings
 from recordings import fitted, recording, short_training
 
 quick = pytest.fixture(scope="module", autouse=True)(short_training)
@@ -21,7 +23,7 @@ quick = pytest.fixture(scope="module", autouse=True)(short_training)
 def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options: Any) -> Card:
     log = recording(np.random.default_rng(0), rows=60, sha256="ab" * 32) if log is None else log
     asked = FitOptions(**{"kind": "linear"} | options)
-    inputs = choose_inputs([log], asked)
+    inputs = choose_inputs(Recordings.of([log]), asked)
     early, late = calibration_data([log], inputs.features).split_by_time(0.2)
     model = fit(early, inputs, asked)
     spread = cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds).spread if folds else ()
@@ -60,8 +62,7 @@ def test_card_says_what_was_not_estimated_and_describes_the_network() -> None:
     assert [joint["percent_of_offset"] for joint in card_of(log)["errors"]["held_out"]] == [None] * 3
     card = card_of(kind="neural", preset="paper", folds=0, held_out=False)
     assert (card["errors"]["cross_validation"], card["errors"]["held_out"]) == (None, None)
-    network = card["settings"]["network"]
-    assert (network["hidden"], network["activation"], network["epochs"]) == ((100, 100), "logistic", 200)
+    assert card["settings"]["network"] == asdict(neural.PAPER)
 
 
 def test_card_names_robot_joints_inputs_and_data() -> None:

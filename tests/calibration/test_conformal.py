@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from catenary.calibration.conformal import (
-    FEWEST_ROWS,
+    _MIN_BLOCK_ROWS,
     block_quantile,
     coverage_verdict,
     estimate_intervals,
@@ -63,8 +63,8 @@ def test_nine_blocks_are_too_few_and_a_level_takes_its_blocks() -> None:
     assert block_quantile(np.ones(90), np.arange(90) // 10, 0.5) == math.inf
     assert block_quantile(np.ones(100), np.arange(100) // 10, 0.9) == 1.0
     assert block_quantile(np.ones(180), np.arange(180) // 10, 0.95) == math.inf
-    assert fewest_rows(0.9) == 10 * FEWEST_ROWS
-    assert fewest_rows(0.95) == 19 * FEWEST_ROWS
+    assert fewest_rows(0.9) == 10 * _MIN_BLOCK_ROWS
+    assert fewest_rows(0.95) == 19 * _MIN_BLOCK_ROWS
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=5), st.sampled_from([0.5, 0.8, 0.9, 0.99]))
@@ -117,7 +117,7 @@ def shares_held(blocks: int, rows: int, share: float) -> np.ndarray:
     [(50, 0.95, "held"), (50, 0.85, "held"), (50, 0.7, "too narrow"), (10, 0.8, "below, which may be chance")],
 )
 def test_coverage_is_judged_by_blocks(blocks: int, share: float, verdict: str) -> None:
-    rows = ROWS if blocks == BLOCKS else FEWEST_ROWS
+    rows = ROWS if blocks == BLOCKS else _MIN_BLOCK_ROWS
     held = shares_held(blocks, rows, share if rows == ROWS else 0.75)
     assert coverage_verdict(held, np.zeros(len(held), dtype=np.int64), 0.9) == verdict
 

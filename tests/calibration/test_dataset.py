@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, sampling_rate
+from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.recordings import Recordings, sampling_rate
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from recordings import recording
@@ -132,7 +133,7 @@ def test_rate_is_that_of_most_steps() -> None:
 
 def test_every_third_row_is_what_all_rows_say_there(rng) -> None:
     log = recording(rng, rows=300)
-    features = choose_inputs([log], FitOptions(kind="linear", play=(0.1,))).features
+    features = choose_inputs(Recordings.of([log]), FitOptions(kind="linear", play=(0.1,))).features
     limits = np.quantile(np.abs(log.q_encoder - log.q_nominal), 0.9, axis=0)
     everything = calibration_data([log], features, max_error=limits)
     third = calibration_data([log], features, max_error=limits, every=3)

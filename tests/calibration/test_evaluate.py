@@ -11,6 +11,7 @@ from catenary.calibration.evaluate import Evaluation, cross_validate, evaluate, 
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.side_by_side import Progress
@@ -110,7 +111,7 @@ def offset_fit(
 ) -> Callable[[CalibrationData, Progress], CalibrationModel]:
     """Fit of a fixed offset; `seen` is told the rows."""
     options = FitOptions("offset")
-    inputs = choose_inputs([log], options)
+    inputs = choose_inputs(Recordings.of([log]), options)
 
     def fit_rows(rows: CalibrationData, progress: Progress) -> CalibrationModel:
         seen(rows)

@@ -14,6 +14,7 @@ from catenary.calibration.arithmetic import run
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from hysteretic_arm import play as pushed
 from recordings import STEP, recording
@@ -111,9 +112,9 @@ def test_pieces_of_a_recording_give_the_bits_of_the_whole(rng, monkeypatch, ever
     q[260, 0] += 3.0  # a spike, and a gap in time, between and across pieces
     time = np.arange(500) * STEP + np.where(np.arange(500) >= 330, 60.0, 0.0)
     log = replace(log, q_nominal=q, time=time)
-    features = choose_inputs([log], FitOptions(kind="hysteretic", coupled=())).features
+    features = choose_inputs(Recordings.of([log]), FitOptions(kind="hysteretic", coupled=())).features
     whole = features.rows(log)
-    monkeypatch.setattr(features_of_rows, "PIECE", 70)
+    monkeypatch.setattr(features_of_rows, "_PIECE_ROWS", 70)
     kept = np.arange(0, 500, every)
     parts = features.rows(log, kept if every > 1 else None)
     assert_array_equal(parts.X, whole.X[kept])

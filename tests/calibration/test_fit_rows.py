@@ -13,6 +13,7 @@ from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.predictors import fit_linear
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from recordings import data_of, fitted, recording
@@ -63,17 +64,17 @@ def test_best_takes_play_states_of_every_joint_that_moves_unless_there_are_torqu
     run, best = log(), FitOptions("neural", "best")
     q = run.q_nominal.copy()
     q[:, 1] = 0.3
-    play = choose_inputs([replace(run, q_nominal=q)], best).features.play
+    play = choose_inputs(Recordings.of([replace(run, q_nominal=q)]), best).features.play
     assert [signal for signal, _ in play] == ["q:J1"] * len(PLAY_SHARES) + ["q:J3"] * len(PLAY_SHARES)
     with_torques = log(tau=np.ones((300, 3)))
-    assert choose_inputs([with_torques], best).features.play == ()
-    assert len(choose_inputs([with_torques], replace(best, play=(0.1,))).features.play) == 3
+    assert choose_inputs(Recordings.of([with_torques]), best).features.play == ()
+    assert len(choose_inputs(Recordings.of([with_torques]), replace(best, play=(0.1,))).features.play) == 3
 
 
 def test_play_half_widths_are_shares_of_the_motion_of_all_recordings() -> None:
     logs = [log(0), log(1)]
     q = np.concatenate([run.q_nominal[:, 2] for run in logs])
-    play = dict(choose_inputs(logs, FitOptions(inputs=("q:J3",), play=(0.1,))).features.play)
+    play = dict(choose_inputs(Recordings.of(logs), FitOptions(inputs=("q:J3",), play=(0.1,))).features.play)
     assert play["q:J3"] == pytest.approx(0.1 * (q.max() - q.min()))
 
 
@@ -82,15 +83,15 @@ def test_play_half_widths_do_not_look_at_the_held_out_part() -> None:
     q = run.q_nominal.copy()
     q[240:] *= 9.0
     options = FitOptions(play=(0.1,))
-    assert choose_inputs([run], options, held_out=0.2) == choose_inputs(
-        [replace(run, q_nominal=q)], options, held_out=0.2
+    assert choose_inputs(Recordings.of([run]), options, held_out=0.2) == choose_inputs(
+        Recordings.of([replace(run, q_nominal=q)]), options, held_out=0.2
     )
 
 
 def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
     monkeypatch.setattr(
-        "catenary.calibration.fit_rows.fit_neural", lambda X, Y, *_, late, **__: seen.append(late) or fit_linear(X, Y)
+        "catenary.calibration.neural.fit_neural", lambda X, Y, *, late, **__: seen.append(late) or fit_linear(X, Y)
     )
     fitted(log(rows=100), log(1, rows=50), kind="neural", preset="best")
     assert_array_equal(seen[0], np.concatenate([np.arange(100) >= 80, np.arange(50) >= 40]))
@@ -101,7 +102,7 @@ def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: py
     [
         ({"kind": "cubic"}, 'model "cubic": expected one of auto, offset, linear, polynomial, hysteretic, neural'),
         ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": only neural has presets'),
-        ({"kind": "neural", "preset": "worst"}, "paper and best"),
+        ({"kind": "neural", "preset": "worst"}, "best and paper"),
         ({"target": "torque"}, 'target "torque": expected one of error, position'),
         ({"play": (1.5,)}, "play: expected shares"),
         ({"play": (0.0,)}, "play: expected shares"),
@@ -128,16 +129,20 @@ def test_options_that_contradict_each_other_are_refused(options: dict[str, Any],
 )
 def test_inputs_that_cannot_be_had_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        choose_inputs([log(tau=np.ones((300, 3)))], FitOptions(**options))
+        choose_inputs(Recordings.of([log(tau=np.ones((300, 3)))]), FitOptions(**options))
 
 
 def test_fit_without_rows_or_to_rows_of_other_features_is_refused() -> None:
     with pytest.raises(InputError, match="at least one recording"):
-        choose_inputs([], FitOptions())
+        choose_inputs(Recordings.of([]), FitOptions())
     with pytest.raises(InputError, match="data: 9 usable rows, expected at least 10"):
         fitted(log(rows=9))
     with pytest.raises(InputError, match="data: holds q:J1"):
-        fit(data_of(log(), play=(0.1,)), choose_inputs([log()], FitOptions("linear")), FitOptions("linear"))
+        fit(
+            data_of(log(), play=(0.1,)),
+            choose_inputs(Recordings.of([log()]), FitOptions("linear")),
+            FitOptions("linear"),
+        )
 
 
 def test_largest_correction_is_what_training_shows_without_failed_measurements() -> None:

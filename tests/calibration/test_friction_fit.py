@@ -11,6 +11,7 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_recordings import friction_notes
 from catenary.calibration.friction_fit import find_friction
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.transmission.cable_friction import coupled_friction
@@ -26,7 +27,7 @@ def log() -> MotionLog:
 
 @pytest.fixture(scope="module")
 def found(log):
-    return find_friction([log], OPTIONS)
+    return find_friction(Recordings.of([log]), OPTIONS)
 
 
 def test_the_coupled_pair_and_its_law_are_found(found) -> None:
@@ -57,12 +58,12 @@ def test_without_coupling_nothing_is_found() -> None:
     q_encoder = np.array(log.q_encoder)
     q_encoder[:, 2:] = log.q_nominal[:, 2:] + alone.lag(log.q_nominal[:, 2:])[:, 0]
     q_encoder[:, 2:] += 2e-3 * np.random.default_rng(0).normal(size=(len(log), 2))
-    assert find_friction([replace(log, q_encoder=q_encoder)], OPTIONS) is None
+    assert find_friction(Recordings.of([replace(log, q_encoder=q_encoder)]), OPTIONS) is None
 
 
 def test_days_differ_by_their_level_of_friction() -> None:
     days = [coupled_arm(seed, rows=900, level=level) for seed, level in enumerate((1.0, 0.6))]
-    found = find_friction(days, replace(OPTIONS, coupled=("J5", "J6")))
+    found = find_friction(Recordings.of(days), replace(OPTIONS, coupled=("J5", "J6")))
     assert found is not None
     levels = np.array(found.levels)
     assert_allclose(levels.sum(axis=0), 0.0, atol=1e-12)  # over their mean
@@ -78,12 +79,14 @@ def test_days_differ_by_their_level_of_friction() -> None:
 )
 def test_joints_that_cannot_be_coupled_are_refused(log, coupled, message) -> None:
     with pytest.raises(InputError, match=message):
-        find_friction([log], replace(OPTIONS, coupled=coupled))
+        find_friction(Recordings.of([log]), replace(OPTIONS, coupled=coupled))
 
 
 def test_what_is_held_out_does_not_matter(log) -> None:
     broken = np.array(log.q_encoder)
     broken[1200:] += 1.0
     short = FitOptions(kind="hysteretic", coupled=("J5", "J6"))
-    first, second = (find_friction([each], short, held_out=0.2) for each in (log, replace(log, q_encoder=broken)))
+    first, second = (
+        find_friction(Recordings.of([each]), short, held_out=0.2) for each in (log, replace(log, q_encoder=broken))
+    )
     assert first == second

@@ -8,7 +8,8 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_refresh import LEVEL, refresh_model
+from catenary.calibration.model_refresh import FRICTION_LEVEL, refresh_model
+from catenary.calibration.recordings import Recordings
 from catenary.plant import MotionLog
 from recordings import coupled_arm, fitted
 
@@ -18,7 +19,7 @@ MINUTES = 400  # rows
 @pytest.fixture(scope="module")
 def model() -> CalibrationModel:
     log, options = coupled_arm(), FitOptions(kind="hysteretic", coupled=("J5", "J6"))
-    return fitted(log, kind="hysteretic", friction=find_friction([log], options))
+    return fitted(log, kind="hysteretic", friction=find_friction(Recordings.of([log]), options))
 
 
 def errors(model: CalibrationModel, log: MotionLog) -> np.ndarray:
@@ -32,7 +33,7 @@ def errors(model: CalibrationModel, log: MotionLog) -> np.ndarray:
 def test_minutes_take_the_model_to_the_level_of_their_day(model, level) -> None:
     log = coupled_arm(seed=3, level=level)
     minutes = log.part(0, MINUTES)
-    day = find_level(model, [minutes], 8)
+    day = find_level(model, Recordings.of([minutes]), 8)
     assert day is not None
     assert np.log([*day.factors.values()]) == pytest.approx(np.log(level), abs=0.2)  # of those tried, the nearest
     refreshed = refresh_model(model, calibration_data([minutes], model.features), day)
@@ -40,7 +41,7 @@ def test_minutes_take_the_model_to_the_level_of_their_day(model, level) -> None:
     assert (after[2:] < 0.7 * before[2:]).all()
     assert (after < 1.05 * before).all()
     changes = {change.name: change for change in refreshed.changes}
-    assert all(changes[name].change.startswith(LEVEL) for name in ("J5", "J6"))
+    assert all(changes[name].change.startswith(FRICTION_LEVEL) for name in ("J5", "J6"))
     # what is said of minutes that no fit saw, and of the old model on them
     truth = np.rad2deg(after[2:])
     assert ([changes[n].rmse_low for n in ("J5", "J6")] < 1.15 * truth).all()
@@ -52,9 +53,9 @@ def test_minutes_take_the_model_to_the_level_of_their_day(model, level) -> None:
 
 
 def test_a_day_of_the_same_friction_shows_no_other(model) -> None:
-    assert find_level(model, [coupled_arm(seed=4, rows=MINUTES)], 8) is None
+    assert find_level(model, Recordings.of([coupled_arm(seed=4, rows=MINUTES)]), 8) is None
 
 
 def test_a_model_without_friction_states_has_no_level(model) -> None:
     log = coupled_arm(rows=MINUTES)
-    assert find_level(fitted(log), [log], 8) is None
+    assert find_level(fitted(log), Recordings.of([log]), 8) is None

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
-from catenary.calibration.intervals import FARTHEST, Intervals
+from catenary.calibration.intervals import MAX_HALF_RANGES, Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog
@@ -44,7 +44,7 @@ def test_half_widths_are_constant_where_rows_lay_and_grow_from_there_to_a_bound(
     X = np.tile(box.mean, (len(times), 1))
     X[:, 0] = (middle + reach * times[:, None])[:, 0]
     share = np.clip((times - box.seen) / (0.5 * (1.0 - box.seen)), 0.0, 1.0)[:, None]
-    expected = (1.0 - share) * WIDTHS.inside + share * WIDTHS.outside * np.clip(times, 1.0, FARTHEST)[:, None]
+    expected = (1.0 - share) * WIDTHS.inside + share * WIDTHS.outside * np.clip(times, 1.0, MAX_HALF_RANGES)[:, None]
     assert_allclose(half_widths(lone, X), expected, rtol=1e-12)
 
 

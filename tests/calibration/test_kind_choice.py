@@ -14,8 +14,9 @@ from catenary.calibration import calibration
 from catenary.calibration.evaluate import CrossValidation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
-from catenary.calibration.kind_choice import CLOSE, SIMPLEST_FIRST, choose
+from catenary.calibration.kind_choice import CLOSE_RATIO, choose
 from catenary.calibration.model_file import load_model, save_model
+from catenary.calibration.model_kinds import TRIED
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
@@ -23,7 +24,7 @@ from command_line import catenary
 from recordings import short_training
 
 short_networks = pytest.fixture(short_training, scope="module", autouse=True)
-KINDS = SIMPLEST_FIRST
+KINDS = TRIED
 
 
 def validation(errors: Any, *, recording: Any = None) -> CrossValidation:
@@ -66,7 +67,7 @@ def test_no_choice_is_far_from_the_best_and_no_simpler_one_is_as_good(found: lis
     (choice,) = choose(kinds)
     errors = choice.errors
     best = min(errors.values())
-    assert errors[choice.chosen] <= CLOSE * best * (1.0 + 1e-12)
+    assert errors[choice.chosen] <= CLOSE_RATIO * best * (1.0 + 1e-12)
     for simpler in KINDS[: KINDS.index(choice.chosen)]:
         assert errors[simpler] > best
 
@@ -98,7 +99,7 @@ def test_each_joint_gets_the_bits_of_its_kind(log: MotionLog, chosen: FitResult)
     assert len(set(kinds)) > 1
     corrected = chosen.model.calibrate(log)
     for j, kind in enumerate(kinds):
-        alone = fit_logs([log], FitOptions(kind=kind), FitRun(held_out=0.2, folds=0)).model  # type: ignore[arg-type]
+        alone = fit_logs([log], FitOptions(kind=kind), FitRun(held_out=0.2, folds=0)).model
         assert_array_equal(corrected[:, j], alone.calibrate(log)[:, j])
         assert chosen.model.largest[j] == max(alone.largest[j], abs(chosen.model.offset[j]))
 
@@ -107,7 +108,7 @@ def test_it_is_saved_with_its_reasons(chosen: FitResult, log: MotionLog, tmp_pat
     save_model(chosen.model, chosen.card, tmp_path / "arm.npz")
     model, card = load_model(tmp_path / "arm.npz")
     assert [joint["kind"] for joint in card["joints"]] == [choice.chosen for choice in chosen.choices]
-    assert card["choice"][0]["errors"].keys() == set(SIMPLEST_FIRST)
+    assert card["choice"][0]["errors"].keys() == set(TRIED)
     assert_array_equal(model.calibrate(log), chosen.model.calibrate(log))
 
 

@@ -4,6 +4,7 @@ from numpy.testing import assert_array_equal
 
 import catenary
 from catenary.calibration.maintenance import refresh_with
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
@@ -21,7 +22,7 @@ def test_python_and_command_refresh_alike_and_learn_from_no_recording_twice() ->
     first, second = a_day(0, sha256="a" * 64), a_day(1, sha256="b" * 64, zero=0.02)
     model = catenary.fit(first, model="linear")
     refreshed = model.refresh(second)
-    day = refresh_with(model, model.card, [second], sha256="c" * 64)
+    day = refresh_with(model, model.card, Recordings.of([second]), sha256="c" * 64)
     assert_array_equal(refreshed.predict(second), day.model.calibrate(second))
     assert day.card["refreshed"][-1]["model_sha256"] == "c" * 64
     assert [joint["largest_correction"] for joint in day.card["joints"]] == day.model.largest.tolist()

@@ -64,5 +64,5 @@ def test_smooth_fit_bends_with_the_data_in_any_number_of_blocks_of_rows(monkeypa
     assert np.sqrt(np.mean(left**2)) < 0.05 * truth(later).std()
     straight = predictors.fit_linear(X, Y).predict(later) - truth(later)
     assert np.sqrt(np.mean(straight[:, 0] ** 2)) > 5.0 * np.sqrt(np.mean(left[:, 0] ** 2))
-    monkeypatch.setattr(predictors, "SMOOTH_ROWS", 170)
+    monkeypatch.setattr(predictors, "_SMOOTH_ROWS", 170)
     assert_allclose(predictors.fit_smooth(X, Y, ridge=0.01, seed=0).predict(later), fitted.predict(later), atol=1e-8)

@@ -12,7 +12,7 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.intervals import Intervals
-from catenary.calibration.spike_filter import MARGIN, largest_step, room_of
+from catenary.calibration.spike_filter import _STEP_MARGIN, largest_step, room_of
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from oracles.calibration_models import ticked
@@ -118,10 +118,10 @@ def test_a_pause_gives_room_to_move() -> None:
 
 def test_limits_come_from_the_joints_fastest_step_and_not_from_spikes() -> None:
     alone, room = largest_step([(SLOW, np.ones(800))]), np.ones(800)
-    assert alone == pytest.approx(MARGIN * np.abs(np.diff(SLOW)).max(), rel=1e-3)
+    assert alone == pytest.approx(_STEP_MARGIN * np.abs(np.diff(SLOW)).max(), rel=1e-3)
     assert largest_step([(spiked([100, 500]), room)]) == pytest.approx(alone, rel=0.1)
     moved = np.where(T > 5.0, 1.0, 0.0)  # a step that stays is a motion
-    assert largest_step([(moved, room)]) == MARGIN
+    assert largest_step([(moved, room)]) == _STEP_MARGIN
 
 
 @pytest.mark.parametrize("rate_hz", [50.0, 1000.0])
@@ -129,7 +129,7 @@ def test_model_corrector_and_evaluation_reject_the_same_leap(rate_hz: float) -> 
     held = round(rate_hz / 50.0)
     log = log_of(SLOW, q_encoder=1.01 * SLOW[:, None])
     model = fitted(log, inputs=["q"], play=(0.05, 0.2))
-    assert dict(model.features.steps)["q:J1"] == pytest.approx(0.005 * MARGIN, rel=0.01)
+    assert dict(model.features.steps)["q:J1"] == pytest.approx(0.005 * _STEP_MARGIN, rel=0.01)
     bad = replace(log, q_nominal=spiked([300])[:, None])
     assert calibration_data([bad], model.features).sources[0].leaps == {"q:J1": 1}
     q = np.repeat(bad.q_nominal, held, axis=0)

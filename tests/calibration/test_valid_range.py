@@ -5,7 +5,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.calibration.arithmetic import run
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit_options import Kind
 from catenary.calibration.valid_range import ValidRange, fit_valid_range
 from recordings import fitted
 from tests.truth.recordings import raven
@@ -40,7 +39,7 @@ def test_axes_are_the_principal_ones_with_their_margin() -> None:
     _, vectors = np.linalg.eigh(np.cov(Z.T))
     spans = np.sort(np.ptp(Z @ vectors, axis=0))
     valid = fit_valid_range(X, MARGIN)
-    # SMALLEST_RANGE is added, 1e-6 on each side
+    # MIN_RANGE is added, 1e-6 on each side
     assert_allclose(np.sort(valid.axis_upper - valid.axis_lower), spans * (1.0 + 2.0 * MARGIN), rtol=1e-5)
 
 
@@ -109,7 +108,7 @@ def test_value_that_is_not_finite_is_outside(value: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["linear", "hysteretic"])
-def test_one_zig_zag_is_worth_its_correction_in_random_motion(kind: Kind) -> None:
+def test_one_zig_zag_is_worth_its_correction_in_random_motion(kind: str) -> None:
     """Joints move together along a zig-zag: combinations that it lacks are no reason to fall back to the offset."""
     known = raven("zigzag")
     model = fitted(*known.logs, kind=kind, coupled=None if kind == "linear" else ())

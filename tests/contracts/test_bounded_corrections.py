@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.model import REACH, CalibrationModel
+from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel
 from catenary.errors import InputError
 from catenary.workflows.c_header import c_header
 from compiled_c import output_of, puts
@@ -75,7 +75,7 @@ def of_c(model: CalibrationModel, signals: Floats, folder: Path) -> Given:
 
 def assert_bounded(model: CalibrationModel, given: Given) -> None:
     correction, inside = given
-    assert (np.abs(correction) <= REACH * model.largest * (1.0 + 1e-9)).all()  # q + c - q rounds
+    assert (np.abs(correction) <= MAX_CORRECTION_RATIO * model.largest * (1.0 + 1e-9)).all()  # q + c - q rounds
     offset = np.broadcast_to(model.offset, correction.shape)
     assert_allclose(correction[~inside], offset[~inside], atol=1e-12)
 

@@ -13,20 +13,19 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model, save_model
+from catenary.calibration.model_kinds import MODEL_KINDS
 from recordings import fitted, recording, short_training
 
+_RECORDS = [kind for kinds in MODEL_KINDS.values() for kind in kinds]
 KINDS: dict[str, dict[str, Any]] = {
-    "offset": {"kind": "offset"},
-    "linear": {"kind": "linear"},
+    **{f"{kind.name} {kind.preset or ''}".strip(): {"kind": kind.name, "preset": kind.preset} for kind in _RECORDS},
     "linear with play": {"kind": "linear", "play": (0.1, 0.3)},
     "linear per joint": {"kind": "linear", "inputs": {"J1": ("q:J1",), "J2": ("q:J1", "q:J2")}, "play": (0.2,)},
-    "polynomial": {"kind": "polynomial"},
     "polynomial with play": {"kind": "polynomial", "play": (0.1,)},
-    "neural paper": {"kind": "neural", "preset": "paper"},
-    "neural best": {"kind": "neural", "preset": "best"},
     "neural per joint": {"kind": "neural", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q:J3",)}},
 }
 MIXED = "each joint its own"
+PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
 CASES = [(kind, "error") for kind in (*KINDS, MIXED)]
 CASES += [(kind, "position") for kind in ("linear with play", "polynomial", "neural best", "neural per joint")]
 
@@ -189,3 +188,8 @@ def test_single_joint_is_calibrated_without_a_warning(kind: str) -> None:
 def test_ten_rows_are_enough_for_any_kind(kind: str) -> None:
     log = recording(np.random.default_rng(4), rows=10, error=truth)
     assert np.isfinite(fitted(log, **KINDS[kind]).calibrate(log)).all()
+
+
+@pytest.mark.parametrize("name", MODEL_KINDS)
+def test_a_kind_has_a_row_in_the_page(name: str) -> None:
+    assert f"\n| `{name}" in PAGE.read_text()

@@ -14,6 +14,7 @@ from catenary.calibration.evaluate import JointErrors, evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.fit_rows import Inputs, choose_inputs, fit
+from catenary.calibration.recordings import Recordings
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from tests.truth.recordings import data_folder
@@ -44,7 +45,7 @@ def recording(name: str) -> MotionLog:
 
 def prepared(name: str, options: FitOptions, held_out: float = 0.0) -> tuple[CalibrationData, Inputs]:
     log = recording(name)
-    inputs = choose_inputs([log], options, held_out=held_out)
+    inputs = choose_inputs(Recordings.of([log]), options, held_out=held_out)
     return calibration_data([log], inputs.features), inputs
 
 
@@ -116,7 +117,7 @@ def test_no_correction_of_another_motion_is_taken_for_one_that_was_never_seen(ki
 def test_no_motion_of_the_arm_is_a_leap(path: Path, held_out: float) -> None:
     log = read_log(path)
     options = FitOptions(kind="neural", preset="best")
-    features = choose_inputs([log], options, held_out=held_out).features
+    features = choose_inputs(Recordings.of([log]), options, held_out=held_out).features
     assert features.steps
     X, _, leaps = features.rows(log)
     assert not any(leaps.values())

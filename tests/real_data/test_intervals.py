@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.dataset import calibration_data, error_limits
+from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
+from catenary.calibration.recordings import error_limits
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 

@@ -15,7 +15,7 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.kernels.bind import bind
 from catenary.kernels.compiled import compiled, inlined
 
-BLOCK_ROWS = 512  # rows of a batch that are taken at once: what lies between two steps stays in the cache
+_BLOCK_NUMBERS = 100_000  # of an array between two steps: more would not stay in the cache
 
 
 class Step(NamedTuple):
@@ -43,9 +43,10 @@ def bound(steps: Sequence[Step]) -> Callable[[], None]:
     return tick
 
 
-def blocks(rows: int) -> list[slice]:
-    """Return consecutive slices of at most `BLOCK_ROWS` rows."""
-    return [slice(first, min(first + BLOCK_ROWS, rows)) for first in range(0, rows, BLOCK_ROWS)]
+def blocks(rows: int, width: int) -> list[slice]:
+    """Return consecutive slices of rows, short enough that arrays of `width` columns stay in the processor's cache."""
+    at_once = max(1, _BLOCK_NUMBERS // max(1, width))
+    return [slice(first, min(first + at_once, rows)) for first in range(0, rows, at_once)]
 
 
 @compiled

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 
-HEAD = """\
+_HEAD = """\
 /* What the correction remembers of earlier ticks. */
 typedef struct {{
 {fields}
@@ -65,7 +65,7 @@ def c_correction(prefix: str, model: CalibrationModel, rate_hz: float | None = N
         given = [_Value(names[id(array)], _kind(array), tuple(map(str, array.shape))) for array in arrays]
         calls.append(f"  {functions.call(step.function, given).text};")
     fields = [f"  double {name}[{max(1, array.size)}];" for name, array in state.items()]
-    head = HEAD.format(fields="\n".join(fields), values=",\n".join(f"    {_items(a)}" for a in state.values()))
+    head = _HEAD.format(fields="\n".join(fields), values=",\n".join(f"    {_items(a)}" for a in state.values()))
     return "\n".join([*functions.texts, head, *declared, *calls, "}", ""]).replace("PREFIX", prefix)
 
 

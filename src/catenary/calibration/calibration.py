@@ -17,15 +17,17 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.dataset import calibration_data, error_limits
+from catenary.calibration.dataset import usable_rows
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.evaluate import evaluate as evaluate_rows
-from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun, Kind, Preset
+from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.maintenance import judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
+from catenary.calibration.model_kinds import AUTO
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import read_log
@@ -36,7 +38,7 @@ from catenary.verdict.mend import AS_TRAINED
 
 Recording = MotionLog | str | Path
 Item = TypeVar("Item")
-ARRAYS = "arrays"  # what the log of these is called
+_ARRAYS_NAME = "arrays"  # what the log of these is called
 _log = logging.getLogger(__name__)
 Motion = ArrayLike | Recording | Sequence[Recording]
 
@@ -104,10 +106,9 @@ class Calibration(CalibrationModel):
             InputError: As for `predict`, or nothing was measured.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = self._logs(q_nominal, q_encoder, **arrays)
-        limits = error_limits(trained_limits(self.card)[0], logs[0])
-        data = calibration_data(logs, self.features, max_error=limits)
-        judge_recordings(self, self.card, logs, accept=accept, max_error=limits)
+        recordings = self._recordings(q_nominal, q_encoder, **arrays)
+        data = usable_rows(recordings, self.features)
+        judge_recordings(self, recordings, accept=accept)
         return evaluate_rows(self, data, window=window)
 
     def refresh(
@@ -127,20 +128,24 @@ class Calibration(CalibrationModel):
             InputError: As for `evaluate`, too few rows, or the model has learnt from the recording before.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = self._logs(q_nominal, q_encoder, **arrays)
-        day = refresh_with(self, self.card, logs, accept=accept, max_error=trained_limits(self.card)[0])
+        day = refresh_with(self, self.card, self._recordings(q_nominal, q_encoder, **arrays), accept=accept)
         return _with_card(day.model, day.card)
 
     def corrector(self, *, rate_hz: float = 1000.0) -> Corrector:
         """Return the model for a control loop; see `Corrector`."""
         return Corrector(self, rate_hz=rate_hz)
 
+    def _recordings(self, motion: Motion, q_encoder: ArrayLike | None, **arrays: Unpack[MotionArrays]) -> Recordings:
+        """Return recordings of a test, with the error limits of the model's fit."""
+        logs = self._logs(motion, q_encoder, **arrays)
+        return Recordings.of(logs, robot=self.card.get("robot"), max_error=trained_limits(self.card)[0])
+
     def _logs(
         self, motion: Motion, q_encoder: ArrayLike | None = None, **arrays: Unpack[MotionArrays]
     ) -> list[MotionLog]:
         """Return recordings with the model's joints, mended as its training data were, or arrays as they are."""
         logs = _logs(motion, self.joint_names, self.joint_units, q_encoder, **arrays)
-        if logs[0].name != ARRAYS:
+        if logs[0].name != _ARRAYS_NAME:
             logs = [mended_as_trained(self, self.matched(log)) for log in logs]
         for note in [f"{log.name}: {n}" for log in logs for n in log.notes if n.startswith(AS_TRAINED)]:
             _log.warning(note)
@@ -171,8 +176,8 @@ def fit(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    model: Kind = "auto",
-    preset: Preset | None = None,
+    model: str = AUTO,
+    preset: str | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     play: Sequence[float] | None = None,
     target: Target = "error",
@@ -315,4 +320,4 @@ def _logs(
         if values is not None
     }
     ok = np.isfinite(arrays.get("q_encoder", q)).all(axis=1)
-    return [MotionLog(ARRAYS, tuple(joint_names or nameless(q.shape[1])), tuple(units), q, ok, **arrays)]
+    return [MotionLog(_ARRAYS_NAME, tuple(joint_names or nameless(q.shape[1])), tuple(units), q, ok, **arrays)]

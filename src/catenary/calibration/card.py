@@ -1,24 +1,26 @@
 """The model card: everything a stranger must know before trusting a calibration."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
+from typing import Any
 
 from catenary import __version__
+from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.calibration.fit_rows import AXES_EXTRAPOLATION, extrapolation
-from catenary.calibration.intervals import FARTHEST
+from catenary.calibration.fit_rows import extrapolation
+from catenary.calibration.intervals import MAX_HALF_RANGES
 from catenary.calibration.kind_choice import JointChoice
-from catenary.calibration.model import REACH, CalibrationModel, Card
-from catenary.calibration.neural import BEST, PAPER
+from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel, Card
+from catenary.calibration.model_kinds import ModelKind, kind_of
 from catenary.units import DISPLAY
 
-OF_THE_ARM = ("instrument", "tool", "date")  # that a run states, and no option of the fit
-LIBRARIES = ("numpy", "scikit-learn", "numba")
-BLOCKS = "contiguous blocks of time, each predicted by a model that did not see it"
+_ARM_KEYS = ("instrument", "tool", "date")  # that a run states, and no option of the fit
+_LIBRARIES = ("numpy", "scikit-learn", "numba")
+_BLOCKS_TEXT = "contiguous blocks of time, each predicted by a model that did not see it"
 
 
 def model_card(
@@ -33,17 +35,13 @@ def model_card(
     choices: tuple[JointChoice, ...] = (),  # of a model of kind "auto", by which errors each joint's kind was chosen
 ) -> Card:
     """Describe a fitted model and how it came to be."""
-    features, intervals = model.features, model.intervals
-    names, ranges = features.names, valid_inputs(model)
     of_joint = [choice.chosen for choice in choices] or [model.kind] * len(model.joint_names)
-    kinds = set(of_joint)
-    group_of = {j: group for group in model.groups for j in group.joints}
-    asked = {key: value for key, value in asdict(run).items() if key not in ("robot", *OF_THE_ARM)}
+    kinds = [kind_of(name, model.preset) for name in of_joint]
+    networks = [kind.own_settings for kind in kinds if kind.settings is not None]
+    asked = {key: value for key, value in asdict(run).items() if key not in ("robot", *_ARM_KEYS)}
     # JSON has no infinity: null is no limit
     asked["max_error"] = run.max_error and [e if math.isfinite(e) else None for e in run.max_error]
     asked["accept"] = list(run.accept)
-    known = data.X[data.complete]
-    mean, spread_of = known.mean(axis=0), known.std(axis=0)
     return {
         "robot": run.robot if run.robot is not None else data.robot,
         "instrument": run.instrument,
@@ -51,33 +49,14 @@ def model_card(
         "simulated": any(source.simulated for source in data.sources),
         "kind": model.kind,
         "preset": model.preset,
-        "joints": [
-            {
-                "name": name,
-                "unit": unit,
-                "kind": of_joint[j],
-                "inputs": [names[c] for c in group_of[j].columns],
-                "widened_by": extrapolation(of_joint[j], features, group_of[j].columns),
-                **sizes_of(model, j),
-            }
-            for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
-        ],
-        "inputs": [
-            {
-                "name": name,
-                "unit": unit,
-                "training_mean": float(mean[c]),
-                "training_sd": float(spread_of[c]),
-                **({"valid": ranges[name]} if name in ranges else {}),
-            }
-            for c, (name, unit) in enumerate(zip(names, features.feature_units, strict=True))
-        ],
+        "joints": _joints(model, kinds),
+        "inputs": _inputs(model, data.X[data.complete]),
         "target": model.target,
         "output": "correction added to q_nominal, in rad and m",
         "scaling": "none"
-        if kinds == {"offset"}
+        if all(kind.of_error for kind in kinds)
         else "inputs standardised by mean and standard deviation of the training rows"
-        + "; targets of networks standardised too" * ("neural" in kinds),
+        + "; targets of networks standardised too" * bool(networks),
         "choice": [asdict(choice) for choice in choices] or None,
         "settings": {
             "kind": options.kind,
@@ -85,37 +64,75 @@ def model_card(
             "play_shares": None if options.play is None else list(options.play),
             "target": options.target,
             "ridge": options.ridge_used,
-            **({"network": asdict(PAPER if options.network == "paper" else BEST)} if "neural" in kinds else {}),
+            **({"network": asdict(networks[0])} if networks else {}),
         },
         "valid_range": "of each joint: box around its inputs in training and box along their principal axes, "
         "widened by `widened_by` times their range, twice that for midlines and, but for polynomials, "
-        f"{AXES_EXTRAPOLATION:g} times along axes; outside it, and where a correction is beyond "
-        f"{REACH:g} times `largest_correction`, the fixed offset is used. `valid` of an input: "
+        "1 times along axes; outside it, and where a correction is beyond "
+        f"{MAX_CORRECTION_RATIO:g} times `largest_correction`, the fixed offset is used. `valid` of an input: "
         "in the first box of all joints that take it",
-        "intervals": None
-        if intervals is None
-        else {
-            "coverage": intervals.level,
-            "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
-            "margin": "half_width where training rows lay, growing to half_width_outside halfway from them to the edge",
-            "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
-            f"watched input is than its edge, at most {FARTHEST:g}",
-        },
+        "intervals": _intervals(model),
         "data": [asdict(source) for source in data.sources],
         "mends": {key: list(texts) for key, texts in model.mends.items()},
         "rows": len(data),
         "recorded": data.dates[1] or run.date,
         "run": {"seed": options.seed, **asked},
-        "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
+        "version": {"catenary": __version__, **{name: version(name) for name in _LIBRARIES}},
         "errors": {
             "unit": {name: DISPLAY[unit][0] for name, unit in zip(model.joint_names, model.joint_units, strict=True)},
-            "cross_validation": {"how": BLOCKS, "joints": [asdict(joint) for joint in spread]} if spread else None,
+            "cross_validation": {"how": _BLOCKS_TEXT, "joints": [asdict(joint) for joint in spread]}
+            if spread
+            else None,
             "held_out": held_out
             and [  # JSON has no NaN, as of a percentage of nothing
                 {key: None if value != value else value for key, value in asdict(j).items()} for j in held_out.joints
             ],
         },
         "notes": list(notes),
+    }
+
+
+def _joints(model: CalibrationModel, kinds: Sequence[ModelKind]) -> list[dict[str, Any]]:
+    """Return what each joint's model is, of one of these kinds, and takes."""
+    group_of = {j: group for group in model.groups for j in group.joints}
+    return [
+        {
+            "name": name,
+            "unit": unit,
+            "kind": kinds[j].name,
+            "inputs": [model.features.names[c] for c in group_of[j].columns],
+            "widened_by": extrapolation(kinds[j], model.features, group_of[j].columns),
+            **sizes_of(model, j),
+        }
+        for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
+    ]
+
+
+def _inputs(model: CalibrationModel, X: Floats) -> list[dict[str, Any]]:
+    """Return each feature's unit, its mean and deviation over rows (N, F), and where it is valid."""
+    ranges, columns = valid_inputs(model), zip(X.mean(axis=0).tolist(), X.std(axis=0).tolist(), strict=True)
+    return [
+        {
+            "name": name,
+            "unit": unit,
+            "training_mean": mean,
+            "training_sd": deviation,
+            **({"valid": ranges[name]} if name in ranges else {}),
+        }
+        for name, unit, (mean, deviation) in zip(
+            model.features.names, model.features.feature_units, columns, strict=True
+        )
+    ]
+
+
+def _intervals(model: CalibrationModel) -> dict[str, Any] | None:
+    """Return what a model's intervals promise; None without."""
+    return model.intervals and {
+        "coverage": model.intervals.level,
+        "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
+        "margin": "half_width where training rows lay, growing to half_width_outside halfway from them to the edge",
+        "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
+        f"watched input is than its edge, at most {MAX_HALF_RANGES:g}",
     }
 
 

@@ -24,15 +24,17 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
 
-BEYOND = 5  # blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
-FEWEST_BLOCKS = 10
-FEWEST_ROWS = 4  # of a block
-CHANCE = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
-SURE = 0.9  # share of stretches whose error and coverage lie between what is stated
-PROMISED = 0.95  # of other minutes, whose RMSE lies in what is stated; a day varies more than some minutes of it show
-LARGEST_OFF = math.log(10.0)  # of a promise: nothing is known
-SEEN = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
-LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
+# blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
+_BLOCKS_OUTSIDE = 5
+_MIN_BLOCKS = 10
+_MIN_BLOCK_ROWS = 4  # of a block
+_CHANCE_PROBABILITY = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
+_STRETCH_PROBABILITY = 0.9  # share of stretches whose error and coverage lie between what is stated
+# of other minutes, whose RMSE lies in what is stated; a day varies more than some minutes of it show
+_PROMISE_PROBABILITY = 0.95
+_MAX_LOG_ERROR = math.log(10.0)  # of a promise: nothing is known
+_FITTED_WEIGHT = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
+COVERAGE_LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
 
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
@@ -83,13 +85,15 @@ def expected(
 
     parts = [fold == k for k in np.unique(fold)]
     rmse = np.log([np.maximum(np.sqrt(np.mean(errors.after_model[k] ** 2, axis=0)), 1e-12) for k in parts])
-    apart = float(t.ppf(0.5 + 0.5 * SURE, (len(parts) - 1) * rmse.shape[1]) * math.sqrt(2.0 / len(parts)))
+    apart = float(
+        t.ppf(0.5 + 0.5 * _STRETCH_PROBABILITY, (len(parts) - 1) * rmse.shape[1]) * math.sqrt(2.0 / len(parts))
+    )
     times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
     high = np.hypot(mean * times, off_path)
     stated: dict[str, Floats] = {
-        "rmse_low": mean * np.minimum(1.0 / times, SEEN * np.minimum(known, 1.0) + 1.0 - SEEN),
+        "rmse_low": mean * np.minimum(1.0 / times, _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT),
         "rmse_high": high,
         "rmse_margin": np.maximum(high, offset),
     }
@@ -108,7 +112,7 @@ def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
 
     Neighbouring rows say nearly the same: N rows count as N / T independent ones, T the sum of the autocorrelations of
     the squared errors until the first that is not positive (Geyer, Statistical Science 7, 1992). The logarithm of the
-    mean square lies about its estimate by Student's distribution of as many, with PROMISED probability.
+    mean square lies about its estimate by Student's distribution of as many, with _PROMISE_PROBABILITY probability.
     """
     from scipy.stats import t
 
@@ -122,8 +126,8 @@ def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
         ends = np.flatnonzero(alike[1:] <= 0.0)
         independent = len(column) / (1.0 + 2.0 * alike[1 : 1 + ends[0]].sum()) if len(ends) else 1.0
         independent = max(independent, 2.0)
-        times = float(t.ppf(0.5 + 0.5 * PROMISED, independent - 1.0)) / math.sqrt(independent)
-        off[j] = min(0.5 * times * float(column.std()) / mean[j], LARGEST_OFF)
+        times = float(t.ppf(0.5 + 0.5 * _PROMISE_PROBABILITY, independent - 1.0)) / math.sqrt(independent)
+        off[j] = min(0.5 * times * float(column.std()) / mean[j], _MAX_LOG_ERROR)
     rmse = np.sqrt(squares.mean(axis=0))
     return rmse * np.exp(-off), rmse * np.exp(off)
 
@@ -131,7 +135,7 @@ def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
 def block_quantile(scores: Floats, block: Integers, level: float) -> float:
     """Return the half-width that holds a share of scores (N,) of a new block; infinity of too few blocks (N,)."""
     names, of_row, rows = np.unique(block, return_inverse=True, return_counts=True)
-    if len(names) < FEWEST_BLOCKS:
+    if len(names) < _MIN_BLOCKS:
         return math.inf
     order = np.argsort(scores, kind="stable")
     held = np.cumsum(1.0 / ((len(names) + 1.0) * rows[of_row[order]]))
@@ -141,17 +145,17 @@ def block_quantile(scores: Floats, block: Integers, level: float) -> float:
 
 def fewest_rows(level: float) -> int:
     """Return how many rows a half-width takes: blocks enough that a block to come fits beside the share outside."""
-    return FEWEST_ROWS * max(FEWEST_BLOCKS, math.ceil(level / (1.0 - level) - 1e-9))
+    return _MIN_BLOCK_ROWS * max(_MIN_BLOCKS, math.ceil(level / (1.0 - level) - 1e-9))
 
 
 def time_blocks(recording: Integers, *, level: float) -> Integers:
     """Return the number of the block of time that each row of recordings (N,) lies in, (N,); no block is of two.
 
-    There are so many blocks that BEYOND of them are a share of 1 - level, at most one for FEWEST_ROWS rows.
+    There are so many that _BLOCKS_OUTSIDE of them are a share of 1 - level, at most one for _MIN_BLOCK_ROWS rows.
     """
     rows = len(recording)
-    wanted = max(FEWEST_BLOCKS, math.ceil(BEYOND / (1.0 - level) - 1e-9))
-    wanted = max(1, min(wanted, rows // FEWEST_ROWS))
+    wanted = max(_MIN_BLOCKS, math.ceil(_BLOCKS_OUTSIDE / (1.0 - level) - 1e-9))
+    wanted = max(1, min(wanted, rows // _MIN_BLOCK_ROWS))
     block, first = np.zeros(rows, dtype=np.int64), 0
     starts = np.flatnonzero(np.diff(recording)) + 1
     for part in np.split(np.arange(rows), starts):
@@ -181,7 +185,7 @@ def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:
     rows = np.bincount(block)
     shares = np.bincount(block, weights=held)[rows > 0] / rows[rows > 0]
     # a coverage within the lenience is what an interval of this kind can be expected to reach
-    if held.mean() >= level - LENIENCE * (1.0 - level) - 1e-9:
+    if held.mean() >= level - COVERAGE_LENIENCE * (1.0 - level) - 1e-9:
         return "held"
     chance = float(binom.cdf(math.ceil(shares.sum() - 1e-9), len(shares), level))
-    return "too narrow" if chance < CHANCE else "below, which may be chance"
+    return "too narrow" if chance < _CHANCE_PROBABILITY else "below, which may be chance"

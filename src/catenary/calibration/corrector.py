@@ -12,7 +12,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import UNUSED, Joints, JointState, places_of
 
-SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
+_STATE_GROUPS = ("q", "qd", "tau")  # of a joint state, one after the other
 
 
 class Corrector:
@@ -127,14 +127,14 @@ class Corrector:
         for signal in model.features.signals:
             group, _, joint = signal.partition(":")
             if joint == UNUSED and joint not in joint_names:
-                sources.append(len(SOURCES) * size + len(still))  # behind the joint state, in which it is not
+                sources.append(len(_STATE_GROUPS) * size + len(still))  # behind the joint state, in which it is not
                 place = model.features.signals.index(signal)  # signals come first among the features
                 means = [g.valid_range.mean[g.watched == place] for g in model.groups if (g.watched == place).any()]
                 still.append(float(means[0][0]) if means else 0.0)
                 continue
-            if group not in SOURCES or joint not in joint_names:
+            if group not in _STATE_GROUPS or joint not in joint_names:
                 raise InputError(f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}')
-            sources.append(SOURCES.index(group) * size + joint_names.index(joint))
+            sources.append(_STATE_GROUPS.index(group) * size + joint_names.index(joint))
         self._robot_shapes = ((size,),) * 5
         self._places = places
         self._sources, self._still = np.array(sources, dtype=np.int64), np.array(still)

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers, as_array, spread
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import FIRST_DATE, Jointed, MotionLog, joints_text
 from catenary.side_by_side import Progress, of_each
-from catenary.units import DISPLAY
 
-LAST_DATE = 1e10  # [s since 1970]
-MOST_OF_ROWS = 0.8  # that one of several recordings may hold: without it there must be others to learn from
-ROWS = ("X", "q_nominal", "error", "leaping", "position", "time")  # arrays that have a row for each usable one
+_LAST_DATE_S = 1e10  # [s since 1970]
+_LARGEST_SHARE = 0.8  # that one of several recordings may hold: without it there must be others to learn from
+_ROWS = ("X", "q_nominal", "error", "leaping", "position", "time")  # arrays that have a row for each usable one
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class CalibrationData:
 
     def rows(self, mask: Flags) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
-        return replace(self, **{name: getattr(self, name)[mask] for name in (*ROWS, "recording")})
+        return replace(self, **{name: getattr(self, name)[mask] for name in (*_ROWS, "recording")})
 
     @property
     def complete(self) -> Flags:
@@ -113,37 +113,45 @@ class CalibrationData:
     @property
     def has_several(self) -> bool:
         """Whether without any one of its recordings there are others to learn from."""
-        return bool(np.bincount(self.recording).max() <= MOST_OF_ROWS * len(self))
+        return bool(np.bincount(self.recording).max() <= _LARGEST_SHARE * len(self))
 
 
 def date_of(seconds: float) -> str | None:
     """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None where it is no calendar's."""
-    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE < seconds < LAST_DATE else None
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE < seconds < _LAST_DATE_S else None
 
 
 def calibration_data(
     logs: Sequence[MotionLog], features: FeatureSet, *, max_error: Floats | None = None, every: int = 1
 ) -> CalibrationData:
-    """Collect the usable rows of recordings of one robot.
+    """Collect the usable rows of recordings of one robot; see `usable_rows`.
 
-    A row is usable when it has a measurement (`ok`). Where a midline is not known yet a model gives the fixed offset:
-    such rows count as its errors and teach nothing (`complete`). Rows where any joint's error is beyond `max_error`
-    (n,) [rad|m] are left out and counted. Of a recording one row in `every` is taken, at random; features follow all.
+    Args:
+        max_error: Rows where any joint's error is beyond these (n,) [rad|m] are left out and counted.
     """
-    logs = in_one_order(logs)
-    first = logs[0]
+    recordings = Recordings.of(logs)
     if max_error is not None:
-        max_error = as_array("max_error", max_error, (len(first.joint_names),), finite=False)
+        max_error = as_array("max_error", max_error, (len(recordings.logs[0].joint_names),), finite=False)
         if not (max_error > 0.0).all():
             raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
+    return usable_rows(replace(recordings, max_error=max_error), features, every=every)
+
+
+def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1) -> CalibrationData:
+    """Collect the rows of recordings that have a measurement (`ok`), and no error beyond the recordings' limits.
+
+    Where a midline is not known yet a model gives the fixed offset: such rows count as its errors and teach nothing
+    (`complete`). Of a recording one row in `every` is taken, at random; features follow all.
+    """
+    logs = recordings.logs
     has_time = all(log.time is not None for log in logs)
-    work = partial(_usable_rows, features=features, max_error=max_error, every=every, has_time=has_time)
+    work = partial(_usable_rows, features=features, max_error=recordings.max_error, every=every, has_time=has_time)
     parts, sources = zip(*of_each(work, logs), strict=True)
-    rows: dict[str, Any] = dict(zip(ROWS, map(np.concatenate, zip(*parts, strict=True)), strict=True))
+    rows: dict[str, Any] = dict(zip(_ROWS, map(np.concatenate, zip(*parts, strict=True)), strict=True))
     recording = np.repeat(np.arange(len(logs)), [len(part[0]) for part in parts])
     robot, began = next((log.robot for log in logs if log.robot is not None), None), tuple(log.began for log in logs)
     data = CalibrationData(
-        first.joint_names, first.joint_units, features, **rows,
+        logs[0].joint_names, logs[0].joint_units, features, **rows,
         recording=recording, sources=sources, has_time=has_time, robot=robot, every=every, began=began,
     )  # fmt: skip
     if not data.complete.any():
@@ -185,36 +193,6 @@ def _usable_rows(
     )
     time = log.time[index] if has_time and log.time is not None else index.astype(np.float64)
     return tuple(each[ok & inside] for each in (X, q, error, leaping, index / len(log), time)), source
-
-
-def sampling_rate(log: MotionLog) -> float | None:
-    """Return rows per second of a recording, by the median of its time steps; None where it has no time."""
-    steps = np.diff(log.time) if log.time is not None else np.zeros(0)
-    forward = steps[steps > 0.0]  # where the clock goes back, another recording begins
-    return float(1.0 / np.median(forward)) if len(forward) else None
-
-
-def in_one_order(logs: Sequence[MotionLog]) -> list[MotionLog]:
-    """Return recordings, one or more of one robot, with the joints of each in the order of the first one's."""
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
-    for log in logs:
-        a, b = logs[0].robot, log.robot
-        if a is not None and b is not None and a != b:
-            raise InputError(f'recordings "{logs[0].name}" and "{log.name}" are of two robots: {a} and {b}')
-    return [log.in_order_of(logs[0], of=f'recording "{logs[0].name}" has') for log in logs]
-
-
-def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:
-    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm."""
-    if max_error is None:
-        return None
-    if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):
-        raise InputError(
-            f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
-            f"got {list(max_error)}"
-        )
-    return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
 
 
 def counted(counts: Mapping[str, int]) -> str:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from catenary.errors import InputError
 from catenary.side_by_side import Progress, of_each, silent
 from catenary.units import DISPLAY
 
-WORSE = 1.01  # times the fixed offset's error: less is no harm
-MUCH_OUTSIDE = 0.1  # share of rows outside a model's valid range that is worth a warning
+HARM_RATIO = 1.01  # times the fixed offset's error: less is no harm
+OUTSIDE_SHARE = 0.1  # share of rows outside a model's valid range that is worth a warning
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,6 @@ class Evaluation:
     """Errors per joint, per window, and row by row for plots (rad and m)."""
 
     joints: tuple[JointErrors, ...]
-    windows: tuple[Window, ...]
-    window_unit: str  # "s" or "rows"
     data: CalibrationData
     raw: Floats  # (N, n) q_encoder - q_nominal
     after_offset: Floats  # (N, n)
@@ -63,6 +62,19 @@ class Evaluation:
     inside: Flags  # (N, n)
     interval: Floats  # (N, n) half-width about the calibrated position; NaN where the model has none
     level: float | None  # share of errors that the interval is to hold
+    window: float | None = None  # length of a time window [s, or rows]; a tenth of the data when None
+
+    @property
+    def window_unit(self) -> str:
+        """The unit of a window's start and end, "s" or "rows"."""
+        return "s" if self.data.has_time else "rows"
+
+    @cached_property
+    def windows(self) -> tuple[Window, ...]:
+        """Errors over windows of time, recording after recording."""
+        scale = np.array([DISPLAY[unit][1] for unit in self.data.joint_units])
+        errors = tuple(scale * each for each in (self.raw, self.after_offset, self.after_model))
+        return tuple(_windows(self.data, errors, self.window))
 
     @property
     def held(self) -> Flags:
@@ -105,9 +117,8 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
         JointErrors(name, DISPLAY[unit][0], len(data), *numbers)
         for name, unit, numbers in zip(model.joint_names, model.joint_units, columns, strict=True)
     )
-    windows = tuple(_windows(data, shown, window))
     level = None if model.intervals is None else model.intervals.level
-    return Evaluation(joints, windows, "s" if data.has_time else "rows", data, *errors, inside, interval, level)
+    return Evaluation(joints, data, *errors, inside, interval, level, window)
 
 
 def rms(values: Floats) -> float:
@@ -204,4 +215,4 @@ def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | 
 
 
 def _rmse_per_joint(errors: Floats) -> tuple[float, ...]:
-    return tuple(float(v) for v in np.sqrt(np.mean(np.square(errors), axis=0)))
+    return tuple(np.sqrt(np.mean(np.square(errors), axis=0)).tolist())

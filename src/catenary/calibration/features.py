@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, NamedTuple, TypeVar
 
@@ -11,8 +12,8 @@ from pydantic import Field
 from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.arithmetic import Step, run
 from catenary.calibration.friction_states import FrictionStates, rub
-from catenary.calibration.midline import STATES, Midline, follow_midlines
-from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
+from catenary.calibration.midline import STATE_COUNT, Midline, follow_midlines
+from catenary.calibration.spike_filter import ANOTHER, ANY_SIZE, AWAY, BACK, find_leaps, room_of
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
@@ -22,8 +23,8 @@ from catenary.units import TORQUE_UNIT
 Item = TypeVar("Item")
 Many = Annotated[tuple[Item, ...], Field(max_length=10_000)]  # of anything that a model has several of
 Positive = Annotated[float, Field(gt=0.0)]
-PIECE = 20_000  # rows that are computed at once
-GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
+_PIECE_ROWS = 20_000  # rows that are computed at once
+_GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
 class Memory(NamedTuple):
@@ -32,7 +33,7 @@ class Memory(NamedTuple):
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
     kept: Floats  # (K,) those before a leap, which count again when it returns
     followed: Floats  # (K,) those that followed every position
-    midline: Floats  # (M, STATES) see `follow_midlines`
+    midline: Floats  # (M, STATE_COUNT) see `follow_midlines`
     friction: Floats  # (3, L) friction states likewise, NaN until the first position: now, kept, followed
     seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
     strange: Floats  # (1,) see find_leaps
@@ -100,38 +101,39 @@ class FeatureSet:
         loaded = (position for _, position, _, _ in self.midlines)
         return tuple(dict.fromkeys([*(name for name, _ in self.play), *coupled, *loaded]))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the features, F."""
-        return tuple(column.name for column in self._columns())
+        return tuple(column.name for column in self._columns)
 
     @property
     def feature_units(self) -> tuple[str, ...]:
         """Units of the features, F."""
-        return tuple(column.unit for column in self._columns())
+        return tuple(column.unit for column in self._columns)
 
     def columns_of(self, signals: Sequence[str]) -> Integers:
         """Return indices of the features that come from the given signals."""
-        return np.array([i for i, c in enumerate(self._columns()) if c.signal in signals], dtype=np.int64)
+        return np.array([i for i, c in enumerate(self._columns) if c.signal in signals], dtype=np.int64)
 
     @property
     def bounded(self) -> Flags:
         """Features that cannot leave their range whatever the robot does: play and friction states, (F,)."""
-        return np.array([column.kind == "state" for column in self._columns()])
+        return np.array([column.kind == "state" for column in self._columns])
 
     @property
     def joints(self) -> tuple[str, ...]:
         """The joint that each feature comes from, F; joints whose friction is coupled are one."""
         coupled = () if self.friction is None else self.friction.positions
         names = {position.rpartition(":")[2]: coupled[0].rpartition(":")[2] for position in coupled}
-        found = (column.signal.rpartition(":")[2] for column in self._columns())
+        found = (column.signal.rpartition(":")[2] for column in self._columns)
         return tuple(names.get(joint, joint) for joint in found)
 
     @property
     def averaged(self) -> Flags:
         """Midlines, (F,): means of a torque, which lie close together in training beside the torque itself."""
-        return np.array([column.kind == "midline" for column in self._columns()])
+        return np.array([column.kind == "midline" for column in self._columns])
 
+    @cached_property
     def _columns(self) -> list[_Column]:
         unit = dict(zip(self.signals, self.units, strict=True))
         states = [(f"play({p}, {width:.4g})", p) for p, width in self.play]
@@ -152,7 +154,7 @@ class FeatureSet:
         count = len(log) if kept is None else len(kept)
         X, leaping = np.empty((count, len(self.names))), np.zeros(count, dtype=bool)
         starts = set(log.starts)
-        for first, last in pairwise(sorted({*starts, *range(0, len(log), PIECE), len(log)})):
+        for first, last in pairwise(sorted({*starts, *range(0, len(log), _PIECE_ROWS), len(log)})):
             if first in starts:
                 memory.clear()
             rows = slice(first, last)
@@ -188,7 +190,7 @@ class FeatureSet:
         """Return an empty memory."""
         joints = len(self.played)
         play, kept, followed = np.empty((3, len(self.play)))
-        midline = np.empty((len(self.midlines), STATES))
+        midline = np.empty((len(self.midlines), STATE_COUNT))
         friction = np.empty((3, 0 if self.friction is None else self.friction.size))
         places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
         memory = Memory(play, kept, followed, midline, friction, *places)
@@ -197,7 +199,7 @@ class FeatureSet:
 
     def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags) -> list[Step]:
         """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
-        limits = np.array([dict(self.steps).get(name, ANY) for name in self.played])
+        limits = np.array([dict(self.steps).get(name, ANY_SIZE) for name in self.played])
         course = np.zeros((len(signals), len(limits)), dtype=np.int64)
         owners = np.array([self.played.index(name) for name, _ in self.play], dtype=np.int64)
         widths = np.array([width for _, width in self.play], dtype=float)
@@ -271,7 +273,7 @@ def after(state: float, position: float, width: float) -> float:
 def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:
     """Return all signals that a model could take from a log by name: values (N,), and their unit."""
     signals: dict[str, tuple[Floats, str]] = {}
-    for group, table in zip(GROUPS, (log.q_nominal, log.tau, log.qd), strict=True):
+    for group, table in zip(_GROUPS, (log.q_nominal, log.tau, log.qd), strict=True):
         columns = () if table is None else zip(log.joint_names, log.joint_units, table.T, strict=True)
         for joint, unit, values in columns:
             of_group = {"q": unit, "qd": f"{unit}/s", "tau": TORQUE_UNIT[unit]}[group]
@@ -287,7 +289,7 @@ def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
     chosen: list[str] = []
     for word in words:
         meant = [name for name in known if word in ("all", name, name.partition(":")[0])]
-        if not meant or (word not in known and word not in (*GROUPS, "all")):
+        if not meant or (word not in known and word not in (*_GROUPS, "all")):
             raise _unknown(log, word)
         chosen += meant
     return tuple(dict.fromkeys(chosen))
@@ -295,7 +297,7 @@ def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
 
 def _unknown(log: MotionLog, name: str) -> InputError:
     known = signals_of(log)
-    groups = [group for group in GROUPS if any(signal.startswith(f"{group}:") for signal in known)]
+    groups = [group for group in _GROUPS if any(signal.startswith(f"{group}:") for signal in known)]
     return InputError(
         f'recording "{log.name}": has no input "{name}"; it has {", ".join(known)}, '
         f"and the groups {', '.join(groups)} and all"

@@ -4,32 +4,27 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date as day
-from typing import Literal, get_args
+from typing import get_args
 
 from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import Target
+from catenary.calibration.model_kinds import AUTO, MODEL_KINDS, ModelKind, kind_of
 from catenary.errors import InputError
 
-Kind = Literal["auto", "offset", "linear", "polynomial", "hysteretic", "neural"]
-Preset = Literal["paper", "best"]
-KINDS: tuple[str, ...] = get_args(Kind)
-PRESETS: tuple[str, ...] = get_args(Preset)
 # half-widths of the play states, as shares of each joint's range of motion: from a cable's slack to its stretch
 PLAY_SHARES = (0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 FOLDS = 5
 COVERAGE = 0.9
-TAKE_RIDGE = ("auto", "linear", "polynomial", "hysteretic")
-TAKE_FRICTION = ("auto", "hysteretic", "neural")
 
 
 @dataclass(frozen=True)
 class FitOptions:
     """Options of a fit; a fixed offset is one of the error, whatever the target."""
 
-    kind: Kind = "auto"  # auto is chosen for every joint from the others (kind_choice.py)
-    preset: Preset | None = None  # of kind neural; "best" when None
+    kind: str = AUTO  # auto is chosen for every joint from the others (kind_choice.py)
+    preset: str | None = None  # of a kind that has several; its first when None
     # signals or groups of signals, for all joints or per joint; positions and, if recorded, torques when None
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
     # half-widths of play states, as shares of each joint's range; None is none, but for `best` without torque, which
@@ -42,54 +37,56 @@ class FitOptions:
     friction: FoundFriction | None = None  # what was found
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise InputError(f'model "{self.kind}": expected one of {", ".join(KINDS)}')
-        if self.preset is not None and (self.preset not in PRESETS or self.kind != "neural"):
-            raise InputError(
-                f'preset "{self.preset}" of model "{self.kind}": only neural has presets, {" and ".join(PRESETS)}'
-            )
+        taking_ridge = [name for name, kinds in MODEL_KINDS.items() if "ridge" in kinds[0].takes]
+        if self.kind != AUTO or self.preset is not None:
+            kind_of(self.kind, self.preset)  # refuses unknown ones
         if self.target not in get_args(Target):
             raise InputError(f'target "{self.target}": expected one of {", ".join(get_args(Target))}')
         if any(not 0.0 < share < 1.0 for share in self.play or ()):
             raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
         if self.ridge is not None and not 0.0 <= self.ridge < math.inf:
             raise InputError(f"ridge: expected a number of zero or more, got {self.ridge}")
-        if self.ridge is not None and self.kind not in TAKE_RIDGE:
-            raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(TAKE_RIDGE[1:])} take one")
+        if self.ridge is not None and self.kind not in (AUTO, *taking_ridge):
+            raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(taking_ridge)} take one")
         if self.coupled and not self.takes_friction():
             raise InputError(f"coupled joints of model {self.kind}: only hysteretic and best take any")
-        if self.kind == "auto" and self.target != "error":
+        if self.kind == AUTO and self.target != "error":
             raise InputError(f'target "{self.target}": models of it are not chosen; give a kind in place of auto')
 
-    def of_kind(self, kind: Kind, preset: Preset | None = None) -> "FitOptions":
+    @property
+    def record(self) -> ModelKind | None:
+        """The record of its kind; None of auto."""
+        return None if self.kind == AUTO else kind_of(self.kind, self.preset)
+
+    def of_kind(self, kind: str, preset: str | None = None) -> "FitOptions":
         """Return the options of a kind of model, without those that it does not take."""
-        ridge = self.ridge if kind in TAKE_RIDGE else None
-        coupled = self.coupled if kind in TAKE_FRICTION and preset != "paper" else ()
+        record = None if kind == AUTO else kind_of(kind, preset)
+        ridge = self.ridge if record is None or "ridge" in record.takes else None
+        coupled = self.coupled if record is None or record.memory != "asked" else ()
         return replace(self, kind=kind, preset=preset, ridge=ridge, coupled=coupled)
 
     def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
         """Return shares of each joint's range of motion that the play states take beside the given signals."""
         if self.play is not None:
             return self.play
-        torque = any(name.startswith("tau:") for name in signals)
-        return PLAY_SHARES if self.kind == "hysteretic" or (self.network == "best" and not torque) else ()
+        return PLAY_SHARES if self.record is not None and self._remembers(signals) else ()
 
     def takes_friction(self, signals: Iterable[str] = ()) -> bool:
         """Return whether the model may take friction states of coupled joints beside the given signals."""
-        told = self.kind == "neural" and self.coupled is None and any(name.startswith("tau:") for name in signals)
-        return self.kind in TAKE_FRICTION and self.network != "paper" and self.target == "error" and not told
+        beside = () if self.coupled is not None else signals  # joints that were told are taken beside torques too
+        return self.target == "error" and self._remembers(beside)
 
-    @property
-    def network(self) -> Preset | None:
-        """The preset that a network is trained by; None for other kinds."""
-        return (self.preset or "best") if self.kind == "neural" else None
+    def _remembers(self, signals: Iterable[str]) -> bool:
+        """Return whether the kind takes states of memory unasked beside the given signals."""
+        memory = "always" if self.record is None else self.record.memory
+        return memory == "always" or (memory != "asked" and not any(name.startswith("tau:") for name in signals))
 
     @property
     def ridge_used(self) -> float | None:
         """Weight on the squared coefficients of a regression; None for other kinds."""
-        if self.kind not in ("linear", "polynomial", "hysteretic") or self.ridge is not None:
+        if self.record is None or "ridge" not in self.record.takes or self.ridge is not None:
             return self.ridge
-        return MEMORY_RIDGE if self.kind == "hysteretic" or self.play else 0.0
+        return MEMORY_RIDGE if self.record.memory == "always" or self.play else 0.0
 
 
 @dataclass(frozen=True)
@@ -125,5 +122,5 @@ def _is_date(text: str) -> bool:
 
 def require_folds(options: FitOptions, run: FitRun) -> None:
     """Refuse to choose a model by errors on folds that are not run."""
-    if options.kind == "auto" and not run.folds:
+    if options.kind == AUTO and not run.folds:
         raise InputError("model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind")

@@ -4,36 +4,39 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache, partial, reduce
+from typing import NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats, spread
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
-from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
+from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun, require_folds
-from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
+from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
-from catenary.calibration.kind_choice import SIMPLEST_FIRST, JointChoice, choose, composed, joined
+from catenary.calibration.kind_choice import JointChoice, choose, composed, joined
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model_kinds import AUTO, TRIED
 from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
 from catenary.side_by_side import Progress, part_of, silent
 from catenary.units import DISPLAY
-from catenary.verdict.check import Passed, robot_of, verdict
+from catenary.verdict.check import Passed
 from catenary.verdict.finding import Finding
 from catenary.verdict.mend import left_out_rows, mends_of
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
-MOST_ROWS, SAMPLED_ROWS = 50_000, 20_000
-VAGUE = 2.0  # times its lower end, that a range of errors says little beyond
-PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
+_MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
+_VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
+_PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
 
@@ -70,21 +73,30 @@ class FitResult:
 def fit_logs(
     logs: Sequence[MotionLog], options: FitOptions, run: FitRun | None = None, *, progress: Progress = silent
 ) -> FitResult:
-    """Fit a model to recordings; say how well it does on blocks of time and a held-out part that it did not see."""
+    """Fit a model to recordings; see `fit_recordings`."""
     run = run if run is not None else FitRun()
-    logs = in_one_order(logs)
+    return fit_recordings(
+        Recordings.of(logs, robot=run.robot, max_error=run.max_error), options, run, progress=progress
+    )
+
+
+def fit_recordings(
+    recordings: Recordings, options: FitOptions, run: FitRun, *, progress: Progress = silent
+) -> FitResult:
+    """Fit a model to recordings; say how well it does on blocks of time and a held-out part that it did not see."""
     require_folds(options, run)
-    rows_of = cache(partial(_rows, logs, run=run))
-    inputs_of = partial(choose_inputs, logs, held_out=run.held_out or 0.0)
-    rows_of(inputs_of(options).features)  # what cannot be fitted to is refused before anything takes long
-    limits = error_limits(run.max_error, logs[0])
-    found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
-    if options.friction is None and options.takes_friction(inputs_of(options).features.signals):
-        coupled = find_friction(logs, options, held_out=run.held_out or 0.0, max_error=limits)
-        options = replace(options, friction=coupled)
-    names = SIMPLEST_FIRST if options.kind == "auto" else (options.kind,)
+    options = options.of_kind(options.kind, options.preset)
+    rows_of = cache(partial(_rows, recordings, run=run))
+    inputs_of = partial(choose_inputs, recordings, held_out=run.held_out or 0.0)
+    chosen = inputs_of(options)
+    rows_of(chosen.features)  # what cannot be fitted to is refused before anything takes long
+    found = recordings.judged(run.accept)
+    asked = options
+    if options.friction is None and options.takes_friction(chosen.features.signals):
+        options = replace(options, friction=find_friction(recordings, options, held_out=run.held_out or 0.0))
+    names = TRIED if options.kind == AUTO else (options.kind,)
     kinds: dict[str, FitOptions] = {kind: options.of_kind(kind, options.preset) for kind in names}
-    inputs = {kind: inputs_of(of_kind) for kind, of_kind in kinds.items()}
+    inputs = {kind: chosen if of_kind == asked else inputs_of(of_kind) for kind, of_kind in kinds.items()}
     of_kinds = {kind: rows_of(taken.features)[0] for kind, taken in inputs.items()}
     shared = reduce(np.intersect1d, (data.places for data in of_kinds.values()))  # all kinds are asked about these
     rows = {kind: data.rows(np.isin(data.places, shared)) for kind, data in of_kinds.items()}
@@ -102,58 +114,59 @@ def fit_logs(
         }
 
     # kinds are chosen by whole recordings left out, where there are several; errors are those on blocks of time
-    validations = validated(kinds, recordings=options.kind == "auto")
-    choices = choose(validations) if options.kind == "auto" else ()
+    validations = validated(kinds, recordings=options.kind == AUTO)
+    choices = choose(validations) if options.kind == AUTO else ()
     needed = dict.fromkeys(choice.chosen for choice in choices) if choices else kinds
     if choices and rows[choices[0].chosen].has_several:
         validations = validated(needed)
     models = {kind: fitted(kind, rows[kind], parts[-1]) for kind in needed}
     model = composed(models, choices) if choices else models[options.kind]
     validation = joined(validations, choices) if choices else validations.get(options.kind)
-    return _concluded(logs, options, run, model, validation, choices, found, shared, rows_of(model.features))
+    made = _Made(model, validation, choices, shared)
+    return _concluded(recordings, options, run, made, found, rows_of(model.features))
 
 
-def _rows(logs: Sequence[MotionLog], features: FeatureSet, run: FitRun) -> Rows:
+class _Made(NamedTuple):
+    """A fitted model, and how it was tested."""
+
+    model: CalibrationModel
+    validation: CrossValidation | None  # of its errors on blocks of time; None without folds
+    choices: tuple[JointChoice, ...]  # of model auto, one per joint
+    places: Floats  # of the rows that it was fitted to, see `CalibrationData.places`
+
+
+def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
     """Return the rows that are fitted to, those held out, and all of them."""
-    count = sum(len(log) for log in logs)
-    every = 1 if count <= MOST_ROWS else -(-count // SAMPLED_ROWS)  # neighbours in a longer recording tell hardly more
-    limits = error_limits(run.max_error, logs[0])
-    everything = calibration_data(logs, features, max_error=limits, every=every)
+    count = sum(len(log) for log in recordings.logs)
+    every = 1 if count <= _MAX_ROWS else -(-count // _SAMPLED_ROWS)  # neighbours in a longer recording tell hardly more
+    everything = usable_rows(recordings, features, every=every)
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
     # data too few for the smallest fit of a run are refused before the longest one has run
     rows = int(data.complete.sum())
     smallest = rows - math.ceil(rows / run.folds) if run.folds else rows
-    if rows < SMALLEST_DATA:
-        raise InputError(f"data: {rows} usable rows, expected at least {SMALLEST_DATA}")
-    if smallest < SMALLEST_DATA:
+    if rows < MIN_ROWS:
+        raise InputError(f"data: {rows} usable rows, expected at least {MIN_ROWS}")
+    if smallest < MIN_ROWS:
         raise InputError(
             f"data: {rows} usable rows; with one of {run.folds} blocks left out {smallest} remain, expected at least "
-            f"{SMALLEST_DATA}; folds 0 is no cross-validation"
+            f"{MIN_ROWS}; folds 0 is no cross-validation"
         )
     return data, late, everything
 
 
 def _concluded(
-    logs: Sequence[MotionLog],
-    options: FitOptions,
-    run: FitRun,
-    model: CalibrationModel,
-    validation: CrossValidation | None,
-    choices: tuple[JointChoice, ...],
-    found: Passed,
-    places: Floats,
-    rows: Rows,
+    recordings: Recordings, options: FitOptions, run: FitRun, made: _Made, found: Passed, rows: Rows
 ) -> FitResult:
-    """Return a model fitted to the rows at these places, with its intervals, errors and card."""
-    data, late, everything = rows
+    """Return a fitted model with its intervals, errors and card."""
+    logs, (model, validation, choices, places), (data, late, everything) = recordings.logs, made, rows
     data = data.rows(np.isin(data.places, places))
     everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)
     off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage, off_path=off_path)
-    limits = _limits(robot_of(logs, run.robot), data)
+    limits = _limits(recordings.robot, data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
         notes = (*notes, *friction_notes(logs, options.friction))
@@ -171,6 +184,7 @@ def _concluded(
         left = data.error - model.correction(data.X, data.q_nominal)
         scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
         spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, scale * off_path)
+        is_power = options.record is not None and options.record.is_power
         doubted = [
             f"{joint.joint} {far:.3g} {joint.unit}"
             for joint, far in zip(spread, (scale * apart).tolist(), strict=True)
@@ -178,12 +192,14 @@ def _concluded(
         ]
         if doubted:
             told = "where joints meet that its training has apart, models that are as good on it differ by more than"
-            remedy = "record random motion" + ", or take --model linear" * (options.kind == "polynomial")
+            remedy = "record random motion" + ", or take --model linear" * is_power
             notes = (*notes, f"{told} they err: {', '.join(doubted)}; {remedy}")
         vague = [
             f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
             for joint in spread
-            if joint.rmse_low is not None and joint.rmse_high is not None and joint.rmse_high > VAGUE * joint.rmse_low
+            if joint.rmse_low is not None
+            and joint.rmse_high is not None
+            and joint.rmse_high > _VAGUE_RATIO * joint.rmse_low
         ]
         if vague:
             notes = (*notes, f"other minutes may err by {', '.join(vague)}, which says little: record longer")
@@ -194,7 +210,7 @@ def _concluded(
         for log, delay in zip(logs, found.delays, strict=True)
     ]
     card["left_out"] = [asdict(each) for each in left_out]
-    return FitResult(model, card, data, spread, held_out, notes, choices, left_out, tuple(logs))
+    return FitResult(model, card, data, spread, held_out, notes, choices, left_out, logs)
 
 
 def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, Floats]:
@@ -208,11 +224,11 @@ def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, F
     if model.kind == "offset":
         return nothing, nothing
     data = data.rows(data.complete)
-    data = data.rows(np.isin(np.arange(len(data)), spread(len(data), SAMPLED_ROWS)))
+    data = data.rows(np.isin(np.arange(len(data)), spread(len(data), _SAMPLED_ROWS)))
     linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
     lines = [group for group in model.groups if isinstance(group.predictor, Linear)]
     bent = [
-        fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=PRODUCTS_RIDGE * len(data.X))
+        fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=_PRODUCTS_RIDGE * len(data.X))
         for group in lines
     ]
 
@@ -260,8 +276,9 @@ def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]
     return notes
 
 
-MORE = 2.0  # times their share of the rows, from which on rows left out carry more than their share of the error
-WORSE = 1.05  # times the RMSE without them, that is worth a word
+# times their share of the rows, from which on rows left out carry more than their share of the error
+_SHARE_RATIO = 2.0
+_RMSE_RATIO = 1.05  # times the RMSE without them, that is worth a word
 
 
 def errors_with_left_out(
@@ -272,7 +289,7 @@ def errors_with_left_out(
     if not any(source.dropped for source in data.sources) and not any(each.any() for each in asked):
         return ()
     logs = [replace(log, ok=log.ok | each) for log, each in zip(logs, asked, strict=True)]
-    everything = calibration_data(logs, model.features, every=data.every)
+    everything = usable_rows(Recordings(tuple(logs)), model.features, every=data.every)
     kept = np.isin(everything.recording + everything.position, data.recording + data.position)
     gone = everything.rows(~kept)
     if not len(gone):
@@ -294,7 +311,7 @@ def left_out_findings(found: Sequence[LeftOut]) -> list[Finding]:
     """Note joints on which the rows left out carry more than their share of the error."""
     notes, culprit = [], "measurement failures; or a true error that was cut away"
     for each in found:
-        if each.share_of_error > MORE * each.share_of_rows and each.rmse_with > WORSE * each.rmse_without:
+        if each.share_of_error > _SHARE_RATIO * each.share_of_rows and each.rmse_with > _RMSE_RATIO * each.rmse_without:
             says = (
                 f"the {each.rows} rows left out, {each.share_of_rows:.2%} of all, carry {each.share_of_error:.0%} of "
                 f"the squared error: RMSE {each.rmse_with:.3g} {each.unit} with them, {each.rmse_without:.3g} without, "

@@ -8,31 +8,26 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
+from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.midline import RADIUS, TRAVEL, Midline
+from catenary.calibration.midline import RADIUS_SHARE, TRAVEL_SHARE, Midline
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
-from catenary.calibration.neural import BEST, PAPER, fit_neural
-from catenary.calibration.predictors import AnyPredictor, fit_linear, fit_offset, fit_polynomial, fit_smooth
+from catenary.calibration.model_kinds import ModelKind
 from catenary.calibration.recording_zeros import recording_zeros
-from catenary.calibration.spike_filter import ANY, largest_step, room_of
+from catenary.calibration.recordings import Recordings
+from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.side_by_side import Progress, part_of, silent
 
-SMALLEST_DATA = 10  # rows
-# How far beyond the training data a model may go, as a share of their range. Zig-zag data leave nearly half of the
-# shoulder's range out; half a range beyond, models without memory still correct most of the error there. Most principal
-# axes are narrow, as joints move together in training: of simulated arms and a real dVRK, models that do not grow as
-# powers err up to a range beyond as they do within. A polynomial doubles its error there; one with memory has hundreds
-# of terms, and its error grows fast.
-EXTRAPOLATION, AXES_EXTRAPOLATION = 0.5, 1.0
-POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
-LEAST_KNOWN = 0.5  # share of rows on which a midline is known
-SHOWN = 0.99  # share of training errors that count for the largest correction: the others may be failed measurements
-RESOLUTION = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
+MIN_ROWS = 10  # rows
+_BEYOND_AXES = 1.0  # of the range along a principal axis, how far a model may go; see `ModelKind`
+_MIN_KNOWN_SHARE = 0.5  # share of rows on which a midline is known
+# share of training errors that count for the largest correction: the others may be failed measurements
+_SHOWN_QUANTILE = 0.99
+_RESOLUTION_SI = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
 
 class Inputs(NamedTuple):
@@ -42,10 +37,9 @@ class Inputs(NamedTuple):
     per_joint: tuple[tuple[str, ...], ...]  # (n,) signals
 
 
-def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0) -> Inputs:
+def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: float = 0.0) -> Inputs:
     """Choose the features for recordings, looking only at what comes before their held-out last part."""
-    logs = in_one_order(logs)
-    log = logs[0]
+    log, period = recordings.logs[0], recordings.period
     if isinstance(options.inputs, Mapping):
         for joint in options.inputs:
             if joint not in log.joint_names:
@@ -65,12 +59,10 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
     coupled = () if friction is None else friction.positions
     shares = options.play_shares(signals)
-    rates = [sampling_rate(each) for each in logs]
-    period = None if None in rates else 1.0 / max(rate for rate in rates if rate is not None)
-    early = [each.part(0, max(1, round((1.0 - held_out) * len(each)))) for each in logs]
+    early = [each.part(0, max(1, round((1.0 - held_out) * len(each)))) for each in recordings.logs]
     play: list[tuple[str, float]] = []
     steps: list[tuple[str, float]] = []
-    midlines = _midlines(early, signals) if options.kind == "hysteretic" else []
+    midlines = _midlines(early, signals) if options.record is not None and options.record.midlines else []
     for name in signals if shares else coupled:
         joint = name.removeprefix("q:")
         if name.startswith("q:") and joint in log.joint_names:
@@ -101,11 +93,11 @@ def _midlines(logs: Sequence[MotionLog], signals: Sequence[str]) -> list[Midline
             continue
         span = float(np.ptp(np.concatenate([log.q_nominal[:, log.joint_names.index(joint)] for log in logs])))
         if span > 0.0:
-            midline = (name, position, RADIUS * span, TRAVEL * span)
+            midline = (name, position, RADIUS_SHARE * span, TRAVEL_SHARE * span)
             units = tuple(signals_of(logs[0])[each][1] for each in (position, name))
             alone = FeatureSet((position, name), units, midlines=(midline,))
             known = np.concatenate([np.isfinite(alone.matrix(log)[:, -1]) for log in logs])
-            found += [midline] if known.mean() >= LEAST_KNOWN else []
+            found += [midline] if known.mean() >= _MIN_KNOWN_SHARE else []
     return found
 
 
@@ -126,12 +118,13 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
     """Fit a model to complete rows, joints with the same inputs together, zeros of several recordings left out."""
     data = data.rows(data.complete)
     data.require(data, inputs.features)
-    if options.kind == "auto":
+    kind = options.record
+    if kind is None:
         raise InputError("model auto: is chosen from whole recordings; fit one kind to rows")
-    if len(data) < SMALLEST_DATA:
-        raise InputError(f"data: {len(data)} usable rows, expected at least {SMALLEST_DATA}")
-    offset = fit_offset(data.error).value
-    target: Target = "error" if options.kind == "offset" else options.target
+    if len(data) < MIN_ROWS:
+        raise InputError(f"data: {len(data)} usable rows, expected at least {MIN_ROWS}")
+    offset = data.error.mean(axis=0)
+    target: Target = "error" if kind.of_error else options.target
     Y = data.error if target == "error" else data.q_nominal + data.error
     groups: list[JointGroup] = []
     together: dict[tuple[str, ...], list[int]] = {}
@@ -143,19 +136,20 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
         learnt = Y[:, joints]
-        if options.kind != "offset" and options.network != "paper":  # which takes rows as they are
+        if not kind.as_recorded:
             learnt = learnt - recording_zeros(X, learnt, data.recording)[data.recording]
-        predictor = _fit_predictor(X, learnt, options, late, report)
+        given = {"ridge": options.ridge_used or 0.0, "seed": options.seed, "late": late, "progress": report}
+        predictor = kind.fit(X, learnt, **given)
         watched = columns[~inputs.features.bounded[columns]]
-        margin = extrapolation(options.kind, inputs.features, columns)
-        along_axes = margin if options.kind == "polynomial" else AXES_EXTRAPOLATION
+        margin = extrapolation(kind, inputs.features, columns)
+        along_axes = margin if kind.is_power else _BEYOND_AXES
         averaged = inputs.features.averaged[watched]
         valid = fit_valid_range(data.X[:, watched], margin, along_axes=along_axes, farther=averaged)
         groups.append(JointGroup(tuple(joints), columns, predictor, valid, watched))
         report(1.0)
-    anything, named = np.full(len(offset), ANY), (data.joint_names, data.joint_units)
+    anything, named = np.full(len(offset), ANY_SIZE), (data.joint_names, data.joint_units)
     model = CalibrationModel(
-        options.kind, options.network, *named, inputs.features, target, offset, largest=anything, groups=tuple(groups)
+        kind.name, kind.preset, *named, inputs.features, target, offset, largest=anything, groups=tuple(groups)
     )
     return replace(model, largest=largest_shown(model, data))
 
@@ -163,24 +157,11 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
 def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
     """Return the largest correction shown, (n,) [rad|m]: the model's, or the error of all but the worst rows."""
     given = np.abs(model.correction(data.X, data.q_nominal)).max(axis=0)
-    seen = np.quantile(np.abs(data.error), SHOWN, axis=0)
-    largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), RESOLUTION)], axis=0)
+    seen = np.quantile(np.abs(data.error), _SHOWN_QUANTILE, axis=0)
+    largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), _RESOLUTION_SI)], axis=0)
     return largest
 
 
-def _fit_predictor(X: Floats, Y: Floats, options: FitOptions, late: np.ndarray, progress: Progress) -> AnyPredictor:
-    if options.kind == "offset":
-        return fit_offset(Y)
-    if options.kind == "neural":
-        settings = BEST if options.network == "best" else PAPER
-        return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
-    if options.kind == "hysteretic":
-        return fit_smooth(X, Y, ridge=options.ridge_used or 0.0, seed=options.seed)
-    regression = fit_linear if options.kind == "linear" else fit_polynomial
-    return regression(X, Y, ridge=options.ridge_used or 0.0)
-
-
-def extrapolation(kind: str, features: FeatureSet, columns: Integers) -> float:
+def extrapolation(kind: ModelKind, features: FeatureSet, columns: Integers) -> float:
     """Return how far beyond training a kind may go, as a share of its range; columns behind the signals are memory."""
-    memory = bool((columns >= len(features.signals)).any())
-    return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION
+    return kind.beyond_with_memory if (columns >= len(features.signals)).any() else kind.beyond

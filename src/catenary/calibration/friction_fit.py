@@ -17,28 +17,29 @@ from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration.dataset import in_one_order
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
 from catenary.calibration.fit_rows import choose_inputs
 from catenary.calibration.friction_level import best_level, levels_tried
 from catenary.calibration.friction_states import FoundFriction, FrictionStates
+from catenary.calibration.recordings import Recordings
 from catenary.calibration.valid_range import standardisation
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.transmission.cable_friction import CoupledFriction, coupled_friction
 
-SCALES = np.array([0.1, 0.25, 0.5, 1.0, 1.6, 2.5])  # of the thresholds
-THRESHOLD = 0.035  # of each joint's range: where the search begins; 5 deg of a wrist
-COUPLING = 0.5  # of the springs, where the search begins
-LONGEST = 0.015  # of each joint's range: a longer step is split; 2 deg of a wrist
-FIRST_STEP = 0.35  # of the search, in logarithms and couplings
-SEARCH = 80  # steps
-HELD = 1e-4  # weight on squared couplings
-BLOCKS = 5
-LEAST_GAIN = 0.03  # in the logarithm of the error, from play states of each joint
-MANY, WINDOWS, WARMING = 12_000, 10, 0.2  # rows that are searched whole; else this many parts, and rows before each
-FEWEST = 200  # rows
+_THRESHOLD_SCALES = np.array([0.1, 0.25, 0.5, 1.0, 1.6, 2.5])  # of the thresholds
+_START_THRESHOLD = 0.035  # of each joint's range: where the search begins; 5 deg of a wrist
+_START_COUPLING = 0.5  # of the springs, where the search begins
+_MAX_STEP_SHARE = 0.015  # of each joint's range: a longer step is split; 2 deg of a wrist
+_SIMPLEX_STEP = 0.35  # of the search, in logarithms and couplings
+_MAX_SEARCH_STEPS = 80  # steps
+_COUPLING_RIDGE = 1e-4  # weight on squared couplings
+_BLOCKS = 5
+_MIN_LOG_GAIN = 0.03  # in the logarithm of the error, from play states of each joint
+# rows that are searched whole; else this many parts, and rows before each
+_MAX_SEARCHED_ROWS, _WINDOWS, _WARMUP_SHARE = 12_000, 10, 0.2
+_MIN_ROWS = 200  # rows
 
 
 class _Rows(NamedTuple):
@@ -70,21 +71,19 @@ class _Rows(NamedTuple):
         return np.concatenate(parts)
 
 
-def find_friction(
-    logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0, max_error: Floats | None = None
-) -> FoundFriction | None:
+def find_friction(recordings: Recordings, options: FitOptions, *, held_out: float = 0.0) -> FoundFriction | None:
     """Return the friction of coupled joints, looking only at what comes before the held-out part; None without.
 
     Where `options.coupled` names no joints, the pair whose errors friction states explain best is taken, if these
-    explain more than play states do. Rows with errors beyond `max_error` (n,) [rad|m] are left out.
+    explain more than play states do.
     """
     if options.coupled == ():
         return None
     with threadpool_limits(limits=1):
-        rows = _rows_of(in_one_order(logs), options, held_out, max_error)
+        rows = _rows_of(recordings, options, held_out)
         if options.coupled is not None:
             joints = _told(rows, options.coupled)
-        elif len(rows.fixed) < FEWEST:
+        elif len(rows.fixed) < _MIN_ROWS:
             return None
         else:
             joints = _best_pair(rows)
@@ -93,11 +92,11 @@ def find_friction(
         found = _searched(rows, joints)
         before, after = (_errors(rows, joints, each) for each in (None, found))
         gain = np.log(before / after).mean(axis=1)  # of each block
-        shown = gain.mean() > max(LEAST_GAIN, gain.std(ddof=1) / np.sqrt(len(gain)))
+        shown = gain.mean() > max(_MIN_LOG_GAIN, gain.std(ddof=1) / np.sqrt(len(gain)))
         if options.coupled is None and not shown:
             return None
         kept, also = _inputs_needed(rows, joints, found)
-        levels = _levels(rows, joints, found) if len(logs) > 1 else np.zeros((1, len(found.directions)))
+        levels = _levels(rows, joints, found) if len(recordings.logs) > 1 else np.zeros((1, len(found.directions)))
         found = found._replace(thresholds=found.thresholds * np.exp(levels.mean(axis=0)))
         levels -= levels.mean(axis=0)
     unit = rows.ranges[list(joints)]
@@ -114,9 +113,10 @@ def find_friction(
     )
 
 
-def _rows_of(logs: Sequence[MotionLog], options: FitOptions, held_out: float, max_error: Floats | None) -> _Rows:
+def _rows_of(recordings: Recordings, options: FitOptions, held_out: float) -> _Rows:
+    logs = recordings.logs
     plain = replace(options, kind="hysteretic", preset=None, friction=None, coupled=())
-    inputs = choose_inputs(logs, plain, held_out=held_out)
+    inputs = choose_inputs(recordings, plain, held_out=held_out)
     fixed, errors, blocks, recording, paths = [], [], [], [], []
     ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)
     scale = np.where(ranges > 0.0, ranges, 1.0)
@@ -129,8 +129,8 @@ def _rows_of(logs: Sequence[MotionLog], options: FitOptions, held_out: float, ma
             error = log.q_encoder[start:last] - log.q_nominal[start:last]
             usable = part.ok & np.isfinite(X).all(axis=1)
             usable[: first - start] = False
-            if max_error is not None:
-                usable[usable] = (np.abs(error[usable]) <= max_error).all(axis=1)
+            if recordings.max_error is not None:
+                usable[usable] = (np.abs(error[usable]) <= recordings.max_error).all(axis=1)
             at = np.flatnonzero(usable)
             ends = [*part.starts[1:], len(part)]
             for begin, end in zip(part.starts, ends, strict=True):
@@ -140,7 +140,7 @@ def _rows_of(logs: Sequence[MotionLog], options: FitOptions, held_out: float, ma
             recording.append(np.full(len(at), which))
             whole = first == 0 and last == _seen(log, held_out)
             blocks.append(
-                np.arange(len(at)) * BLOCKS // max(1, len(at)) if whole else np.full(len(at), number % BLOCKS)
+                np.arange(len(at)) * _BLOCKS // max(1, len(at)) if whole else np.full(len(at), number % _BLOCKS)
             )
     numbers = (np.concatenate(blocks), np.concatenate(recording))
     return _Rows(inputs.features, np.vstack(fixed), np.vstack(errors), *numbers, paths, scale, logs[0].joint_names)
@@ -152,12 +152,12 @@ def _seen(log: MotionLog, held_out: float) -> int:
 
 def _windows(rows: int, recordings: int) -> list[tuple[int, int, int]]:
     """Return parts of a recording: where its path begins, and the rows of it that count."""
-    most = MANY // recordings
+    most = _MAX_SEARCHED_ROWS // recordings
     if rows <= most:
         return [(0, 0, rows)]
-    length, spacing = most // WINDOWS, rows // WINDOWS
-    warming = int(WARMING * length)
-    starts = [k * spacing for k in range(WINDOWS)]
+    length, spacing = most // _WINDOWS, rows // _WINDOWS
+    warming = int(_WARMUP_SHARE * length)
+    starts = [k * spacing for k in range(_WINDOWS)]
     return [(start, start + warming, start + length) for start in starts]
 
 
@@ -177,10 +177,10 @@ def _friction(parameters: Floats, n: int) -> CoupledFriction:
     root = np.zeros((n, n))
     root[np.tril_indices(n)] = np.append(0.0, parameters[: n * (n + 1) // 2 - 1])
     root[np.diag_indices(n)] = np.exp(np.diag(root))
-    thresholds = np.outer(SCALES, np.exp(parameters[-n:]))
+    thresholds = np.outer(_THRESHOLD_SCALES, np.exp(parameters[-n:]))
     K = root @ root.T
     compliance = np.linalg.inv(K)
-    return coupled_friction(0.5 * (compliance + compliance.T), np.eye(n), thresholds, np.full(n, LONGEST))
+    return coupled_friction(0.5 * (compliance + compliance.T), np.eye(n), thresholds, np.full(n, _MAX_STEP_SHARE))
 
 
 def _start(n: int, coupling: float) -> Floats:
@@ -189,7 +189,7 @@ def _start(n: int, coupling: float) -> Floats:
     if coupling < 0:
         root[1, 0], root[1, 1] = coupling, np.sqrt(1.0 - coupling**2)
     root[np.diag_indices(n)] = np.log(np.diag(root))
-    return np.append(root[np.tril_indices(n)][1:], np.full(n, np.log(THRESHOLD)))
+    return np.append(root[np.tril_indices(n)][1:], np.full(n, np.log(_START_THRESHOLD)))
 
 
 def _best_pair(rows: _Rows) -> tuple[int, ...]:
@@ -198,7 +198,7 @@ def _best_pair(rows: _Rows) -> tuple[int, ...]:
     moving = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in {p for p, _ in rows.signals.play}]
     for joints in combinations(moving, 2):
         before = np.log(_errors(rows, joints, None)).mean()
-        for coupling in (COUPLING, -COUPLING):
+        for coupling in (_START_COUPLING, -_START_COUPLING):
             gain = before - np.log(_errors(rows, joints, _friction(_start(2, coupling), 2))).mean()
             if gain > best:
                 best, pair = gain, joints
@@ -211,11 +211,14 @@ def _searched(rows: _Rows, joints: Sequence[int]) -> CoupledFriction:
 
     def loss(parameters: Floats) -> float:
         errors = _errors(rows, joints, _friction(np.clip(parameters, -5.0, 5.0), n))
-        return float(0.5 * np.log(np.square(errors).mean(axis=0)).mean() + HELD * np.square(parameters[:springs]).sum())
+        return float(
+            0.5 * np.log(np.square(errors).mean(axis=0)).mean()
+            + _COUPLING_RIDGE * np.square(parameters[:springs]).sum()
+        )
 
-    start = min((_start(n, coupling) for coupling in (COUPLING, 0.0, -COUPLING)), key=loss)
-    simplex = np.vstack([start, start + FIRST_STEP * np.eye(len(start))])
-    options: Any = {"maxiter": SEARCH, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5}
+    start = min((_start(n, coupling) for coupling in (_START_COUPLING, 0.0, -_START_COUPLING)), key=loss)
+    simplex = np.vstack([start, start + _SIMPLEX_STEP * np.eye(len(start))])
+    options: Any = {"maxiter": _MAX_SEARCH_STEPS, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5}
     found = minimize(loss, start, method="Nelder-Mead", options=options)
     return _friction(np.clip(found.x, -5.0, 5.0), n)
 

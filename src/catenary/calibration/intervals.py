@@ -9,7 +9,7 @@ the margin; by joint the constant holds 53 to 100 % of errors of which it is to 
 are fitted without the rows at the edge show a growth that is too small by half.
 
 Outside the valid range the fixed offset is what the model gives. The half-width there grows as if the offset's error
-went on as it does from the middle to the edge: in proportion to the distance from the middle, to FARTHEST times.
+went on as it does from the middle to the edge: in proportion to the distance from the middle, to MAX_HALF_RANGES times.
 Where the numbers come from, and what they promise: conformal.py.
 """
 
@@ -24,7 +24,7 @@ from catenary.cards import StoredFloats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 
-FARTHEST = 10.0  # times the distance from the middle of the valid range to its edge
+MAX_HALF_RANGES = 10.0  # times the distance from the middle of the valid range to its edge
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Which kind of model for which joint: chosen on data that the model did not see, the simplest that will do.
 
 Of the kinds in their order, from the simplest, a joint gets the first whose error is within one standard error of the
-best kind's [the one-standard-error rule; Breiman et al. 1984, section 3.4.3] and within `CLOSE` of it. The errors are
-those of the cross-validation, over recordings where there are several, as motions and days differ more than blocks of
-one do; else over contiguous blocks of time. Polynomials are not among the kinds: blocks of a zig-zag do not show how
+best kind's [the one-standard-error rule; Breiman et al. 1984, section 3.4.3] and within `CLOSE_RATIO` of it. The errors
+are those of the cross-validation, over recordings where there are several, as motions and days differ more than blocks
+of one do; else over contiguous blocks of time. Polynomials are not among the kinds: blocks of a zig-zag do not show how
 their error grows with the square of the distance from it; on random motion of simulated arms they were never the best.
 The standard error is that of the difference between two kinds' squared errors on the same rows, over the blocks of time
 that intervals are estimated from. A joint's part of the model of its kind is its part of the chosen model, to the bit.
@@ -18,13 +18,12 @@ from catenary.arrays import Floats, Integers
 from catenary.calibration.conformal import time_blocks
 from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.fit_options import Kind
 from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.calibration.model_kinds import AUTO
 from catenary.errors import InputError
 
-SIMPLEST_FIRST: tuple[Kind, ...] = ("offset", "linear", "hysteretic", "neural")
-CLOSE = 1.03  # times the best kind's error
-BLOCKS_OF_LEVEL = 0.9  # the blocks of time are those of intervals that hold this share: fifty, where rows suffice
+CLOSE_RATIO = 1.03  # times the best kind's error
+_BLOCKS_LEVEL = 0.9  # the blocks of time are those of intervals that hold this share: fifty, where rows suffice
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...
         chosen = next(
             name
             for name, error in errors.items()
-            if error <= CLOSE * errors[best]
+            if error <= CLOSE_RATIO * errors[best]
             and (excess := squares[name][:, j] - squares[best][:, j]).mean() <= excess.std(ddof=1) / len(excess) ** 0.5
         )
         choices.append(JointChoice(joint.joint, joint.unit, chosen, errors))
@@ -65,7 +64,7 @@ def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...
 
 def block_squares(errors: Floats, recording: Integers) -> Floats:
     """Return mean squares of errors (N, n) over K blocks of time of the recordings (N,), (K, n)."""
-    block = time_blocks(recording, level=BLOCKS_OF_LEVEL)
+    block = time_blocks(recording, level=_BLOCKS_LEVEL)
     return np.array([np.square(errors[block == k]).mean(axis=0) for k in np.unique(block)])
 
 
@@ -99,7 +98,7 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
                 groups.append(JointGroup(joints, columns, group.predictor.of(outputs), group.valid_range, watched))
     largest = np.array([taken[choice.chosen].largest[j] for j, choice in enumerate(choices)])
     largest = np.maximum(largest, np.abs(first.offset))
-    return replace(first, kind="auto", preset=None, features=features, largest=largest, groups=tuple(groups))
+    return replace(first, kind=AUTO, preset=None, features=features, largest=largest, groups=tuple(groups))
 
 
 def _union(sets: Sequence[FeatureSet]) -> FeatureSet:

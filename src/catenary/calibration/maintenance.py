@@ -3,7 +3,7 @@
 What is wrong with the data is no fault of the model: recordings are judged before one is held against them.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from copy import deepcopy
 from dataclasses import asdict, dataclass
 from datetime import datetime
@@ -13,36 +13,37 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.card import sizes_of, valid_inputs
-from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
+from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
 from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_refresh import BLOCKS, FEWEST_ROWS, NOTHING, JointChange, Refreshed, refresh_model
+from catenary.calibration.model_refresh import (
+    MIN_REFRESH_ROWS,
+    REFRESH_BLOCKS,
+    UNCHANGED,
+    JointChange,
+    Refreshed,
+    refresh_model,
+)
+from catenary.calibration.recordings import Recordings
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
-from catenary.verdict.check import robot_of, verdict
-from catenary.verdict.mend import AS_TRAINED, Mend
-from catenary.verdict.mend import NOTHING as NO_MEND
+from catenary.verdict.mend import AS_TRAINED, NO_MEND, Mend
 from catenary.verdict.units_and_scale import trained_findings
 
 
 def judge_recordings(
     model: CalibrationModel,
-    card: Card,
-    logs: Sequence[MotionLog],
+    recordings: Recordings,
     *,
     accept: Collection[str] = (),
-    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out
     learning: bool = False,  # the model is to learn from them: they must not be short, nor the arm at rest
     done: str = "evaluated",
 ) -> list[str]:
     """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing."""
-    robot, trained = robot_of(logs, card.get("robot")), trained_positions(model)
     try:
-        return verdict(
-            logs, accept=accept, robot=robot, max_error=max_error, testing=not learning, trained=trained, done=done
-        ).notes
+        return recordings.judged(accept, testing=not learning, trained=trained_positions(model), done=done).notes
     except DataError as error:
-        said = [f'"{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)]
+        said = [f'"{log.name}" was {n}' for log in recordings.logs for n in log.notes if n.startswith(AS_TRAINED)]
         raise DataError("\n".join([str(error), *said]), error.names) from error
 
 
@@ -106,24 +107,22 @@ class NewDay:
 def refresh_with(
     model: CalibrationModel,
     card: Card,
-    logs: Sequence[MotionLog],
+    recordings: Recordings,
     *,
     accept: Collection[str] = (),
-    max_error: tuple[float, ...] | None = None,  # per joint, deg and mm; rows with larger errors are left out
     sha256: str | None = None,  # of the model's file; None for one in memory
 ) -> NewDay:
     """Refresh a model with recordings of a new day; see `refresh_model`."""
-    for log in logs:
+    for log in recordings.logs:
         if log.is_among(card["data"]):
             raise InputError(
                 f'recording "{log.name}": the model was fitted to it or refreshed with it; expected one of a new day'
             )
-    limits = error_limits(max_error, logs[0])
-    found = judge_recordings(model, card, logs, accept=accept, max_error=limits, learning=True, done="refreshed")
-    data = calibration_data(logs, model.features, max_error=limits)
-    day = find_level(model, logs, BLOCKS, limits) if data.complete.sum() >= FEWEST_ROWS else None
+    found = judge_recordings(model, recordings, accept=accept, learning=True, done="refreshed")
+    data = usable_rows(recordings, model.features)
+    day = find_level(model, recordings, REFRESH_BLOCKS) if data.complete.sum() >= MIN_REFRESH_ROWS else None
     refreshed = refresh_model(model, data, day)
-    notes = (*data_notes(logs, data), *found, *refreshed.notes)
+    notes = (*data_notes(recordings.logs, data), *found, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)
 
 
@@ -163,7 +162,7 @@ def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
     told = [
         f"{change.name} {change.moved:+.2g} {change.unit}"
         for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.rmse_after, 1e-9))
-        if change.change != NOTHING
+        if change.change != UNCHANGED
     ]
     day = None if since is None else datetime.fromisoformat(since)
     when = "since the model was fitted" if day is None else f"since {day.day} {day:%B %Y}"

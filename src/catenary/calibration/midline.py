@@ -17,9 +17,9 @@ from catenary.calibration.spike_filter import AWAY
 from catenary.kernels.compiled import compiled
 
 # of the joint's range in training [3 and 40 deg of a da Vinci tool's 60]
-RADIUS, TRAVEL = 0.05, 0.67
-FULL = 0.9999  # share of the radius at which the stop has been reached
-STATES = 4  # numbers that a midline remembers
+RADIUS_SHARE, TRAVEL_SHARE = 0.05, 0.67
+_FULL_SHARE = 0.9999  # share of the radius at which the stop has been reached
+STATE_COUNT = 4  # numbers that a midline remembers
 Midline = tuple[
     str,  # signal
     str,  # position whose travel counts
@@ -38,7 +38,7 @@ def follow_midlines(
     radii: Floats,  # (M,)
     travels: Floats,  # (M,)
     at: Integers,  # (1,) first column to write
-    midline: Floats,  # (M, STATES) position before, stop, means forwards and backwards; NaN before the first row
+    midline: Floats,  # (M, STATE_COUNT) position before, stop, means forwards and backwards; NaN before the first row
     X: Floats,  # (N, F) receives the midlines
 ) -> None:
     """Write midlines of rows of one motion, NaN until both directions were seen; NaN and leaps change nothing."""
@@ -51,7 +51,7 @@ def follow_midlines(
                 stop = 0.0 if first else midline[i, 1]
                 stop = min(max(stop + moved, -radii[i]), radii[i])
                 midline[i, 0], midline[i, 1] = x, stop
-                side = 2 if stop >= FULL * radii[i] else (3 if stop <= -FULL * radii[i] else 0)
+                side = 2 if stop >= _FULL_SHARE * radii[i] else (3 if stop <= -_FULL_SHARE * radii[i] else 0)
                 if side > 0:
                     mean = midline[i, side]
                     share = -exp_minus_1(-min(abs(moved) / travels[i], 40.0))

@@ -13,18 +13,18 @@ from catenary.calibration.arithmetic import Step
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
 from catenary.calibration.predictors import AnyPredictor
-from catenary.calibration.spike_filter import ANY
+from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.verdict.mend import MENDS
+from catenary.verdict.mend import MEND_KEYS
 
 Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]
-Mends = Annotated[Mapping[Annotated[str, Field(pattern=MENDS)], tuple[str, ...]], Field(max_length=50)]
-REACH = 2.0  # times the largest correction that training showed: the largest that is believed
+Mends = Annotated[Mapping[Annotated[str, Field(pattern=MEND_KEYS)], tuple[str, ...]], Field(max_length=50)]
+MAX_CORRECTION_RATIO = 2.0  # times the largest correction that training showed: the largest that is believed
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
 
@@ -69,7 +69,8 @@ class CalibrationModel:
     """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
     `correction` is added to q_nominal. A row outside a group's valid range gets the training data's fixed offset; so
-    does a joint whose correction was never seen: beyond REACH times `largest`, or to `largest` beyond its limits.
+    does a joint whose correction was never seen: beyond MAX_CORRECTION_RATIO
+    times `largest`, or to `largest` beyond its limits.
     """
 
     __pydantic_config__ = IN_FILES
@@ -123,7 +124,7 @@ class CalibrationModel:
     def inside(self, X: Floats) -> Flags:
         """Return whether features (N, F) lie in each joint's valid range, (N, n); what is believed: `correct`."""
         n = len(self.joint_names)
-        return replace(self, largest=np.full(n, ANY), limits=None).correct(X, np.zeros((len(X), n)))[1]
+        return replace(self, largest=np.full(n, ANY_SIZE), limits=None).correct(X, np.zeros((len(X), n)))[1]
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
         """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
@@ -135,7 +136,8 @@ class CalibrationModel:
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
-        for rows in arithmetic.blocks(len(X)):
+        width = max(X.shape[1], *(group.predictor.width for group in self.groups))
+        for rows in arithmetic.blocks(len(X), width):
             outputs = (correction[rows], inside[rows], interval[rows])
             arithmetic.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
@@ -154,8 +156,10 @@ class CalibrationModel:
         steps: list[Step] = []
         if interval is not None and self.intervals is None:
             steps = [Step(arithmetic.repeat, (np.full(len(self.joint_names), np.nan),), (interval,))]
-        lower, upper = np.outer((-ANY, ANY), np.ones_like(self.offset)) if self.limits is None else self.limits
-        bounds = (REACH * self.largest, lower - self.largest, upper + self.largest)
+        lower, upper = (
+            np.outer((-ANY_SIZE, ANY_SIZE), np.ones_like(self.offset)) if self.limits is None else self.limits
+        )
+        bounds = (MAX_CORRECTION_RATIO * self.largest, lower - self.largest, upper + self.largest)
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))

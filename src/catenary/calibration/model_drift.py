@@ -4,24 +4,24 @@ A recording is cut where the encoders' offsets change, which a homing writes, an
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.card import clock_delay
-from catenary.calibration.conformal import LENIENCE
-from catenary.calibration.dataset import calibration_data
+from catenary.calibration.conformal import COVERAGE_LENIENCE
+from catenary.calibration.dataset import usable_rows
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.maintenance import last_date
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
-from catenary.plant import MotionLog
 from catenary.raven2.transmission import OFFSETS
 from catenary.units import DISPLAY
 
-BEYOND = 2.0  # times the error that the card tells, where a model has no interval
+DRIFT_FACTOR = 2.0  # times the error that the card tells, where a model has no interval
 
 
 @dataclass(frozen=True)
@@ -66,11 +66,10 @@ class DriftFound(NamedTuple):
 
 def find_drift(
     model: CalibrationModel,
-    logs: Sequence[MotionLog],  # recordings with q_encoder, the oldest first
+    recordings: Recordings,  # with q_encoder, the oldest first, joints as the model's
     known: Floats | None,  # (n,) errors that the card tells [deg|mm]; None where it tells none
     *,
-    factor: float = BEYOND,  # more than 0
-    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out
+    factor: float = DRIFT_FACTOR,  # more than 0
 ) -> DriftFound:
     """Return a model's errors on recordings, in their order, and from which on it is beyond what it promised.
 
@@ -85,9 +84,8 @@ def find_drift(
     if not factor > 0.0:
         raise InputError(f"drift: factor: expected more than 0, got {factor}")
     stretches = []
-    for log in logs:
-        log = model.matched(log)
-        data = calibration_data([log], model.features, max_error=max_error)
+    for log in recordings.logs:
+        data = usable_rows(replace(recordings, logs=(log,)), model.features)
         place = np.rint(data.position * len(log)).astype(int)  # rows of the recording
         offsets = [values for name, values in log.signals.items() if name.startswith(OFFSETS)]
         cuts = {*log.starts[1:], *(row + 1 for values in offsets for row in np.flatnonzero(np.diff(values)).tolist())}
@@ -98,7 +96,7 @@ def find_drift(
             rmse, coverage = tuple(j.rmse for j in errors), tuple(j.coverage for j in errors)
             held = None if model.intervals is None else coverage
             if model.intervals is not None:
-                least = model.intervals.level - LENIENCE * (1.0 - model.intervals.level)
+                least = model.intervals.level - COVERAGE_LENIENCE * (1.0 - model.intervals.level)
                 beyond = tuple(share < least for share in coverage)
             else:
                 beyond = tuple(np.greater(rmse, factor * np.asarray(known)).tolist())
@@ -111,7 +109,7 @@ def find_drift(
     return DriftFound(model.joint_names, model.joint_units, tuple(stretches), judged)
 
 
-def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor: float = BEYOND) -> DriftFound:
+def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor: float = DRIFT_FACTOR) -> DriftFound:
     """Return errors (n,) [deg|mm], delays and zeros of cards, by date; beyond is `factor` times the first one's."""
     cards = sorted(cards, key=lambda each: last_date(each[1]) or "9")
     joints = [[(joint["name"], joint["unit"]) for joint in card["joints"]] for _, card, _ in cards]

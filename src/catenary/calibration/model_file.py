@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model_kinds import AUTO, kind_of
 from catenary.cards import card_of, stored, write_with_card
 from catenary.config import parse_settings
 from catenary.documents import cut, json_table, shortened
@@ -21,14 +22,14 @@ from catenary.errors import CatenaryError, FileFormatError
 from catenary.files import damage
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
-FORMAT = "catenary.calibration.5"
-NAMES = tuple(each.name for each in fields(CalibrationModel))
+_FORMAT = "catenary.calibration.5"
+_FIELD_NAMES = tuple(each.name for each in fields(CalibrationModel))
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
     """Write a model to `path` and a readable copy of its card beside it, as `write_with_card` does."""
     arrays: dict[str, NDArray[Any]] = {}
-    structure = {"format": FORMAT} | stored({name: getattr(model, name) for name in NAMES}, arrays)
+    structure = {"format": _FORMAT} | stored({name: getattr(model, name) for name in _FIELD_NAMES}, arrays)
     write_with_card(path, {"structure": np.array(json.dumps(structure)), **arrays}, card)
 
 
@@ -54,11 +55,13 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             if values.dtype.kind == "f" and not np.isfinite(values).all():
                 raise ValueError(f"{key} holds NaN or infinity")
         found = json_table(str(arrays["structure"]), "structure")
-        if (version := found.pop("format", None)) != FORMAT:
+        if (version := found.pop("format", None)) != _FORMAT:
             raise FileFormatError(
-                f"{path}: model format {shortened(version)}, expected {FORMAT!r}: another version wrote it; {remedy}"
+                f"{path}: model format {shortened(version)}, expected {_FORMAT!r}: another version wrote it; {remedy}"
             )
         model = parse_settings(found, CalibrationModel, "structure", arrays)
+        if model.kind != AUTO:
+            kind_of(model.kind, model.preset)  # refuses unknown ones
         check_names("joint", model.joint_names)
         check_different("joint", model.joint_names)
         check_within("offset", model.offset, FARTHEST, "rad or m")

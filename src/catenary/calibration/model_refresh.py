@@ -33,22 +33,27 @@ from catenary.calibration.friction_level import DayLevel
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Quadratic
-from catenary.calibration.spike_filter import ANY
-from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
+from catenary.calibration.spike_filter import ANY_SIZE
+from catenary.calibration.valid_range import MIN_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
-NOTHING, SCALE, SLOPES, LEVEL = "nothing", "zero and scale", "slopes of all inputs", "friction level"
-BLOCKS = 8  # of time, on which candidates are judged
-FEWEST_ROWS = 40  # five a block
-RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
-SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
-SLOPES_RIDGES = (1.0, 0.1, 0.01, 1e-3)  # the most held first
-HOW = (NOTHING, SCALE, *(SLOPES,) * len(SLOPES_RIDGES))
-SWEPT = 0.5  # of the trained range, from one side to the other, that makes a sweep
-SWEEPS, SHOWN = 10, 0.8  # of a joint, and least share of the trained range, for slopes of all inputs
-CLOSE = 0.01  # of the best candidate's error: what is better by less is not worth a larger change
-CLEAR = 0.4  # of the error on blocks: what leaves less is no side of the slack, once a joint went there and back
+UNCHANGED, ZERO_AND_SCALE, ALL_SLOPES, FRICTION_LEVEL = (
+    "nothing",
+    "zero and scale",
+    "slopes of all inputs",
+    "friction level",
+)
+REFRESH_BLOCKS = 8  # of time, on which candidates are judged
+MIN_REFRESH_ROWS = 40  # five a block
+_RESOLUTION_SI = 1e-9  # [rad|m] differences that no encoder shows
+_SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
+_SLOPES_RIDGES = (1.0, 0.1, 0.01, 1e-3)  # the most held first
+_CHANGES = (UNCHANGED, ZERO_AND_SCALE, *(ALL_SLOPES,) * len(_SLOPES_RIDGES))
+_SWEEP_SHARE = 0.5  # of the trained range, from one side to the other, that makes a sweep
+MIN_SWEEPS, _MIN_SHOWN_SHARE = 10, 0.8  # of a joint, and least share of the trained range, for slopes of all inputs
+_CLOSE_SHARE = 0.01  # of the best candidate's error: what is better by less is not worth a larger change
+_CLEAR_SHARE = 0.4  # of the error on blocks: what leaves less is no side of the slack, once a joint went there and back
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,7 @@ class JointChange:
 
     name: str
     unit: str  # "deg" or "mm"
-    change: str  # NOTHING, SCALE or SLOPES, or LEVEL and one of these
+    change: str  # UNCHANGED, ZERO_AND_SCALE or ALL_SLOPES, or FRICTION_LEVEL and one of these
     moved: float  # mean change of the correction over the new rows
     rmse_before: float  # of the old model on the new rows
     rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
@@ -87,9 +92,9 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
     known = every.complete
     data = every.rows(known)
     data.require(model, model.features)
-    if len(data) < FEWEST_ROWS:
-        raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {FEWEST_ROWS}")
-    block = np.arange(len(data)) * BLOCKS // len(data)
+    if len(data) < MIN_REFRESH_ROWS:
+        raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {MIN_REFRESH_ROWS}")
+    block = np.arange(len(data)) * REFRESH_BLOCKS // len(data)
     inside = model.inside(data.X)
     offset, left = model.offset.copy(), np.empty_like(every.error)
     groups: list[JointGroup] = []
@@ -107,8 +112,8 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
     if day is not None:
         told = ", ".join(f"{name} {factor:.2f}" for name, factor in day.factors.items())
         notes.append(f"friction of this day over the model's: {told}")
-        found |= {j: LEVEL if found[j] == NOTHING else f"{LEVEL}, {found[j]}" for j in day.joints}
-    refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY), groups=tuple(groups))
+        found |= {j: FRICTION_LEVEL if found[j] == UNCHANGED else f"{FRICTION_LEVEL}, {found[j]}" for j in day.joints}
+    refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY_SIZE), groups=tuple(groups))
     change = refreshed.correction(every.X, every.q_nominal) - old
     # where the new rows did not go, corrections moved as far as on them
     largest = np.maximum(model.largest + np.abs(change).max(axis=0), largest_shown(refreshed, data))
@@ -186,7 +191,7 @@ def _refresh_group(
         else:
             notes = [f"{share}, where the fixed offset is used; the model does not hold there"]
     rows = np.flatnonzero(inside)
-    if len(rows) < FEWEST_ROWS:
+    if len(rows) < MIN_REFRESH_ROWS:
         return _only_offset(group, of_offset, block, notes)
     residual, parts = (error - correction)[rows], block[rows]
     how, left, own = list[str](), of_offset.copy(), [model.features.names[c] for c in group.columns]
@@ -197,21 +202,25 @@ def _refresh_group(
         trained = _trained(group, model, joint)
         seen = _motion_shown(data.q_nominal[:, joint], trained)
         held = _held(model, joint, correction[rows, k], q[rows, k], place, trained, seen[1])
-        designs: list[_Design] = [held, *((X[rows], partial(_ridge, ridge=ridge)) for ridge in SLOPES_RIDGES)]
+        designs: list[_Design] = [held, *((X[rows], partial(_ridge, ridge=ridge)) for ridge in _SLOPES_RIDGES)]
         of_candidates = _left_on_blocks(designs, residual[:, k], parts)
-        kept = [c for c, each in enumerate(HOW) if each != SLOPES or _is_shown(seen, residual[:, k], of_candidates[c])]
+        kept = [
+            c
+            for c, each in enumerate(_CHANGES)
+            if each != ALL_SLOPES or _is_shown(seen, residual[:, k], of_candidates[c])
+        ]
         chosen = kept[first_within_one_error(of_candidates[kept], parts)]
         wanted = first_within_one_error(of_candidates, parts)
-        if wanted != chosen or (HOW[chosen] == SCALE and seen[1] < SWEEPS):
-            notes.append(_too_local(model.joint_names[joint], seen, HOW[wanted]))
-        how.append(HOW[chosen])
+        if wanted != chosen or (_CHANGES[chosen] == ZERO_AND_SCALE and seen[1] < MIN_SWEEPS):
+            notes.append(_too_local(model.joint_names[joint], seen, _CHANGES[wanted]))
+        how.append(_CHANGES[chosen])
         left[rows, k] = of_candidates[chosen]
         if chosen:
             columns, regression = designs[chosen - 1]
             slopes, bias[k] = regression(columns, residual[:, k])
-            if HOW[chosen] == SLOPES:
+            if _CHANGES[chosen] == ALL_SLOPES:
                 linear[:, k] = slopes
-            elif HOW[chosen] == SCALE and len(slopes):
+            elif _CHANGES[chosen] == ZERO_AND_SCALE and len(slopes):
                 scale[k] += slopes[0]
                 if place is not None:
                     # a model of positions gives q + correction: what its slope would take of q is given back
@@ -238,24 +247,25 @@ def _motion_shown(q: Floats, trained: tuple[float, float] | None) -> tuple[float
     box = trained[1]
     sweeps, low, high, up = 0, q[0], q[0], None
     for value in q.tolist():
-        if up is not True and value - low >= SWEPT * box:
+        if up is not True and value - low >= _SWEEP_SHARE * box:
             sweeps, up, high = sweeps + 1, True, value
-        elif up is not False and high - value >= SWEPT * box:
+        elif up is not False and high - value >= _SWEEP_SHARE * box:
             sweeps, up, low = sweeps + 1, False, value
         low, high = min(low, value), max(high, value)
-    return float(np.ptp(q)) / max(box, RESOLUTION), sweeps
+    return float(np.ptp(q)) / max(box, _RESOLUTION_SI), sweeps
 
 
 def _is_shown(seen: tuple[float, int], before: Floats, left: Floats) -> bool:
     """Return whether minutes show enough of a joint for slopes of all inputs, from errors before and on blocks."""
-    is_clear = seen[1] >= 2 and np.square(left).mean() < CLEAR**2 * np.square(before).mean()  # there and back
-    return seen[0] >= SHOWN and bool(is_clear or seen[1] >= SWEEPS)
+    is_clear = seen[1] >= 2 and np.square(left).mean() < _CLEAR_SHARE**2 * np.square(before).mean()  # there and back
+    return seen[0] >= _MIN_SHOWN_SHARE and bool(is_clear or seen[1] >= MIN_SWEEPS)
 
 
 def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
     return (
         f"{name}: these minutes are too local for all of a change of {wanted}: they show {seen[0]:.0%} of the trained "
-        f"range in {seen[1]} sweeps, expected {SWEEPS} sweeps and {SHOWN:.0%}; drive `catenary excite --refresh`"
+        f"range in {seen[1]} sweeps, expected {MIN_SWEEPS} sweeps and {_MIN_SHOWN_SHARE:.0%}; "
+        "drive `catenary excite --refresh`"
     )
 
 
@@ -267,7 +277,7 @@ def _only_offset(
     for k, error in enumerate(of_offset.T):
         candidates = _left_on_blocks([_zero_of(block)], error, block)
         chosen = first_within_one_error(candidates, block)
-        how.append(HOW[chosen])
+        how.append(_CHANGES[chosen])
         left[:, k] = candidates[chosen]
         moved[k] = error.mean() if chosen else 0.0
     return group, how, left, moved, notes
@@ -283,7 +293,7 @@ def first_within_one_error(left: Floats, block: Integers) -> int:
     if len(rmse) < 2:
         return 0
     allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(rmse))
-    return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION + CLOSE * rmse.mean(axis=0).min()))
+    return int(np.argmax(excess.mean(axis=0) <= allowed + _RESOLUTION_SI + _CLOSE_SHARE * rmse.mean(axis=0).min()))
 
 
 def _widened(old: ValidRange, watched: Floats) -> ValidRange:
@@ -294,8 +304,8 @@ def _widened(old: ValidRange, watched: Floats) -> ValidRange:
         lower=np.minimum(old.lower, watched.min(axis=0)),
         upper=np.maximum(old.upper, watched.max(axis=0)),
         # a projection rounds otherwise in the loop
-        axis_lower=np.minimum(old.axis_lower, projection.min(axis=0) - SMALLEST_RANGE),
-        axis_upper=np.maximum(old.axis_upper, projection.max(axis=0) + SMALLEST_RANGE),
+        axis_lower=np.minimum(old.axis_lower, projection.min(axis=0) - MIN_RANGE),
+        axis_upper=np.maximum(old.axis_upper, projection.max(axis=0) + MIN_RANGE),
     )
 
 
@@ -349,8 +359,8 @@ def regress_held(
     claimed: float,  # [rad|m] standard deviation of the error that the model claims; 0 when it claims none
 ) -> tuple[Floats, float]:
     """Return slopes (c,) and a zero as far as minutes show them: a Bayesian regression, see the top of the file."""
-    slopes, zero = _ridge(columns, y, SCALE_RIDGE)
-    noise = max(float(np.square(y - zero - columns @ slopes).mean()), claimed**2, RESOLUTION**2)
+    slopes, zero = _ridge(columns, y, _SCALE_RIDGE)
+    noise = max(float(np.square(y - zero - columns @ slopes).mean()), claimed**2, _RESOLUTION_SI**2)
     drift = max(noise, float(np.square(y).mean()))
     middle, unit = trained[0], np.where(trained[1] > 0.0, trained[1], 1.0)
     A = np.column_stack([np.ones(len(y)), (columns - middle) / unit])

@@ -20,9 +20,9 @@ from catenary.side_by_side import Progress, part_of, silent
 
 Singles = NDArray[np.float32]
 # Adam's decay rates, and what it adds to a root [Kingma and Ba 2014]
-MOMENTUM, SQUARES, EPSILON = 0.9, 0.999, 1e-8
-_MOMENTUM, _SQUARES, _EPSILON = np.float32(MOMENTUM), np.float32(SQUARES), np.float32(EPSILON)
-_NEW_MOMENTUM, _NEW_SQUARE = np.float32(1.0 - MOMENTUM), np.float32(1.0 - SQUARES)
+_MOMENTUM_64, _SQUARES_64, _EPSILON_64 = 0.9, 0.999, 1e-8
+_MOMENTUM, _SQUARES, _EPSILON = np.float32(_MOMENTUM_64), np.float32(_SQUARES_64), np.float32(_EPSILON_64)
+_NEW_MOMENTUM, _NEW_SQUARE = np.float32(1.0 - _MOMENTUM_64), np.float32(1.0 - _SQUARES_64)
 _ONE, _HALF = np.float32(1.0), np.float32(0.5)
 # tanh(x) = x p(x^2) / q(x^2) to 3e-7, and +-1 beyond the bound [Eigen 3.3, MathFunctionsImpl.h]
 _BOUND = np.float32(7.90531110763549805)
@@ -94,7 +94,7 @@ class Penalties:
     output: bool = True  # whether the output layer's weights and biases count, as the hidden ones' do
 
 
-NO_PENALTIES = Penalties()
+_NO_PENALTIES = Penalties()
 
 
 class Adam:
@@ -109,7 +109,7 @@ class Adam:
     def step(self, parameters: Sequence[Singles], gradient: Sequence[Singles], learning_rate: float) -> None:
         """Move parameters, contiguous arrays, down their gradient."""
         self._steps += 1
-        rate = learning_rate * np.sqrt(1 - SQUARES**self._steps) / (1 - MOMENTUM**self._steps)
+        rate = learning_rate * np.sqrt(1 - _SQUARES_64**self._steps) / (1 - _MOMENTUM_64**self._steps)
         moments = zip(parameters, gradient, self._means, self._squares, strict=True)
         for values, slopes, means, squares in moments:
             adam_step(values.reshape(-1), slopes.reshape(-1), means, squares, np.float32(rate))
@@ -144,7 +144,7 @@ class TrainedNetwork:
             room = self._rooms[name] = np.empty((rows, weights.shape[axis]), weights.dtype)
         return room[:rows]
 
-    def gradient(self, X: Singles, Y: Singles, l2: float, others: Penalties = NO_PENALTIES) -> list[Singles]:
+    def gradient(self, X: Singles, Y: Singles, l2: float, others: Penalties = _NO_PENALTIES) -> list[Singles]:
         """Return the gradient of the loss, times m / 2: first by the weights, then by the biases.
 
         The loss is Keras's for inputs X (N, F) and wanted outputs Y (N, m): mean over rows and outputs of the squared
@@ -186,7 +186,7 @@ class TrainedNetwork:
         self._adam.step(self._parameters, gradient, learning_rate)
 
 
-MANY_ROWS = 10_000
+_MANY_ROWS = 10_000
 
 
 @dataclass(frozen=True)
@@ -201,19 +201,19 @@ class NetworkSettings:
     epochs: int
     cosine: bool = False  # learning rate falls to zero along half a cosine
     skip_ridge: float | None = None  # of a linear model that the network corrects; None for no such model
-    penalties: Penalties = NO_PENALTIES  # beside `l2`
+    penalties: Penalties = _NO_PENALTIES  # beside `l2`
 
 
 # Peng et al., section IV-B: two hidden layers of 100 sigmoid units, mean squared error, L2 5e-4 on the kernels,
 # Adam 1e-3 (0.9, 0.999), batch 1024, 200 epochs. Not stated, and as in the first author's public code of a companion
 # study (RAVEN-2-Feature-Ablation): inputs and outputs are standardised, penalties are on hidden layers alone.
-HIDDEN_ONLY = Penalties(output=False)
-PAPER = NetworkSettings((100, 100), "logistic", 5e-4, 1e-3, 1024, 200, penalties=HIDDEN_ONLY)
+_HIDDEN_ONLY = Penalties(output=False)
+PAPER = NetworkSettings((100, 100), "logistic", 5e-4, 1e-3, 1024, 200, penalties=_HIDDEN_ONLY)
 # Section II-H, for all 138 columns of the robot's state: kernel L1 1e-5 and L2 1e-4, bias L2 1e-4, activity L2 1e-5. It
 # is not stated of which layers: here of the hidden ones.
 PAPER_LARGER = NetworkSettings(
     (600, 500, 400), "logistic", 1e-4, 1e-3, 1024, 200,
-    penalties=replace(HIDDEN_ONLY, l1=1e-5, bias_l2=1e-4, activity_l2=1e-5),
+    penalties=replace(_HIDDEN_ONLY, l1=1e-5, bias_l2=1e-4, activity_l2=1e-5),
 )  # fmt: skip
 # Ours: a linear model carries what is linear, the network learns the rest; how much it is held back is chosen
 # on the last fifth of the training data.
@@ -233,7 +233,7 @@ def fit_neural(
         candidates = candidates[:1]
     trials = len(candidates) if len(candidates) > 1 else 0
     # a third of the training tells candidates apart where a pass over the data has many steps
-    short = settings if len(X) <= MANY_ROWS else replace(settings, epochs=max(1, settings.epochs // 3))
+    short = settings if len(X) <= _MANY_ROWS else replace(settings, epochs=max(1, settings.epochs // 3))
     losses = np.zeros(len(candidates))
     ridge = settings.skip_ridge
     with threadpool_limits(limits=1):  # two BLAS threads on two busy cores are slower than one

@@ -33,6 +33,11 @@ class Predictor(ABC):
     def shape(self) -> tuple[int | None, int]:
         """Numbers of features F, None where any number will do, and of outputs m."""
 
+    @property
+    def width(self) -> int:
+        """Columns of the widest array between features and outputs."""
+        return max(self.shape[0] or 0, self.shape[1])
+
     @abstractmethod
     def steps(self, X: Floats, Y: Floats) -> list[Step]:
         """Return the compiled steps that write the outputs Y (N, m) for features X (N, F)."""
@@ -48,7 +53,7 @@ class Predictor(ABC):
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))
-        for rows in arithmetic.blocks(len(X)):
+        for rows in arithmetic.blocks(len(X), self.width):
             arithmetic.run(self.steps(X[rows], Y[rows]))
         return Y
 
@@ -118,6 +123,10 @@ class Quadratic(Predictor):
     def shape(self) -> tuple[int | None, int]:  # noqa: D102
         return len(self.mean), len(self.bias)
 
+    @property
+    def width(self) -> int:  # noqa: D102
+        return len(self.linear) + len(self.quadratic)
+
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         weights = np.vstack([self.linear, self.quadratic])
         Z, P = np.empty(X.shape), np.empty((len(X), len(weights)))
@@ -165,6 +174,10 @@ class Network(Predictor):
     def shape(self) -> tuple[int | None, int]:  # noqa: D102
         return len(self.mean), len(self.out_mean)
 
+    @property
+    def width(self) -> int:  # noqa: D102
+        return max(len(self.mean), *map(len, self.biases))
+
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         activate = arithmetic.tanh if self.activation == "tanh" else arithmetic.logistic
         layer = np.empty(X.shape)
@@ -194,7 +207,7 @@ class Network(Predictor):
 AnyPredictor = Annotated[Constant | Linear | Quadratic | Network, Field(discriminator="kind")]
 
 
-def fit_offset(Y: Floats) -> Constant:
+def fit_offset(X: Floats, Y: Floats) -> Constant:
     """Fit the mean of Y (N, m): the paper's baseline, the average bias over the training data."""
     return Constant(Y.mean(axis=0))
 
@@ -228,8 +241,8 @@ def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:
     return Quadratic(mean, scale, weights[:n], weights[n:], bias - middle @ weights)
 
 
-SMOOTH_UNITS, SMOOTH_ROWS = 200, 10_000
-SMOOTH_WEIGHT, SMOOTH_BIAS = 0.4, 0.2  # spread of a unit's argument, and of its bias: little bent over the data
+_SMOOTH_UNITS, _SMOOTH_ROWS = 200, 10_000
+_SMOOTH_WEIGHT, _SMOOTH_BIAS = 0.4, 0.2  # spread of a unit's argument, and of its bias: little bent over the data
 
 
 def fit_smooth(X: Floats, Y: Floats, *, ridge: float, seed: int) -> Network:
@@ -241,19 +254,19 @@ def fit_smooth(X: Floats, Y: Floats, *, ridge: float, seed: int) -> Network:
     mean, scale = standardisation(X)
     middle, spread = standardisation(Y)
     rng, inputs, m = np.random.default_rng(seed), X.shape[1], Y.shape[1]
-    W = rng.normal(0.0, SMOOTH_WEIGHT / np.sqrt(inputs), (inputs, SMOOTH_UNITS))
-    b = rng.normal(0.0, SMOOTH_BIAS, SMOOTH_UNITS)
-    size = SMOOTH_UNITS + inputs
+    W = rng.normal(0.0, _SMOOTH_WEIGHT / np.sqrt(inputs), (inputs, _SMOOTH_UNITS))
+    b = rng.normal(0.0, _SMOOTH_BIAS, _SMOOTH_UNITS)
+    size = _SMOOTH_UNITS + inputs
     sums = np.zeros((size + 1 + m, size + 1 + m))
-    for first in range(0, len(X), SMOOTH_ROWS):
-        Z = (X[first : first + SMOOTH_ROWS] - mean) / scale
-        y = (Y[first : first + SMOOTH_ROWS] - middle) / spread
+    for first in range(0, len(X), _SMOOTH_ROWS):
+        Z = (X[first : first + _SMOOTH_ROWS] - mean) / scale
+        y = (Y[first : first + _SMOOTH_ROWS] - middle) / spread
         columns = np.hstack([np.tanh(Z @ W + b), Z, np.ones((len(Z), 1)), y])
         sums += columns.T @ columns
     centre = sums[size, :size] / len(X)
     gram = sums[:size, :size] - len(X) * np.outer(centre, centre) + max(ridge, 1e-9) * np.eye(size)
     weights = np.linalg.solve(gram, sums[:size, size + 1 :] - np.outer(centre, sums[size, size + 1 :]))
-    of_units, of_features = weights[:SMOOTH_UNITS], weights[SMOOTH_UNITS:]
+    of_units, of_features = weights[:_SMOOTH_UNITS], weights[_SMOOTH_UNITS:]
     skip = spread * of_features / scale[:, None]
     return Network(
         mean, scale, (W, of_units), (b, -centre @ weights), "tanh", middle, spread, Linear(skip, -mean @ skip)

@@ -8,12 +8,13 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 
-MARGIN = 4.0  # times the fastest step of the training rows: other motions may be faster
-ANY = 1e300  # any step, correction or position: finite, as C writes it too
-CONFIRM = 3  # rows in a row that have not returned are the truth: the joint is there
+_STEP_MARGIN = 4.0  # times the fastest step of the training rows: other motions may be faster
+ANY_SIZE = 1e300  # any step, correction or position: finite, as C writes it too
+_CONFIRM_ROWS = 3  # rows in a row that have not returned are the truth: the joint is there
 # Steps beyond this share of a limit are of another motion, twice as fast as any row of training. Where they are
-# several per cent of the rows (SEVERAL of them, each counting less by FADE a row later), nothing is a spike.
-FAST, FADE, SEVERAL = 0.5, 0.98, 1.5
+# several per cent of the rows (_SEVERAL_ROWS of them, each counting less by _FADE_FACTOR a row later), nothing is
+# a spike.
+_FAST_SHARE, _FADE_FACTOR, _SEVERAL_ROWS = 0.5, 0.98, 1.5
 # what a row is to a joint: its motion goes on; perhaps a spike; back from one; part of another motion
 ON, AWAY, BACK, ANOTHER = 0, 1, 2, 3
 
@@ -27,7 +28,7 @@ def room_of(log: MotionLog, period: float | None) -> Floats:
 
 
 def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
-    """Return how far a joint may go from one row to the next: its fastest step in training rows, times MARGIN.
+    """Return how far a joint may go from one row to the next: its fastest step in training rows, times _STEP_MARGIN.
 
     Single rows far from both neighbours, up to one in 200, are left out: the steps are those of running medians of
     three rows, and of 99 % of the rows. Motions are positions (N,) [rad|m] and their `room_of`.
@@ -39,7 +40,7 @@ def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
             medians = np.median([q[:-2], q[1:-1], q[2:]], axis=0)
             gentle.append(np.abs(np.diff(medians)) / room[2:-1])
     all_steps = np.concatenate(steps)
-    return MARGIN * max(float(np.percentile(all_steps, 99.0)), float(np.concatenate(gentle).max()))
+    return _STEP_MARGIN * max(float(np.percentile(all_steps, 99.0)), float(np.concatenate(gentle).max()))
 
 
 @compiled
@@ -56,7 +57,7 @@ def find_leaps(
 ) -> None:
     """Find positions that leap farther than a joint can have gone since the last believed one, and whether they return.
 
-    A leap was a spike when a row within CONFIRM of it does not leap. In another motion every position is believed.
+    A leap was a spike when one of the next _CONFIRM_ROWS does not leap. In another motion every position is believed.
     """
     for row in range(len(signals)):
         fast, leaping[row] = 0.0, False
@@ -69,18 +70,18 @@ def find_leaps(
             step = abs(q - seen[j, 0])  # NaN of the first, which is no leap
             if step > limits[j] * seen[j, 2]:
                 seen[j, 1] += 1.0
-                if seen[j, 1] < CONFIRM:
+                if seen[j, 1] < _CONFIRM_ROWS:
                     leaping[row] = True
                     continue
                 course[row, j] = ON
             else:
                 course[row, j] = BACK if seen[j, 1] > 0.0 else ON
                 rejected[j] += seen[j, 1]
-            if step > FAST * limits[j] * seen[j, 2]:
+            if step > _FAST_SHARE * limits[j] * seen[j, 2]:
                 fast = 1.0
             seen[j, 0], seen[j, 1], seen[j, 2] = q, 0.0, 0.0
-        strange[0] = FADE * strange[0] + fast
-        if strange[0] >= SEVERAL:
+        strange[0] = _FADE_FACTOR * strange[0] + fast
+        if strange[0] >= _SEVERAL_ROWS:
             leaping[row] = True
             for j in range(len(joints)):
                 course[row, j] = ANOTHER

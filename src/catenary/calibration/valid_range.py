@@ -8,10 +8,10 @@ from pydantic import Field
 
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration.arithmetic import Step, between, dense, repeat, standardise
-from catenary.calibration.intervals import FARTHEST, distance
+from catenary.calibration.intervals import MAX_HALF_RANGES, distance
 from catenary.cards import StoredFloats
 
-SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
+MIN_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
@@ -47,7 +47,7 @@ class ValidRange:
                 Step(repeat, (np.zeros(1),), (far,)),
                 # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
                 Step(distance, (projection, middle - half, middle + half, np.ones(1)), (far,)),
-                Step(distance, (X, self.lower, self.upper, np.array([FARTHEST])), (far,)),
+                Step(distance, (X, self.lower, self.upper, np.array([MAX_HALF_RANGES])), (far,)),
             ]
         return [
             Step(between, (X, self.lower, self.upper), (inside,)),
@@ -76,10 +76,10 @@ def fit_valid_range(
     axes = np.zeros((len(mean), len(mean)))
     axes[np.ix_(own, own)] = Vt.T / scale[own, None]
     lower, upper = X.min(axis=0), X.max(axis=0)
-    box_margin = margin * times * (upper - lower) + SMALLEST_RANGE * scale
+    box_margin = margin * times * (upper - lower) + MIN_RANGE * scale
     projection = (X - mean) @ axes
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
-    axis_margin = along_axes * (axis_upper - axis_lower) + SMALLEST_RANGE
+    axis_margin = along_axes * (axis_upper - axis_lower) + MIN_RANGE
     box, along = (lower - box_margin, upper + box_margin), (axis_lower - axis_margin, axis_upper + axis_margin)
     seen, axes_seen = (1.0 / (1.0 + 2.0 * each) for each in (margin, along_axes))
     return ValidRange(*box, mean, axes, *along, seen=seen, axes_seen=axes_seen)

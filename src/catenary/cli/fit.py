@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
+from catenary.calibration.model_kinds import AUTO, MODEL_KINDS
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.options import REPORT, REQUIRED, Names, Numbers, argument, group, numbers, option, values_of, words
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
@@ -52,7 +53,10 @@ class ModelOptions:
     """Options of a fit, by the names of FitOptions and FitRun, which refuse what they do not know."""
 
     kind: str = option(
-        "KIND", "offset, linear, polynomial, hysteretic, neural, auto (simplest good one).", "auto", flag="--model"
+        "KIND",
+        f"{'; '.join(str(kinds[0]) for kinds in MODEL_KINDS.values())}; {AUTO}: the simplest good one.",
+        AUTO,
+        flag="--model",
     )
     preset: str | None = option("NAME", "Preset of a neural model: paper (Peng et al.) or best (ours). [default: best]")
     inputs: Names | dict[str, Names] | None = option(

@@ -17,7 +17,7 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import MOVED, play
+from catenary.verdict.pairs import MOVED_DEG_MM, play
 
 _BLOCK_COUNT, _MIN_BLOCKS = 8, 4  # of time, whose spread gives the intervals; with reversals (rows of a slope, too)
 _TURN_SHARE = 0.05  # share of a joint's range that it must go back by for a reversal to count
@@ -78,7 +78,7 @@ def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
     for j, (joint, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
         turns = _turns(np.ascontiguousarray(q[:, j]))
         friction, untold = Interval(), ["friction: the joint hardly moves"]
-        if moves := DISPLAY[unit][1] * np.ptp(q[:, j]) > MOVED:
+        if moves := DISPLAY[unit][1] * np.ptp(q[:, j]) > MOVED_DEG_MM:
             friction, untold = _friction(log.time, q, x[:, j], tau[:, j], j, half)
         found = CableLoop(joint, unit, friction, following=float(missed[j]), reversals=len(turns))
         if seen is None or not moves:

@@ -31,7 +31,7 @@ from catenary.robots.actuation import SignalFilter
 from catenary.robots.friction_terms import FrictionTerm
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
-from catenary.verdict.units_and_scale import LARGEST, limits_of
+from catenary.verdict.units_and_scale import MAX_POSITIONS, limits_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
     log = log.of_robot(model, model.name)
     if log.tau is None:
         raise InputError(f"{where}: has no torques (`tau`), which dynamics are identified from")
-    low, high = limits_of(log, model, LARGEST)
+    low, high = limits_of(log, model, MAX_POSITIONS)
     least, most = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
     for i in np.flatnonzero((least < low) | (most > high)):
         name, unit = model.joint_names[i], model.joint_units[i]

@@ -25,7 +25,7 @@ from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY, angle_between
 from catenary.units import TORQUE_UNIT
-from catenary.verdict.delay import CERTAIN, LOOKS
+from catenary.verdict.delay import CERTAIN_SIGMAS, LOOKS
 from catenary.verdict.finding import Finding
 
 # Friction of real arms takes 8 to 170 % of a recording's mean torque times its mean speed, 2 to 70 standard deviations
@@ -354,7 +354,7 @@ def course_findings(result: Identification, samples: Samples) -> list[Finding]:
     read = [np.column_stack([np.interp(time[places] + lag, time, axis) for axis in whole]) for lag in lags]
     cost = misfit(rest(np.stack(read, axis=2) - few.known[:, :, None]))
     best = lags[np.argmin(cost)]
-    if np.abs(lags[LOOKS * (cost - cost.min()) <= CERTAIN**2]).min() > _DELAY_TOLERANCE_S:
+    if np.abs(lags[LOOKS * (cost - cost.min()) <= CERTAIN_SIGMAS**2]).min() > _DELAY_TOLERANCE_S:
         word, shown = "late" if best > 0.0 else "early", "" if abs(best) < lags[-1] else " or more"
         says = f"torques come {abs(best) * 1e3:.0f} ms{shown} too {word} for the motion: what is printed is off"
         return [Finding("delay", (), says, "two clocks, or positions and velocities filtered otherwise", refuses=False)]

@@ -21,7 +21,7 @@ from catenary.files import damage, sha256_of, table_ending, written_whole
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
-from catenary.verdict.mend import NOTHING, Mend
+from catenary.verdict.mend import NO_MEND, Mend
 from catenary.verdict.turns import turned_back
 
 if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log alone does without
@@ -53,7 +53,7 @@ class Reading:
     units: tuple[str, ...] | None = None  # "rad" or "m" per joint
     joint_names: tuple[str, ...] | None = None
     mapping: "RecordingMapping | None" = None  # of a third-party recording, with its own units
-    mend: Mend = NOTHING  # what to change of them
+    mend: Mend = NO_MEND  # what to change of them
     currents: bool = False  # torques are motor currents, or what the robot reports raw
     as_trained: bool = True  # mend them also as the training data of a model that they are given to
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, Spread
-from catenary.calibration.kind_choice import CLOSE, JointChoice
+from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, Spread
+from catenary.calibration.kind_choice import CLOSE_RATIO, JointChoice
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
 from catenary.reports import joint_errors
@@ -188,8 +188,8 @@ def _listed(names: Sequence[str]) -> str:
 
 def _against(after: float, offset: float, outside: float = 0.0) -> str:
     """Return what speaks against a correction: an error near the fixed offset's or above, rows outside its range."""
-    if after > WORSE * offset:
+    if after > HARM_RATIO * offset:
         return "worse than the fixed offset"
-    if CLOSE * after > offset:
+    if CLOSE_RATIO * after > offset:
         return "no better than the fixed offset"
-    return f"{outside:.0%} of rows are outside its trained range" if outside > MUCH_OUTSIDE else ""
+    return f"{outside:.0%} of rows are outside its trained range" if outside > OUTSIDE_SHARE else ""

@@ -1,13 +1,14 @@
 """The verdict on recordings of which a calibration model is to be made: every check, in order."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
@@ -16,11 +17,11 @@ from catenary.side_by_side import of_each
 from catenary.units import DISPLAY
 from catenary.verdict.correspondence import correspondence_findings, joints_in_place
 from catenary.verdict.delay import Delay
-from catenary.verdict.finding import Finding, judge, require_names
+from catenary.verdict.finding import FINDINGS, Finding, judge, require_names
 from catenary.verdict.levels import leap_findings, turn_findings
-from catenary.verdict.mend import NOTHING, Mend
+from catenary.verdict.mend import NO_MEND, Mend
 from catenary.verdict.out_of_step import delay_findings
-from catenary.verdict.pairs import MOVED, Pairs, pairs_of, scales
+from catenary.verdict.pairs import MOVED_DEG_MM, Pairs, pairs_of, scales
 from catenary.verdict.sensors import (
     coarse_findings,
     filled_findings,
@@ -38,18 +39,16 @@ from catenary.verdict.units_and_scale import (
     within_reason,
 )
 
-NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
-MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
-MOST_HASHES = 1_000_000  # that are compared
-MAX_ERROR = "--max-error"
-ROUNDS = 4  # of mends: one fault may hide another
-TIMES = (
-    "time_unit",
-    "sign",
-    "delay",
-    "shift",
-)  # steps that change what delay is found: friction holds back, either way
-REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
+_MAX_SHARED_SHARE = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
+_MAX_HASHES = 1_000_000  # that are compared
+MAX_ERROR_OPTION = "--max-error"
+_MEND_ROUNDS = 4  # of mends: one fault may hide another
+# steps that change what delay is found: friction holds back, either way
+_TIMING_STEPS = "time_unit", "sign", "delay", "shift"
+_REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
+
+
+KnownDelays = dict[Mend, list[Finding]]  # what was found of a recording's delay, under each mend
 
 
 class Judged(NamedTuple):
@@ -70,24 +69,29 @@ def findings_of(
 
 def judged(
     log: MotionLog,
-    mend: Mend = NOTHING,  # that it needs before
+    mend: Mend = NO_MEND,  # that it needs before
     *,
     robot: RobotModel | None = None,  # whose limits positions are held against, by the names of joints
     max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out
     trained: tuple[Floats, Floats] | None = None,
     alone: bool = True,  # minutes that are there twice are looked for, too
+    delays: KnownDelays | None = None,  # of this recording, robot and limits; what is found is put there
 ) -> Judged:
     """Find what is wrong with a recording; what a fault hides, as if that were mended by its remedy, and say so."""
     found, seen, begun = list[Finding](), list[Finding](), mend
-    for _ in range(ROUNDS):
+    delays = {} if delays is None else delays
+    for _ in range(_MEND_ROUNDS):
         mended = mend(log)
         if max_error is not None and mended.q_encoder is not None:
             with np.errstate(invalid="ignore"):
                 within = (np.abs(mended.q_encoder - mended.q_nominal) <= max_error).all(axis=1)
             mended = replace(mended, ok=mended.ok & within)
-        changed = {step for step in TIMES if getattr(mend, step) != getattr(begun, step)} if mend != begun else None
+        changed = (
+            {step for step in _TIMING_STEPS if getattr(mend, step) != getattr(begun, step)} if mend != begun else None
+        )
         late = [] if changed is None or changed else [each for each in seen if each.name in ("clock", "delay", "lag")]
-        seen = [*_together(mended, robot, trained, changed), *late]
+        late_of = partial(_late, delays, mend) if changed is None or changed else None
+        seen = [*_together(mended, robot, trained, late_of, changed), *late]
         found += _as_if(mend, begun, seen, found)
         more = mend
         for each in seen:
@@ -103,7 +107,7 @@ def judged(
         wrong = {joint for each in seen if each.refuses for joint in each.joints}
         found += _as_if(mend, begun, (each for each in single if wrong.isdisjoint(each.joints)), found)
     found += [each for _, each in repeated_findings([mended])] * alone
-    left = [each.name for each in seen if each.refuses and not each.remedy.startswith(MAX_ERROR)]
+    left = [each.name for each in seen if each.refuses and not each.remedy.startswith(MAX_ERROR_OPTION)]
     found.sort(key=lambda each: each.severity)
     return Judged(tuple(found), mend, mended, list(dict.fromkeys(left)))
 
@@ -114,18 +118,30 @@ def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Fin
     anew = [each for each in seen if told.isdisjoint((each.name, joint) for joint in each.joints or ("",))]
     if mend == begun:
         return anew
-    made = {*NEEDED_TO_LEARN, *(("missing",) if mend.leave_out else ())}
+    made = {*(name for name, kind in FINDINGS.items() if kind.learning), *(("missing",) if mend.leave_out else ())}
     shown = f" (seen as if mended by {' '.join(mend.options)})"
     anew = [each for each in anew if each.name not in made and (each.refuses or each.name != "delay")]
     return [replace(each, says=each.says + shown) for each in anew]
 
 
+def _late(delays: KnownDelays, mend: Mend, pairs: Pairs, place: Integers) -> list[Finding]:
+    """Return what is found of delays under a mend: it takes long, and a command asks once for each of its models."""
+    if mend not in delays:
+        delays[mend] = delay_findings(pairs, place)
+    return delays[mend]
+
+
 def _together(
-    log: MotionLog, robot: RobotModel | None, trained: tuple[Floats, Floats] | None, changed: Collection[str] | None
+    log: MotionLog,
+    robot: RobotModel | None,
+    trained: tuple[Floats, Floats] | None,
+    late_of: Callable[[Pairs, Integers], list[Finding]] | None,
+    changed: Collection[str] | None,
 ) -> list[Finding]:
     """Find what is wrong with all rows, or with how measurements and commands go together.
 
-    `changed` are those steps of a mend that change delays, None before any: without one these are not looked for anew.
+    `changed` are those steps of a mend that change delays, None before any; `late_of` finds these, None where they are
+    known already.
     """
     log, far = within_reason(log, robot)
     ranges = ([] if trained is None else trained_findings(log, trained)) or range_findings(log, robot)
@@ -133,20 +149,25 @@ def _together(
     pairs = pairs_of(log)
     if pairs is not None:
         wrong = {joint for each in findings if each.refuses for joint in each.joints}
-        findings += _relation(pairs, wrong, changed)
+        findings += _relation(pairs, wrong, late_of, changed)
         delay = next((each.delay for each in findings if each.delay is not None), None)
         findings += [*arrival_findings(log, delay), *zero_findings(log)]
     return findings
 
 
-def _relation(pairs: Pairs, wrong: Collection[str], changed: Collection[str] | None) -> list[Finding]:
+def _relation(
+    pairs: Pairs,
+    wrong: Collection[str],
+    late_of: Callable[[Pairs, Integers], list[Finding]] | None,
+    changed: Collection[str] | None,
+) -> list[Finding]:
     """Find what is wrong between measurements and commands, each under its first cause, but of joints known `wrong`."""
     turns, pairs = turn_findings(pairs)
     place = joints_in_place(pairs)
     still, stuck = sensor_findings(pairs, place)
     # a sensor that stands still lies behind more and more
     moving = replace(pairs, log=replace(pairs.log, ok=pairs.log.ok & ~stuck)) if stuck.any() else pairs
-    late = delay_findings(moving, place) if changed is None or changed else []
+    late = [] if late_of is None else late_of(moving, place)
     swapped, single = correspondence_findings(pairs, place)
     if swapped or single:  # sums of joints, and columns of others, lie unlike times behind
         late = [each for each in late if not each.joints]
@@ -187,14 +208,16 @@ def verdict(
     testing: bool = False,
     trained: tuple[Floats, Floats] | None = None,
     done: str = "fitted",
+    delays: Sequence[KnownDelays] | None = None,  # of each; see `judged`
 ) -> Passed:
     """Refuse recordings that no model is to be made from, or tested on; return what is worth knowing of others."""
     require_names(accept)
     how: dict[str, Any] = {"robot": robot, "max_error": max_error, "trained": trained, "alone": False}
-    own = of_each(lambda log, _: judged(log, **how).findings, logs)
+    known = [KnownDelays() for _ in logs] if delays is None else delays
+    own = of_each(lambda each, _: judged(each[0], delays=each[1], **how).findings, [*zip(logs, known, strict=True)])
     found = [(log.name, each) for log, findings in zip(logs, own, strict=True) for each in findings]
     if testing:
-        found = [(name, each) for name, each in found if each.name not in NEEDED_TO_LEARN]
+        found = [(name, each) for name, each in found if not FINDINGS[each.name].learning]
     else:
         found += repeated_findings(logs)
     of_name = {name: each.delay for name, each in found if each.delay is not None}
@@ -208,7 +231,7 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
         own = np.unique(log.row_hashes[log.ok])
         for other in train:
             same = len(np.intersect1d(own, other.row_hashes[other.ok]))
-            if same > MOST_SHARED * len(own):
+            if same > _MAX_SHARED_SHARE * len(own):
                 says = f'{same} of its {len(own)} measured rows are in "{other.name}", which is trained on'
                 culprit = "one recording copied, cut or renamed"
                 found.append((log.name, Finding("tested", (), says, culprit)))
@@ -221,15 +244,15 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
 def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     """Note minutes that are in the data twice, to seven digits: a fit then sees blocks that are left out."""
     hashes, where = [], []
-    sample = np.uint64(1 + sum(map(len, logs)) // MOST_HASHES)  # of what they are: copies are sampled alike
+    sample = np.uint64(1 + sum(map(len, logs)) // _MAX_HASHES)  # of what they are: copies are sampled alike
     for number, log in enumerate(logs):
         if log.q_encoder is not None or log.tau is not None:
             of_row = log.row_hashes[log.ok]
             of_row = of_row[np.diff(of_row, prepend=np.uint64(0)) != 0]
-            factors = np.random.default_rng(0).integers(1, 2**63, REPEATED_ROWS, dtype=np.uint64)
-            count = max(0, len(of_row) - REPEATED_ROWS + 1)
+            factors = np.random.default_rng(0).integers(1, 2**63, _REPEATED_ROWS, dtype=np.uint64)
+            count = max(0, len(of_row) - _REPEATED_ROWS + 1)
             stretches = sum(
-                (of_row[k : k + count] * factors[k] for k in range(REPEATED_ROWS)), np.zeros(count, np.uint64)
+                (of_row[k : k + count] * factors[k] for k in range(_REPEATED_ROWS)), np.zeros(count, np.uint64)
             )
             stretches = stretches[stretches % sample == 0]
             hashes.append(stretches)
@@ -244,7 +267,7 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     for number, log in enumerate(logs):
         says = [f'its minutes are those of "{other}"' for other, poses in known[:number] if log.was_there(poses)]
         share = float(again[numbers == number].mean()) if (numbers == number).any() else 0.0
-        if share > MOST_SHARED:
+        if share > _MAX_SHARED_SHARE:
             says = [f"{share:.0%} of its motion is in the data twice, digit by digit"]
         if says:
             culprit = "one recording copied, joined to itself, or read at another rate"
@@ -253,10 +276,10 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     return found
 
 
-FEWEST_ROWS = 40  # measured: fewer cannot be parted into blocks that say how well a model does on others
-SHORTEST = 5.0  # [s] in which no arm visits a workspace
+_MIN_ROWS = 40  # measured: fewer cannot be parted into blocks that say how well a model does on others
+_MIN_DURATION_S = 5.0  # [s] in which no arm visits a workspace
 # a wrist's cables run along its other joint: moving one alone turns the other by 16 deg on a real arm
-MOVED_BY_OTHERS = {"rad": 20.0, "m": 10.0}  # [deg, mm] beyond which a measurement has a command of its own
+_MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] beyond which a measurement has a command of its own
 
 
 def extent_findings(log: MotionLog) -> Iterator[Finding]:
@@ -265,18 +288,18 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
     if log.q_encoder is not None and not measured:
         yield Finding("short", (), "ok is set on no row: nothing was measured")
         return
-    if measured < FEWEST_ROWS:
-        says = f"{measured} measured rows, expected at least {FEWEST_ROWS}"
+    if measured < _MIN_ROWS:
+        says = f"{measured} measured rows, expected at least {_MIN_ROWS}"
         yield Finding("short", (), says, "a recording that was cut off")
     steps = np.diff([] if log.time is None else log.time)
-    if 0.0 < (seconds := float(steps[steps > 0.0].sum())) < SHORTEST:
-        says = f"{seconds:.3g} s, expected at least {SHORTEST:g}"
+    if 0.0 < (seconds := float(steps[steps > 0.0].sum())) < _MIN_DURATION_S:
+        says = f"{seconds:.3g} s, expected at least {_MIN_DURATION_S:g}"
         yield Finding("short", (), says, "a recording that was cut off, or stamps in another unit")
     scale = scales(log)
     moved = np.ptp(scale * log.q_nominal, axis=0)
     still = [name for name, x in zip(log.joint_names, moved, strict=True) if x == 0.0]
-    if (moved < MOVED).all():
-        says = f"no joint was moved by more than {moved.max():.3g} deg or mm; expected {MOVED:g} or more"
+    if (moved < MOVED_DEG_MM).all():
+        says = f"no joint was moved by more than {moved.max():.3g} deg or mm; expected {MOVED_DEG_MM:g} or more"
         yield Finding("constant", (), says, "a recording of an arm at rest")
     elif still:
         yield Finding("constant", tuple(still), "never moved; a model holds only where it stood", refuses=False)
@@ -286,14 +309,16 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
         joints = zip(log.joint_names, log.joint_units, moved, seen.T, spans, strict=True)
         for name, unit, command, column, span in joints:
             shown = DISPLAY[unit][0]
-            if np.ptp(column) == 0.0 and command > MOVED:
+            if np.ptp(column) == 0.0 and command > MOVED_DEG_MM:
                 says = f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
                 yield Finding("constant", (name,), says, "a channel without a sensor")
-            elif command == 0.0 and span > MOVED_BY_OTHERS[unit]:
+            elif command == 0.0 and span > _MOVED_BY_OTHERS_DEG_MM[unit]:
                 says = f"every command is the same, while the measurement moves by {span:.3g} {shown}"
                 yield Finding("constant", (name,), says, "a channel that was not recorded")
     for what, values in (("torque", log.tau), ("velocity", log.qd)):
-        flat = np.zeros(len(moved), bool) if values is None else (np.ptp(values, axis=0) == 0.0) & (moved > MOVED)
+        flat = (
+            np.zeros(len(moved), bool) if values is None else (np.ptp(values, axis=0) == 0.0) & (moved > MOVED_DEG_MM)
+        )
         if names := tuple(name for name, same in zip(log.joint_names, flat, strict=True) if same):
             says = f"the recorded {what} never changes, while the joint moves"
             yield Finding("constant", names, says, "a channel that was not recorded", refuses=False)

@@ -10,17 +10,18 @@ from catenary.verdict.pairs import Pairs, slope_behind_slack
 
 # On a real wrist with 20 deg of hysteresis a measurement keeps a correlation of 0.82 with its command, and no
 # other command comes near: unexplained variances are compared, and a third of them is far from chance.
-CLEARLY = 3.0
-NEVER_BELOW = 1e-3  # unexplained share that counts as none: a smaller one says nothing more
-FOLLOWS = 0.5  # least correlation, of either sign, of a measurement that follows its command
-SAME_MOTION = 0.5  # spread of a measurement over that of its command, from which on it moves on its own
-LEAST_SLOPE, EXPLAINED = 0.25, 0.5  # from which on a measurement follows its command behind slack
-LEAST_SPREAD = 1.0  # [deg, mm] of a motion from which a correlation can be told
-NEAR = 0.5  # [deg, mm] distance between command and measurement below which nearer is no better
-COPIED = 0.5  # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
-SINGLE = 1e-6  # of a position, to which single precision keeps it
+_CLEAR_RATIO = 3.0
+_MIN_UNEXPLAINED = 1e-3  # unexplained share that counts as none: a smaller one says nothing more
+_MIN_CORRELATION = 0.5  # least correlation, of either sign, of a measurement that follows its command
+_SAME_SPREAD_RATIO = 0.5  # spread of a measurement over that of its command, from which on it moves on its own
+_MIN_SLOPE, _MIN_EXPLAINED = 0.25, 0.5  # from which on a measurement follows its command behind slack
+_MIN_SPREAD_DEG_MM = 1.0  # [deg, mm] of a motion from which a correlation can be told
+_NEAR_DEG_MM = 0.5  # [deg, mm] distance between command and measurement below which nearer is no better
+# of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
+_COPIED_SHARE = 0.5
+_SINGLE_PRECISION = 1e-6  # of a position, to which single precision keeps it
 # of a measurement's variance, that its own command leaves, where all commands together leave a tenth of it
-MIXED, MIXED_LESS = 0.1, 10.0
+_MIXED_UNEXPLAINED, _MIXED_RATIO = 0.1, 10.0
 
 
 def joints_in_place(pairs: Pairs) -> Integers:
@@ -30,13 +31,13 @@ def joints_in_place(pairs: Pairs) -> Integers:
     if len(moving) < 2:
         return place
     inside = np.ix_(moving, moving)
-    unexplained = np.log(np.maximum(1.0 - pairs.correlation[inside] ** 2, NEVER_BELOW))
+    unexplained = np.log(np.maximum(1.0 - pairs.correlation[inside] ** 2, _MIN_UNEXPLAINED))
     found = _assigned(unexplained)
     if (found == np.arange(len(moving))).all():
         # commands that move as one are told apart by where they stand, in the same units
         units = np.array(pairs.log.joint_units)
         apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
-        distances = np.where(units[:, None] == units, np.log(np.maximum(apart, NEAR)), np.log(1e6))
+        distances = np.where(units[:, None] == units, np.log(np.maximum(apart, _NEAR_DEG_MM)), np.log(1e6))
         found = _assigned(distances[inside], among=unexplained)
     place[moving] = moving[found]
     return place
@@ -50,7 +51,7 @@ def _assigned(cost: Floats, among: Floats | None = None) -> Integers:
     for rows in map(np.array, _cycles_of(found)):
         gain = float(np.mean(cost[rows, rows] - cost[rows, found[rows]]))
         worse = among is not None and np.any(among[rows, found[rows]] > among[rows, rows] + np.log(1.5))
-        if gain < np.log(CLEARLY) or worse:
+        if gain < np.log(_CLEAR_RATIO) or worse:
             found[rows] = rows
     return found
 
@@ -73,18 +74,19 @@ def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding
     for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
         r, name = float(pairs.correlation[i, place[i]]), pairs.names[i]
         spread, of_command = float(pairs.m[:, i].std()), float(pairs.q[:, place[i]].std())
-        if r < -FOLLOWS:
+        if r < -_MIN_CORRELATION:
             command = pairs.names[place[i]]
             says = f"the measurement falls when the command of {command} rises (correlation {r:.2f})"
             culprit = "an axis that points the other way in one of the two"
             findings.append(Finding("sign", (name,), says, culprit, f"--sign {name}"))
-        elif r < FOLLOWS and spread > SAME_MOTION * of_command and of_command > LEAST_SPREAD:
+        elif r < _MIN_CORRELATION and spread > _SAME_SPREAD_RATIO * of_command and of_command > _MIN_SPREAD_DEG_MM:
             slope, explained = slope_behind_slack(pairs, i, place[i])
-            if slope > LEAST_SLOPE and explained > EXPLAINED:
+            if slope > _MIN_SLOPE and explained > _MIN_EXPLAINED:
                 continue  # slack and other joints hide it in little motion
             says = (
-                f"the measurement follows no command (correlation {r:.2f} with its own, expected above {FOLLOWS:g}), "
-                f"yet moves as much ({spread:.3g} {pairs.unit(i)} RMS, the command {of_command:.3g})"
+                f"the measurement follows no command (correlation {r:.2f} with its own, expected above "
+                f"{_MIN_CORRELATION:g}), yet moves as much ({spread:.3g} {pairs.unit(i)} RMS, "
+                f"the command {of_command:.3g})"
             )
             culprit = "another joint's or another recording's column, shuffled rows, or rows far out of step"
             findings.append(Finding("unrelated", (name,), says, culprit))
@@ -93,8 +95,8 @@ def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding
 
 def _copied(pairs: Pairs) -> Iterator[Finding]:
     """Find measurements that are their own commands."""
-    same = np.abs(pairs.m - pairs.q) <= SINGLE * np.abs(pairs.q)
-    joints = np.flatnonzero(pairs.moved & (same.mean(axis=0) > COPIED))
+    same = np.abs(pairs.m - pairs.q) <= _SINGLE_PRECISION * np.abs(pairs.q)
+    joints = np.flatnonzero(pairs.moved & (same.mean(axis=0) > _COPIED_SHARE))
     if len(joints):
         rows = f"{same[:, joints].all(axis=1).sum()} of {len(same)} measured rows"
         culprit = "one column taken for both, or commands filled in where nothing was measured"
@@ -108,7 +110,7 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving):
         alone = 1.0 - float(pairs.correlation[i, place[i]]) ** 2
         rows = pairs.likely[:, i]
-        if alone < MIXED or rows.sum() < 4 * len(moving):
+        if alone < _MIXED_UNEXPLAINED or rows.sum() < 4 * len(moving):
             continue
         X = pairs.q[np.ix_(rows, moving)]
         X, y = X - X.mean(axis=0), pairs.m[rows, i] - pairs.m[rows, i].mean()
@@ -117,7 +119,7 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         halves = [(part, np.linalg.lstsq(X[~part], y[~part], rcond=None)[0]) for part in (early, ~early)]
         left = sum(float(np.square(y[part] - X[part] @ found).sum()) for part, found in halves)
         together = left / float(np.square(y).sum())
-        if alone < MIXED_LESS * together:
+        if alone < _MIXED_RATIO * together:
             continue
         shares = np.abs(np.linalg.lstsq(X, y, rcond=None)[0]) * X.std(axis=0)
         first, second = (pairs.names[moving[k]] for k in np.argsort(-shares, kind="stable")[:2])

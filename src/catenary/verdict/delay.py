@@ -16,32 +16,29 @@ may choose between two delays, and T gains z^2/2 by that, their sensors have clo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.plant import MotionLog
-from catenary.verdict.hysteresis import FEWEST_ROWS, MOST_ROWS, PLAYS, TRIM, Explanation
-from catenary.verdict.pairs import MOVED, in_stretches, reversals_of, scales
+from catenary.verdict.hysteresis import MAX_EXPLAINED_ROWS, MIN_EXPLAINED_ROWS, PLAY_RADII, TRIM_SIGMAS, Explanation
+from catenary.verdict.pairs import MOVED_DEG_MM, in_stretches, reversals_of, scales
 
 LOOKS = 6.0
-CERTAIN, LIKELY = 3.0, 2.0  # deviations of the interval, and of a note
-REACH, REACH_ROWS = 1.0, 6.0  # looked for within: [s], or rows where there are no stamps; at least two rows
-SCANNED_ROWS = 400
-TABLED = 20_000  # rows of a recording whose columns are all made at once: each is asked for many times
-LOOKED_AT = 12  # delays on either side that are tried first, at most; whole rows where these are farther apart
-FAR = 10.0  # robust deviations of the error beyond which rows are left out
-BLOCKS = 8
-TOLERANCE, TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
-RESOLUTION = 1e-3  # [deg, mm] below which nothing is left unexplained
-APART, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
-PAUSE = 4.0  # steps between rows across which nothing is read
-STEADY = 5.0  # deviations by which a change along the recording must stand out
-KEPT = 100  # delays that are kept
-_found: dict[bytes, "Delay"] = {}  # by what they are of: a command judges a recording again for each of its models
+CERTAIN_SIGMAS, _LIKELY_SIGMAS = 3.0, 2.0  # deviations of the interval, and of a note
+_REACH_S, _REACH_ROWS = 1.0, 6.0  # looked for within: [s], or rows where there are no stamps; at least two rows
+_SCANNED_ROWS = 400
+_TABLED_ROWS = 20_000  # rows of a recording whose columns are all made at once: each is asked for many times
+_COARSE_DELAYS = 12  # delays on either side that are tried first, at most; whole rows where these are farther apart
+_OUTLIER_SIGMAS = 10.0  # robust deviations of the error beyond which rows are left out
+_BLOCKS = 8
+_TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
+_RESOLUTION_DEG_MM = 1e-3  # [deg, mm] below which nothing is left unexplained
+APART_S, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
+_PAUSE_STEPS = 4.0  # steps between rows across which nothing is read
+_CHANGE_SIGMAS = 5.0  # deviations by which a change along the recording must stand out
 
 
 @dataclass(frozen=True)
@@ -72,27 +69,10 @@ class Delay:
 
 
 def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, about: float = 0.0) -> Delay:
-    """Estimate a recording's delay near `about` [s, or rows without stamps], or return the one found of the same
-    numbers.
+    """Estimate a recording's delay near `about` [s, or rows without stamps].
 
     `place` (n,) says which command each measurement follows; its own when None.
     """
-    given = (log.q_nominal, log.q_encoder, log.ok, log.time, place)
-    arrays = [np.zeros(0) if each is None else np.asarray(each) for each in given]
-    told = (log.joint_names, log.joint_units, about, log.time is None, [each.shape for each in arrays])
-    numbers = sha256(repr(told).encode())
-    for each in arrays:
-        numbers.update(np.ascontiguousarray(each).data)
-    found = _found.get(key := numbers.digest())
-    if found is None:
-        found = _estimated(log, place, about)
-        if len(_found) >= KEPT:
-            _found.pop(next(iter(_found)), None)
-        _found[key] = found
-    return found
-
-
-def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: float) -> Delay:
     assert log.q_encoder is not None
     in_time = log.time is not None
     reach, rows = reach_of(log)
@@ -100,39 +80,42 @@ def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: fl
     t = np.arange(len(log), dtype=float)
     if log.time is not None:  # stamps never go back: what follows such a step, another recording, begins after a pause
         steps = np.diff(log.time, prepend=log.time[:1])
-        t = np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
+        t = np.cumsum(np.where(steps < 0.0, 2.0 * _PAUSE_STEPS * step, steps))
     inside = log.ok & _unbroken(t, step, about, reach)
-    if in_time and inside.sum() < FEWEST_ROWS and log.ok.sum() >= FEWEST_ROWS:  # poses with pauses all along
+    if (
+        in_time and inside.sum() < MIN_EXPLAINED_ROWS and log.ok.sum() >= MIN_EXPLAINED_ROWS
+    ):  # poses with pauses all along
         return delay_of(replace(log, time=None), place, about / step if step else 0.0)
     unit: Literal["s", "rows"] = "s" if in_time else "rows"
-    tolerance = max(TOLERANCE, TOLERANCE_ROWS * step) if in_time else 0.5
+    tolerance = max(_TOLERANCE_S, _TOLERANCE_ROWS * step) if in_time else 0.5
     scale = scales(log)
     q, m = scale * log.q_nominal, scale * np.where(log.ok[:, None], log.q_encoder, 0.0)
     places = list(range(q.shape[1])) if place is None else [int(k) for k in place]
-    moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED]
+    moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED_DEG_MM]
     joints = [i for i, k in enumerate(places) if k in moved]
-    if not joints or inside.sum() < FEWEST_ROWS:
+    if not joints or inside.sum() < MIN_EXPLAINED_ROWS:
         return Delay(0.0, -np.inf, np.inf, "unknown", 0.0, unit)
     block = np.zeros(len(t), dtype=np.int64)
-    block[inside] = np.arange(inside.sum()) * BLOCKS // inside.sum()
-    between = max(step, reach / LOOKED_AT)
+    block[inside] = np.arange(inside.sum()) * _BLOCKS // inside.sum()
+    between = max(step, reach / _COARSE_DELAYS)
     count = int(np.floor(reach / between + 1e-9))
     coarse: Floats = np.float64(about) + between * np.arange(-count, count + 1, dtype=np.float64)
-    looks = [_JointLook(q, m[:, i], t, places[i], moved, inside, block, coarse, in_time) for i in joints]
+    motion = _Motion(q, t, moved, inside, block, in_time)
+    looks = [_JointLook(motion, m[:, i], places[i], coarse) for i in joints]
     grid, costs = _scan(looks, coarse, between)
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
     turns = np.mean([reversals_of(q[inside, places[i]]) for i in joints])
     worth = min(LOOKS, float(turns)) + 1e-9
-    low, high = _interval(grid, total, CERTAIN**2 / worth)
-    near_low, near_high = _interval(grid, total, LIKELY**2 / worth)
+    low, high = _interval(grid, total, CERTAIN_SIGMAS**2 / worth)
+    near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
         sure = "certain" if max(low, -high) > tolerance else "likely"
     along = grid[np.argmin(costs[:, :, 1:].sum(axis=0), axis=0)]
-    own, gains = _apart(grid, costs[:, :, 0], max(APART, 4.0 * tolerance) if in_time else APART_ROWS)
+    own, gains = _apart(grid, costs[:, :, 0], max(APART_S, 4.0 * tolerance) if in_time else APART_ROWS)
     apart_by, fine = float(np.sqrt(worth * gains.sum())), between / 10.0 * np.arange(-10, 11)
-    of_joints = zip(joints, looks, own, worth * gains, strict=True) if apart_by > LIKELY else ()
+    of_joints = zip(joints, looks, own, worth * gains, strict=True) if apart_by > _LIKELY_SIGMAS else ()
     apart = [(log.joint_names[i], float(d + fine[look.costs(d + fine)[:, 0].argmin()]))
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
@@ -144,15 +127,15 @@ def _estimated(log: MotionLog, place: Sequence[int] | Integers | None, about: fl
 def reach_of(log: MotionLog) -> tuple[float, float]:
     """Return how far a delay is looked for, in seconds (rows without stamps), and in rows; 0 rows where unknown."""
     if log.time is None:
-        return REACH_ROWS, REACH_ROWS
+        return _REACH_ROWS, _REACH_ROWS
     step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
-    reach = max(REACH, 2.0 * step)
+    reach = max(_REACH_S, 2.0 * step)
     return reach, reach / step if step > 0.0 else 0.0
 
 
 def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
     """Return rows from which every delay looked for stays between two pauses, (N,)."""
-    cuts = np.flatnonzero(np.diff(t) > PAUSE * step)
+    cuts = np.flatnonzero(np.diff(t) > _PAUSE_STEPS * step)
     part = np.searchsorted(cuts, np.arange(len(t)), side="left")
     first, last = np.r_[0, cuts + 1], np.r_[cuts, len(t) - 1]
     from_, to = t - about - reach, t - about + reach
@@ -160,34 +143,34 @@ def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
     return found
 
 
+class _Motion(NamedTuple):
+    """What all joints are looked at by."""
+
+    q: Floats  # (N, n) commands [deg, mm]
+    t: Floats  # (N,) rising [s], or rows
+    moved: list[int]  # joints
+    inside: Flags  # (N,) rows that are read
+    block: Integers  # (N,)
+    in_time: bool
+
+
 class _JointLook:
     """One joint's explanation, and its rows without outliers."""
 
-    def __init__(
-        self,
-        q: Floats,
-        seen: Floats,
-        t: Floats,
-        own: int,
-        moved: list[int],
-        inside: Flags,
-        block: Integers,
-        coarse: Floats,
-        in_time: bool,
-    ) -> None:
-        self.t, self.y, self.block = t, seen, block
+    def __init__(self, motion: _Motion, seen: Floats, own: int, coarse: Floats) -> None:
+        q, inside, self.t, self.y, self.block = motion.q, motion.inside, motion.t, seen, motion.block
         error = seen - q[:, own]
         away = np.abs(error - np.median(error[inside]))
-        rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
-        rows = in_stretches(rows, MOST_ROWS, q[:, own], t if in_time else None)
-        explanation = Explanation(q, own, moved, len(rows))
-        few_rows = len(q) <= TABLED
+        rows = np.flatnonzero(inside & (away <= _OUTLIER_SIGMAS * max(1.4826 * float(np.median(away[inside])), 1.0)))
+        rows = in_stretches(rows, MAX_EXPLAINED_ROWS, q[:, own], motion.t if motion.in_time else None)
+        explanation = Explanation(q, own, motion.moved, len(rows))
+        few_rows = len(q) <= _TABLED_ROWS
         self.columns_at = explanation.at(np.arange(len(q))).__getitem__ if few_rows else explanation.at
-        few = rows[spread(len(rows), SCANNED_ROWS)]
+        few = rows[spread(len(rows), _SCANNED_ROWS)]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
         for _ in range(3):
             left = np.abs(self.unexplained(rows, best))
-            good = left <= TRIM * 1.4826 * np.median(left)
+            good = left <= TRIM_SIGMAS * 1.4826 * np.median(left)
             rows = rows[good]
             if good.mean() > 0.999:
                 break
@@ -202,31 +185,32 @@ class _JointLook:
         share = ((s - self.t[k]) / np.maximum(self.t[k + 1] - self.t[k], 1e-12))[:, None]
         before, after = self.columns_at(k), self.columns_at(k + 1)
         columns = np.column_stack([before * (1.0 - share) + after * share, self.y[rows]])
-        cuts = np.searchsorted(self.block[rows], np.arange(BLOCKS + 1))  # blocks follow each other
-        for part in (columns[first:last] for first, last in pairwise(cuts) if first < last):
-            part -= part.sum(axis=0) / len(part)
-        free, rest = columns[:, : -1 - len(PLAYS)], columns[:, -1 - len(PLAYS) :]
+        cuts = np.searchsorted(self.block[rows], np.arange(_BLOCKS + 1))  # blocks follow each other
+        for first, last in pairwise(cuts):
+            if first < last:
+                columns[first:last] -= columns[first:last].sum(axis=0) / (last - first)
+        free, rest = columns[:, : -1 - len(PLAY_RADII)], columns[:, -1 - len(PLAY_RADII) :]
         free = free / (np.linalg.norm(free, axis=0) + 1e-12)
         gram = free.T @ free + 1e-6 * np.eye(free.shape[1])
         rest = rest - free @ np.linalg.solve(gram, free.T @ rest)
         plays, y = rest[:, :-1], rest[:, -1]
         plays = plays / (np.linalg.norm(plays, axis=0) + 1e-9 * np.sqrt(len(y)))
-        lower = np.linalg.cholesky(plays.T @ plays + 1e-6 * np.eye(len(PLAYS)))
+        lower = np.linalg.cholesky(plays.T @ plays + 1e-6 * np.eye(len(PLAY_RADII)))
         left: Floats = y - plays @ nnls(lower.T, np.linalg.solve(lower, plays.T @ y))[0]
         return left
 
     def costs(self, delays: Floats) -> Floats:
-        """Return logarithms of unexplained variance, of all rows and of each block's (delays, 1 + BLOCKS)."""
+        """Return logarithms of unexplained variance, of all rows and of each block's (delays, 1 + _BLOCKS)."""
         b = self.block[self.rows]
-        n = np.maximum(np.bincount(b, minlength=BLOCKS), 1)
+        n = np.maximum(np.bincount(b, minlength=_BLOCKS), 1)
         squares = [self.unexplained(self.rows, d) ** 2 for d in delays]
-        each = [np.r_[s.mean(), np.bincount(b, s, minlength=BLOCKS) / n] for s in squares]
-        found: Floats = np.log(np.array(each) + RESOLUTION**2)
+        each = [np.r_[s.mean(), np.bincount(b, s, minlength=_BLOCKS) / n] for s in squares]
+        found: Floats = np.log(np.array(each) + _RESOLUTION_DEG_MM**2)
         return found
 
 
 def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return delays, dense about the best, and costs there (joints, delays, 1 + BLOCKS): steps, .1 and .01 of one."""
+    """Return delays, dense about the best, and costs there (joints, delays, 1 + _BLOCKS): steps, .1 and .01 of one."""
     grids, costs = [coarse], [np.stack([each.costs(coarse) for each in looks])]
     for reach, fine in ((12, 10), (9, 100)):
         best = grids[-1][int(np.argmin(costs[-1][:, :, 0].sum(axis=0)))]
@@ -264,4 +248,4 @@ def _change(along: Floats, width: float) -> float:
     left = along - along.mean() - slope * k
     deviation = float(np.sqrt(left @ left / (len(along) - 2) / (k @ k)))
     change = slope * len(along)
-    return change if abs(slope) > STEADY * deviation and abs(change) > width / 3.0 else 0.0
+    return change if abs(slope) > _CHANGE_SIGMAS * deviation and abs(change) > width / 3.0 else 0.0

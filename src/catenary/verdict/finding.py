@@ -6,46 +6,61 @@ from dataclasses import dataclass
 from catenary.errors import DataError, InputError
 from catenary.verdict.delay import Delay
 
-# names that findings have, with what they are about, in the order of their severity: by how much, and how surely, each
-# makes all other numbers wrong; `--accept` takes them
-NAMES = {
-    "units": "numbers in other units than stated",
-    "range": "positions outside the robot's limits",
-    "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
-    "swapped": "columns of joints in each other's place",
-    "sign": "a measurement, or a torque, of the wrong sign",
-    "unrelated": "a measurement that follows no command",
-    "copied": "a measurement that is the command itself",
-    "mixed": "a measurement that is a sum of several joints' commands",
-    "scale": "a measurement that moves more, or less, than a cable lets it",
-    "turns": "measurements whole or half turns from the others",
-    "clock": "two clocks that run apart, joints that lie unlike times behind, or rows that one clock lost",
-    "delay": "measurements that lie a time behind their commands, or before them",
-    "zeros": "rows of zeros marked as measured",
-    "stuck": "a measurement that stands still while its joint is moved",
-    "jump": "an error that leaps and stays",
-    "constant": "columns that never change",
-    "short": "too little to learn from",
-    "torques": "torques of another unit, such as motor currents",
-    "gravity": "gravity that pulled along another direction than stated",
-    "offset": "a torque whose zero is not the one identified",
-    "tested": "recordings both fitted to and tested on",
-    "twice": "minutes that are in the data twice",
-    "drift": "an error that moves along the recording",
-    "filled": "measurements that were interpolated, or filled in with commands",
-    "missing": "rows without a measurement that are not like the others",
-    "outliers": "single measurements far from all others",
-    "dropped": "rows left out that carry more than their share of the error",
-    "lag": "a controller's lag between setpoints and what the robot reports",
-    "coarse": "measurements in coarse steps",
-}
+
+@dataclass(frozen=True)
+class FindingKind:
+    """A kind of finding about recordings.
+
+    Args:
+        name: That `--accept` takes, and messages name.
+        words: What it is about.
+        learning: Only recordings that are learnt from must be without it: a test does well with it.
+    """
+
+    name: str
+    words: str
+    learning: bool = False
+
+
+_KINDS = (  # in the order of severity: by how much, and how surely, each makes all other numbers wrong
+    FindingKind("units", "numbers in other units than stated"),
+    FindingKind("range", "positions outside the robot's limits"),
+    FindingKind("stamps", "time stamps that repeat, go back, or are in another unit than seconds"),
+    FindingKind("swapped", "columns of joints in each other's place"),
+    FindingKind("sign", "a measurement, or a torque, of the wrong sign"),
+    FindingKind("unrelated", "a measurement that follows no command"),
+    FindingKind("copied", "a measurement that is the command itself"),
+    FindingKind("mixed", "a measurement that is a sum of several joints' commands"),
+    FindingKind("scale", "a measurement that moves more, or less, than a cable lets it"),
+    FindingKind("turns", "measurements whole or half turns from the others"),
+    FindingKind("clock", "two clocks that run apart, joints that lie unlike times behind, or rows that one clock lost"),
+    FindingKind("delay", "measurements that lie a time behind their commands, or before them"),
+    FindingKind("zeros", "rows of zeros marked as measured"),
+    FindingKind("stuck", "a measurement that stands still while its joint is moved"),
+    FindingKind("jump", "an error that leaps and stays"),
+    FindingKind("constant", "columns that never change", learning=True),
+    FindingKind("short", "too little to learn from", learning=True),
+    FindingKind("torques", "torques of another unit, such as motor currents"),
+    FindingKind("gravity", "gravity that pulled along another direction than stated"),
+    FindingKind("offset", "a torque whose zero is not the one identified"),
+    FindingKind("tested", "recordings both fitted to and tested on"),
+    FindingKind("twice", "minutes that are in the data twice"),
+    FindingKind("drift", "an error that moves along the recording"),
+    FindingKind("filled", "measurements that were interpolated, or filled in with commands"),
+    FindingKind("missing", "rows without a measurement that are not like the others"),
+    FindingKind("outliers", "single measurements far from all others"),
+    FindingKind("dropped", "rows left out that carry more than their share of the error"),
+    FindingKind("lag", "a controller's lag between setpoints and what the robot reports"),
+    FindingKind("coarse", "measurements in coarse steps"),
+)
+FINDINGS = {kind.name: kind for kind in _KINDS}
 
 
 @dataclass(frozen=True)
 class Finding:
     """One thing that is wrong, or worth knowing, about a recording."""
 
-    name: str  # of NAMES
+    name: str  # of FINDINGS
     joints: tuple[str, ...]  # that it is about; none for the whole recording
     says: str  # what was got, and what was expected
     culprit: str = ""  # what most likely happened
@@ -55,8 +70,8 @@ class Finding:
 
     @property
     def severity(self) -> tuple[bool, int]:
-        """Its place among others: those that refuse come first, then it is as in NAMES."""
-        return not self.refuses, list(NAMES).index(self.name)
+        """Its place among others: those that refuse come first, then it is as in FINDINGS."""
+        return not self.refuses, list(FINDINGS).index(self.name)
 
     def __str__(self) -> str:
         where = f"{', '.join(self.joints)}: " if self.joints else ""
@@ -67,9 +82,9 @@ class Finding:
 
 def require_names(accept: Collection[str]) -> None:
     """Refuse names to accept that no finding has."""
-    unknown = sorted(set(accept) - set(NAMES))
+    unknown = sorted(set(accept) - set(FINDINGS))
     if unknown:
-        raise InputError(f"accept: no finding is called {', '.join(unknown)}; choices: {', '.join(NAMES)}")
+        raise InputError(f"accept: no finding is called {', '.join(unknown)}; choices: {', '.join(FINDINGS)}")
 
 
 def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (), *, done: str = "fitted") -> list[str]:

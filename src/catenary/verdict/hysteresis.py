@@ -11,20 +11,22 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.plant import MotionLog
-from catenary.verdict.pairs import MOVED, in_stretches, play, reversals_of, scales
+from catenary.verdict.pairs import MOVED_DEG_MM, in_stretches, play, reversals_of, scales
 
 # radii of plays, as shares of a joint's range: few where they are tried again and again, as for each delay
-PLAYS = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
-RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)
-FOLLOWS = 0.5  # share of a joint's full motion from which on it counts as following its command
-TRIM = 6.0  # robust deviations of what is unexplained, beyond which rows are left out
-MOST_ROWS, FEWEST_ROWS = 1000, 80
+PLAY_RADII = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
+FINE_RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)
+_FOLLOWS_SHARE = 0.5  # share of a joint's full motion from which on it counts as following its command
+TRIM_SIGMAS = 6.0  # robust deviations of what is unexplained, beyond which rows are left out
+MAX_EXPLAINED_ROWS, MIN_EXPLAINED_ROWS = 1000, 80
 
 
 class Explanation:
     """Columns that explain one joint's measurement, at rows as they are asked for: few of a long recording are."""
 
-    def __init__(self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAYS) -> None:
+    def __init__(
+        self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAY_RADII
+    ) -> None:
         """Take commands (N, n), those `moved` in units of their ranges, and plays of `radii` in that of its own."""
         self._q, self._moved, self._own, self._most = q, list(moved), own, rows // 15 - 10
         self._mean, self._range = q.mean(axis=0), np.ptp(q, axis=0)
@@ -60,13 +62,13 @@ class Hysteresis(NamedTuple):
 def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
     """Return what each joint shows of slack and hysteresis."""
     q = scales(log) * log.q_nominal
-    moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED]
+    moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED_DEG_MM]
     turns = [reversals_of(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]
-    if log.q_encoder is None or log.ok.sum() < FEWEST_ROWS:
+    if log.q_encoder is None or log.ok.sum() < MIN_EXPLAINED_ROWS:
         return [Hysteresis(np.nan, np.nan, count) for count in turns]
     found = []
     for k, scale in enumerate(scales(log)):
-        rows = in_stretches(np.flatnonzero(log.ok), MOST_ROWS, q[:, k], log.time)
+        rows = in_stretches(np.flatnonzero(log.ok), MAX_EXPLAINED_ROWS, q[:, k], log.time)
         seen = scale * log.q_encoder[rows, k]
         found.append(Hysteresis(*(_loop(q, k, moved, rows, seen) if k in moved else (np.nan, np.nan)), turns[k]))
     return found
@@ -75,23 +77,23 @@ def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
 def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats) -> tuple[float, float]:
     from scipy.optimize import nnls
 
-    columns = Explanation(q, own, moved, len(rows), RADII).at(rows)
+    columns = Explanation(q, own, moved, len(rows), FINE_RADII).at(rows)
     columns, y = columns - columns.mean(axis=0), seen - seen.mean()
     keep = np.ones(len(rows), dtype=bool)
     size = float(np.ptp(q[:, own]))
-    weights = np.zeros(len(RADII))
+    weights = np.zeros(len(FINE_RADII))
     for _ in range(3):
-        free, plays = columns[keep, : -len(RADII)], columns[keep, -len(RADII) :]
+        free, plays = columns[keep, : -len(FINE_RADII)], columns[keep, -len(FINE_RADII) :]
         onto = np.linalg.qr(free)[0]
         weights = nnls(plays - onto @ (onto.T @ plays), y[keep] - onto @ (onto.T @ y[keep]))[0]
-        rest = y - columns[:, -len(RADII) :] @ weights
-        left = np.abs(rest - columns[:, : -len(RADII)] @ np.linalg.lstsq(free, rest[keep], rcond=None)[0])
-        keep = left <= TRIM * 1.4826 * np.median(left) + 1e-9
+        rest = y - columns[:, -len(FINE_RADII) :] @ weights
+        left = np.abs(rest - columns[:, : -len(FINE_RADII)] @ np.linalg.lstsq(free, rest[keep], rcond=None)[0])
+        keep = left <= TRIM_SIGMAS * 1.4826 * np.median(left) + 1e-9
     command = columns[keep, moved.index(own)]
     alone = float(command @ rest[keep] / (command @ command))  # what follows at once
     follows = alone + np.cumsum(weights)
     if follows[-1] <= 0.0:  # it follows another command, or the wrong way round
         return np.nan, np.nan
-    late = int(np.argmax(follows >= FOLLOWS * follows[-1]))
-    slack = 0.0 if alone >= FOLLOWS * follows[-1] else 2.0 * RADII[late] * size
-    return float(2.0 * np.array(RADII) @ weights), slack
+    late = int(np.argmax(follows >= _FOLLOWS_SHARE * follows[-1]))
+    slack = 0.0 if alone >= _FOLLOWS_SHARE * follows[-1] else 2.0 * FINE_RADII[late] * size
+    return float(2.0 * np.array(FINE_RADII) @ weights), slack

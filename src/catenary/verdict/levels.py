@@ -6,31 +6,33 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.verdict.finding import Finding
-from catenary.verdict.hysteresis import RADII, TRIM, Explanation
+from catenary.verdict.hysteresis import FINE_RADII, TRIM_SIGMAS, Explanation
 from catenary.verdict.pairs import Pairs, in_stretches, pairs_of, reversals_of, scales
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
-CLEARLY = 5.0
-LEAST_LEAP = 5.0  # [deg, mm] by which nobody's camera registration moves, nor any homing
-SUDDEN, LEAST_SUDDEN = 5, 0.3  # rows of windows between which a smaller leap is looked for, and how small [deg, mm]
-ALONE = 3.0  # times any other, that it is: reversals leap too; of untouched real recordings 2.6 and less where it stays
-STAYS = 0.5  # of a leap that is left over ten windows: a burst of wild measurements is gone by then
-SHARE = 50  # windows along the recording
-SHORTEST, LONGEST = 10, 200  # rows of a window
-HALF_TURN = 180.0  # [deg]
-NEAR_TURN = 0.2  # of a half turn, within which an error is a turn: wrists are 20 deg off
-MOST = 0.9  # of the rows, that stand near some turn: numbers in degrees lie anywhere
-FEW = 0.05  # of the rows: fewer are single wild measurements
+_CLEAR_RATIO = 5.0
+_MIN_LEAP_DEG_MM = 5.0  # [deg, mm] by which nobody's camera registration moves, nor any homing
+# rows of windows between which a smaller leap is looked for, and how small [deg, mm]
+_SUDDEN_ROWS, _MIN_SUDDEN_DEG_MM = 5, 0.3
+# times any other, that it is: reversals leap too; of untouched real recordings 2.6 and less where it stays
+_ALONE_RATIO = 3.0
+_STAYS_SHARE = 0.5  # of a leap that is left over ten windows: a burst of wild measurements is gone by then
+_WINDOWS = 50  # windows along the recording
+_MIN_WINDOW_ROWS, _MAX_WINDOW_ROWS = 10, 200  # rows of a window
+_HALF_TURN_DEG = 180.0  # [deg]
+_NEAR_TURN_SHARE = 0.2  # of a half turn, within which an error is a turn: wrists are 20 deg off
+_MIN_NEAR_SHARE = 0.9  # of the rows, that stand near some turn: numbers in degrees lie anywhere
+_MIN_TURNED_SHARE = 0.05  # of the rows: fewer are single wild measurements
 # A drift is told where it is this many standard errors, of the rows' own and of their whole error's deviations. The
 # first rows, in which nobody knows on which side of its slack a joint lies, do not count. Untouched real runs of half
 # a minute drift by up to 3.3 of their rows' deviations and 9 standard errors, but by 0.08 of the error's.
-STEADY, OF_ROWS, OF_ERROR, LEAP_OF_ERROR = 8.0, 2.0, 0.1, 0.25
+_DRIFT_STANDARD_ERRORS, _DRIFT_ROW_SIGMAS, _DRIFT_ERROR_SIGMAS, _LEAP_ERROR_SIGMAS = 8.0, 2.0, 0.1, 0.25
 # In fewer rows, or with fewer reversals, slack and friction are hardly told from a zero that moves: windows of two
 # minutes of a real wrist's poses stray by up to 20 deviations.
-FEWEST_ROWS, MANY_ROWS, MANY_TURNS, OF_FEW = 400, 1000, 12, 25.0
-BEGUN, PARTS, MOST_ROWS = 0.15, 20, 2000
-EDGES = np.linspace(0.15, 0.85, 15)  # of the rows that count, at which a leap is tried
-ZEROED = "an encoder, camera or robot that was zeroed anew half-way, or a slipped cable"
+_MIN_DRIFT_ROWS, _MANY_ROWS, _MANY_REVERSALS, _FEW_ROW_SIGMAS = 400, 1000, 12, 25.0
+_BEGINNING_SHARE, _PARTS, _MAX_ROWS = 0.15, 20, 2000
+_LEAP_EDGES = np.linspace(0.15, 0.85, 15)  # of the rows that count, at which a leap is tried
+_ZEROED_CULPRIT = "an encoder, camera or robot that was zeroed anew half-way, or a slipped cable"
 
 
 def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
@@ -39,14 +41,14 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
     for j in [j for j, unit in enumerate(pairs.log.joint_units) if unit == "rad"]:
         error = pairs.m[:, j] - pairs.q[:, j]
         away = error - np.median(error)
-        halves = np.round(away / HALF_TURN)
-        near = np.abs(away - halves * HALF_TURN) < NEAR_TURN * HALF_TURN
+        halves = np.round(away / _HALF_TURN_DEG)
+        near = np.abs(away - halves * _HALF_TURN_DEG) < _NEAR_TURN_SHARE * _HALF_TURN_DEG
         turned = near & (halves != 0.0)
-        if turned.mean() <= FEW or near.mean() < MOST:
+        if turned.mean() <= _MIN_TURNED_SHARE or near.mean() < _MIN_NEAR_SHARE:
             continue
-        measured[pairs.log.ok, j] -= np.deg2rad(HALF_TURN * halves)
+        measured[pairs.log.ok, j] -= np.deg2rad(_HALF_TURN_DEG * halves)
         sizes, counts = np.unique(halves[turned], return_counts=True)
-        most = float(sizes[np.argmax(counts)]) * HALF_TURN
+        most = float(sizes[np.argmax(counts)]) * _HALF_TURN_DEG
         says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
         culprit = "an angle recorded within one turn, or a counter that lost a turn"
         remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
@@ -59,8 +61,10 @@ def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     found = []
     for i, k in enumerate(place):
         error = pairs.m[:, i] - pairs.q[:, k]
-        wide = int(np.clip(len(error) // SHARE, SHORTEST, LONGEST))
-        found += _leap(pairs, i, error, wide, LEAST_LEAP) or _leap(pairs, i, error, SUDDEN, LEAST_SUDDEN, ALONE)
+        wide = int(np.clip(len(error) // _WINDOWS, _MIN_WINDOW_ROWS, _MAX_WINDOW_ROWS))
+        found += _leap(pairs, i, error, wide, _MIN_LEAP_DEG_MM) or _leap(
+            pairs, i, error, _SUDDEN_ROWS, _MIN_SUDDEN_DEG_MM, _ALONE_RATIO
+        )
     jumped = {joint for each in found for joint in each.joints}
     return found + [d for i, k in enumerate(place) if pairs.names[i] not in jumped for d in _drift(pairs, i, int(k))]
 
@@ -80,11 +84,11 @@ def _leap(pairs: Pairs, joint: int, error: Floats, width: int, least: float, alo
     after, before = np.median(error[edge : edge + long]), np.median(error[max(0, edge - long) : edge])
     usual = float(np.percentile(leaps, 90.0))
     others = float(np.max(np.delete(leaps, slice(max(0, k - 2 * width), k + 2 * width)), initial=0.0))
-    if abs(leap) < max(least, CLEARLY * usual, alone * others) or (after - before) / leap < STAYS:
+    if abs(leap) < max(least, _CLEAR_RATIO * usual, alone * others) or (after - before) / leap < _STAYS_SHARE:
         return []
     edge = _first_after(error, k, width)
     steps = np.abs(np.diff(pairs.q, axis=0)).max(axis=1)
-    if alone and steps[max(0, edge - width) : edge + width].max() > CLEARLY * np.percentile(steps, 90.0):
+    if alone and steps[max(0, edge - width) : edge + width].max() > _CLEAR_RATIO * np.percentile(steps, 90.0):
         return []  # commands leap too, where recordings were joined
     rows = np.flatnonzero(pairs.log.ok)
     last = len(pairs.log)
@@ -92,7 +96,7 @@ def _leap(pairs: Pairs, joint: int, error: Floats, width: int, least: float, alo
     unit = pairs.unit(joint)
     says = f"at row {rows[edge]} the error leaps by {leap if alone else after - before:+.3g} {unit} and stays; "
     says = f"{says}elsewhere its level moves by {usual:.2g} {unit}"
-    return [Finding("jump", (pairs.names[joint],), says, ZEROED, f"--leave-out {shorter}", not alone)]
+    return [Finding("jump", (pairs.names[joint],), says, _ZEROED_CULPRIT, f"--leave-out {shorter}", not alone)]
 
 
 def _drift(pairs: Pairs, joint: int, own: int) -> list[Finding]:
@@ -100,14 +104,16 @@ def _drift(pairs: Pairs, joint: int, own: int) -> list[Finding]:
     log, moved = pairs.log, [int(k) for k in np.flatnonzero(pairs.moved)]
     rows = np.flatnonzero(log.ok)
     time = None if log.time is None else log.time[rows]
-    kept = in_stretches(np.arange(int(BEGUN * len(rows)), len(rows)), MOST_ROWS, pairs.q[:, own], time, PARTS)
-    if own not in moved or len(kept) < FEWEST_ROWS:
+    kept = in_stretches(
+        np.arange(int(_BEGINNING_SHARE * len(rows)), len(rows)), _MAX_ROWS, pairs.q[:, own], time, _PARTS
+    )
+    if own not in moved or len(kept) < _MIN_DRIFT_ROWS:
         return []
-    columns = Explanation(scales(log) * log.q_nominal, own, moved, len(kept), RADII).at(rows[kept])
+    columns = Explanation(scales(log) * log.q_nominal, own, moved, len(kept), FINE_RADII).at(rows[kept])
     columns = np.column_stack([columns, np.ones(len(kept))])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
     error, along = (pairs.m[:, joint] - pairs.q[:, own])[kept], (kept - kept[0]) / (kept[-1] - kept[0])
-    ways = np.column_stack([along, *(along > edge for edge in EDGES)])  # in which it may move, by one each
+    ways = np.column_stack([along, *(along > edge for edge in _LEAP_EDGES)])  # in which it may move, by one each
     good = np.ones(len(kept), dtype=bool)
     for _ in range(3):
         onto = np.linalg.qr(columns[good])[0]
@@ -119,21 +125,24 @@ def _drift(pairs: Pairs, joint: int, own: int) -> list[Finding]:
         left = rest - by * free
         moves = error - by * ways[:, way]
         away = np.abs(moves - columns @ np.linalg.lstsq(columns[good], moves[good], rcond=None)[0])
-        part, fits = np.flatnonzero(good) * PARTS // len(kept), away[good]
-        good = away <= TRIM * 1.4826 * np.median(fits) + 1e-9
+        part, fits = np.flatnonzero(good) * _PARTS // len(kept), away[good]
+        good = away <= TRIM_SIGMAS * 1.4826 * np.median(fits) + 1e-9
     # rows depend on each other, parts of the recording hardly
-    scatter = float(np.sqrt(np.square(np.bincount(part, free * left, minlength=PARTS)).sum())) / size
+    scatter = float(np.sqrt(np.square(np.bincount(part, free * left, minlength=_PARTS)).sum())) / size
     usual, whole, unit = float(np.std(left)), float(np.std(error[good])), pairs.unit(joint)
-    many = len(kept) >= MANY_ROWS and reversals_of(pairs.q[:, own]) >= MANY_TURNS
-    of_rows, of_error = OF_ROWS if many else OF_FEW, OF_ERROR if way == 0 else LEAP_OF_ERROR
-    if abs(by) <= max(STEADY * scatter, of_rows * usual, of_error * whole):
+    many = len(kept) >= _MANY_ROWS and reversals_of(pairs.q[:, own]) >= _MANY_REVERSALS
+    of_rows, of_error = (
+        _DRIFT_ROW_SIGMAS if many else _FEW_ROW_SIGMAS,
+        _DRIFT_ERROR_SIGMAS if way == 0 else _LEAP_ERROR_SIGMAS,
+    )
+    if abs(by) <= max(_DRIFT_STANDARD_ERRORS * scatter, of_rows * usual, of_error * whole):
         return []
     if way == 0:
-        name, says = "drift", f"the error drifts by {by / (1.0 - BEGUN):+.2g} {unit} along the recording"
+        name, says = "drift", f"the error drifts by {by / (1.0 - _BEGINNING_SHARE):+.2g} {unit} along the recording"
         culprit = "a camera or encoder that moves, or a cable that stretches or warms"
     else:
-        row = rows[kept[np.searchsorted(along, EDGES[way - 1])]]
-        name, says, culprit = "jump", f"the error leaps by {by:+.2g} {unit} at about row {row}", ZEROED
+        row = rows[kept[np.searchsorted(along, _LEAP_EDGES[way - 1])]]
+        name, says, culprit = "jump", f"the error leaps by {by:+.2g} {unit} at about row {row}", _ZEROED_CULPRIT
     says = f"{says}, where motion and friction explain it to {usual:.2g} {unit}: what is printed here is of the mean"
     return [Finding(name, (pairs.names[joint],), says, culprit, refuses=False)]
 

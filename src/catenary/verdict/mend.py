@@ -14,12 +14,12 @@ from catenary.plant import MotionLog
 from catenary.units import TO_SI
 from catenary.verdict.turns import turned_back
 
-ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
+_ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
 _NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
-MENDS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
+MEND_KEYS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
 AS_TRAINED = "corrected as the model's training data"  # how a note on them opens
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
+_TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Mend:
         return replace(self, **{step: texts})  # type: ignore[arg-type]  # a field by its name
 
 
-NOTHING = Mend()
+NO_MEND = Mend()
 
 
 def mends_of(logs: Sequence[MotionLog]) -> dict[str, tuple[str, ...]]:
@@ -128,8 +128,8 @@ def units_of(text: str) -> tuple[str | None, tuple[str, ...]]:
     """Return the array that an option such as `--units` names, if any, and the words behind it."""
     array, _, rest = text.partition(":")
     # a joint's name may hold a colon of its own
-    words = tuple(word.strip() for word in (rest if array in ARRAYS else text).split(","))
-    return (array if array in ARRAYS else None), words
+    words = tuple(word.strip() for word in (rest if array in _ARRAYS else text).split(","))
+    return (array if array in _ARRAYS else None), words
 
 
 def _joint(log: MotionLog, name: str, option: str) -> int:
@@ -159,7 +159,7 @@ def _units(log: MotionLog, text: str) -> MotionLog:
     factor = np.array([TO_SI[unit][1] for unit in units])
     if (factor == 1.0).all():
         return log
-    keys = [array] if array else [key for key in ARRAYS[:4] if getattr(log, key) is not None]
+    keys = [array] if array else [key for key in _ARRAYS[:4] if getattr(log, key) is not None]
     changed: dict[str, Any] = {key: _array(log, key, "--units")[1] * factor for key in keys}
     return turned_back(replace(log, **changed))
 
@@ -240,13 +240,13 @@ def retimed_by(log: MotionLog) -> float:
 
 
 def _time_unit(log: MotionLog, unit: str) -> MotionLog:
-    if unit not in TIME_UNITS:
-        raise InputError(f"--time-unit: unknown {unit!r}; choices: {', '.join(TIME_UNITS)}")
+    if unit not in _TIME_UNITS_S:
+        raise InputError(f"--time-unit: unknown {unit!r}; choices: {', '.join(_TIME_UNITS_S)}")
     if unit == "s":
         return log
     if log.time is None:
         raise InputError(f'recording "{log.name}": --time-unit: it has no time stamps')
-    return replace(log, time=log.time * TIME_UNITS[unit])
+    return replace(log, time=log.time * _TIME_UNITS_S[unit])
 
 
 def _leave_out(log: MotionLog, text: str) -> MotionLog:

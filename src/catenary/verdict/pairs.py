@@ -10,14 +10,11 @@ from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 
-OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
-TURNS = 0.05  # share of a joint's range that it must go back by for a reversal to count
-STRETCHES, STRETCH_ROWS, STRETCH_S = (
-    8,
-    2000,
-    60.0,
-)  # of long recordings: how many, and rows and seconds of each at least
-MOVED = 1.0  # [deg, mm] least range of a joint that counts as moved: below it, encoders and cameras see noise
+OUTLIER_SIGMAS = 10.0  # robust standard deviations beyond which a measurement is suspected
+_REVERSAL_SHARE = 0.05  # share of a joint's range that it must go back by for a reversal to count
+# of long recordings: how many, and rows and seconds of each at least
+_STRETCHES, _STRETCH_ROWS, _STRETCH_S = 8, 2000, 60.0
+MOVED_DEG_MM = 1.0  # [deg, mm] least range of a joint that counts as moved: below it, encoders and cameras see noise
 
 
 def scales(log: MotionLog) -> Floats:
@@ -26,10 +23,10 @@ def scales(log: MotionLog) -> Floats:
 
 
 def outliers(errors: Floats) -> tuple[Integers, Floats]:
-    """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
+    """Return how many of N errors (N, n) lie beyond OUTLIER_SIGMAS robust standard deviations, and these, (n,)."""
     deviation = np.abs(errors - np.median(errors, axis=0))
     spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
-    return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
+    return (deviation > OUTLIER_SIGMAS * np.maximum(spread, 1e-9)).sum(axis=0), spread
 
 
 def slack_of(command: Floats, measured: Floats) -> float:
@@ -70,7 +67,7 @@ class Pairs:
         return DISPLAY[self.log.joint_units[joint]][0]
 
 
-SLACKS = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # radii of play, as shares of a joint's range
+_SLACK_SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # radii of play, as shares of a joint's range
 
 
 def slope_behind_slack(pairs: Pairs, i: int, own: int) -> tuple[float, float]:
@@ -82,7 +79,7 @@ def slope_behind_slack(pairs: Pairs, i: int, own: int) -> tuple[float, float]:
     y = y - y.mean()
     others, command = np.delete(q, own, axis=1)[rows], np.ascontiguousarray(q[:, own])
     best, slope = np.inf, 0.0
-    for share in SLACKS:
+    for share in _SLACK_SHARES:
         X = np.column_stack([play(command, share * float(np.ptp(command)))[rows], others])
         X = X - X.mean(axis=0)
         weights = np.linalg.lstsq(X, y, rcond=None)[0]
@@ -98,16 +95,16 @@ def pairs_of(log: MotionLog) -> Pairs | None:
         return None
     scale = scales(log)
     q, m = scale * log.q_nominal[log.ok], scale * log.q_encoder[log.ok]
-    spread = np.maximum(outliers(m - q)[1], MOVED)
-    likely = np.abs(m - q - np.median(m - q, axis=0)) <= OUTLIER_SPREADS * spread
-    moved = np.ptp(q, axis=0) > MOVED
+    spread = np.maximum(outliers(m - q)[1], MOVED_DEG_MM)
+    likely = np.abs(m - q - np.median(m - q, axis=0)) <= OUTLIER_SIGMAS * spread
+    moved = np.ptp(q, axis=0) > MOVED_DEG_MM
     n = len(scale)
     correlation, slope, seen_moving = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n, dtype=bool)
     for i in range(n):
         rows = likely[:, i]
         command, measured = q[rows] - q[rows].mean(axis=0), m[rows, i] - m[rows, i].mean()
         size, own = np.linalg.norm(command, axis=0), float(np.linalg.norm(measured))
-        seen_moving[i] = np.ptp(m[rows, i]) > MOVED * 1e-3 if rows.any() else False
+        seen_moving[i] = np.ptp(m[rows, i]) > MOVED_DEG_MM * 1e-3 if rows.any() else False
         both = moved & (size > 0.0) & (own > 0.0)
         product = command.T @ measured
         correlation[i, both] = product[both] / size[both] / own
@@ -115,13 +112,13 @@ def pairs_of(log: MotionLog) -> Pairs | None:
     return Pairs(log, q, m, likely, correlation, slope, moved, seen_moving)
 
 
-def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None, parts: int = STRETCHES) -> Integers:
+def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None, parts: int = _STRETCHES) -> Integers:
     """Return `most` usable rows of N, rising: of each part of a long recording where its `command` (N,) moves most.
 
     A joint's zero wanders over hours, which looks like what a delay leaves; within minutes it stays. `time` (N,) [s].
     """
     step = 0.0 if time is None else float(np.median(np.diff(time)))
-    long = max(STRETCH_ROWS, round(STRETCH_S / max(step, 1e-4)) if step > 0.0 else 0)
+    long = max(_STRETCH_ROWS, round(_STRETCH_S / max(step, 1e-4)) if step > 0.0 else 0)
     if len(rows) > parts * long:
         moves = np.abs(np.diff(command[rows], prepend=command[rows[:1]]))
         way = np.r_[0.0, np.cumsum(np.minimum(moves, np.percentile(moves, 99.0)))]  # single leaps are no motion
@@ -132,6 +129,6 @@ def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None
 
 
 def reversals_of(command: Floats) -> int:
-    """Return how often a command (N,) turns, by TURNS of its range or more."""
-    way = np.sign(np.diff(play(np.ascontiguousarray(command), TURNS / 2.0 * float(np.ptp(command)))))
+    """Return how often a command (N,) turns, by _REVERSAL_SHARE of its range or more."""
+    way = np.sign(np.diff(play(np.ascontiguousarray(command), _REVERSAL_SHARE / 2.0 * float(np.ptp(command)))))
     return int((np.diff(way[way != 0.0]) != 0.0).sum())

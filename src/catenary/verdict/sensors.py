@@ -9,36 +9,40 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import GAP_STEPS, MotionLog
 from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers, play, scales, slack_of
+from catenary.verdict.pairs import OUTLIER_SIGMAS, Pairs, outliers, play, scales, slack_of
 
 # A joint behind slack repeats its number to the last bit at every reversal, until its motor has taken the slack up: as
 # far as the errors of the rows on which it moves lie apart, which are those of both ways through the slack.
-SLACKS = 1.5  # times that far a command moves before a measurement that repeats itself is stuck
-SHARE_OF_RANGE = 0.1  # of a command's range that it moves too: a coarse encoder repeats itself in slow motion
-FEWEST_ROWS = 10  # of such a stretch
-LEAST_RANGE = 5.0  # [deg, mm] of a command from which on a measurement must move with it
-FROZEN_SHARE = 0.6  # of a command's range, passed while the measurement all but stands
-FROZEN = 0.03  # of the command's motion that counts as standing: no slack takes 97 % of so long a way
-WINDOWS = (20, 100, 400)  # rows
+_SLACK_RATIO = 1.5  # times that far a command moves before a measurement that repeats itself is stuck
+_RANGE_SHARE = 0.1  # of a command's range that it moves too: a coarse encoder repeats itself in slow motion
+_MIN_STUCK_ROWS = 10  # of such a stretch
+_MIN_RANGE_DEG_MM = 5.0  # [deg, mm] of a command from which on a measurement must move with it
+_FROZEN_COMMAND_SHARE = 0.6  # of a command's range, passed while the measurement all but stands
+_FROZEN_MOTION_SHARE = 0.03  # of the command's motion that counts as standing: no slack takes 97 % of so long a way
+_WINDOW_ROWS = (20, 100, 400)  # rows
 # of the rows: fewer that stand still are, like outliers, no reason to refuse the others; a real arm stalled on 1.8 %
-FEW = 0.02
-SAME = 0.5  # of the rows, on which joints stand still together
-SINGLE = 0.1  # of the errors: more are no single failures, such as those on the rarer side of slack
-MOST_SHOWN, MOST_MENDED = 4, 40  # stretches that a message lists, and that its remedy does
+_FEW_STUCK_SHARE = 0.02
+_SAME_ROWS_SHARE = 0.5  # of the rows, on which joints stand still together
+_SINGLE_FAILURES_SHARE = 0.1  # of the errors: more are no single failures, such as those on the rarer side of slack
+_MAX_SHOWN, _MAX_MENDED = 4, 40  # stretches that a message lists, and that its remedy does
 # of the rows that repeat all of the last measurement, and of what a command moves in the others: encoders repeat
 # themselves where the arm is slow, a slow sensor's last reading is repeated at any speed
-HELD, AS_FAST = 0.1, 0.5
-COARSE = 0.05  # [deg, mm] RMS of rounding that is worth a word
-MISSING = 0.03  # of the rows without a measurement: fewer hide little
-SHARP = 1.2  # times what 95 % lie below, the largest errors, mean of joints: 1.01 to 1.2 where cut, else 1.22 and more
-TOLD_APART = 0.75  # of pairs of a row with a measurement and one without, that motion tells apart; chance is half
-ABSENT = 1.75  # usual steps between stamps, from which on rows are absent between
-SMOOTH = 0.5  # share of the way between rows that these may be off a straight line, for absent ones to lie there
-TINY = 1e-6  # [rad, m] of a command that is not zero
-CATCHES_UP = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack
-ON_LINE = (1e-6, 1e-11)  # [rad, m] within which three rows lie on a line: of six digits or single precision, of double
-OFF_LINE = 100.0  # times as far that the median of other rows lies off: noise-free motion is bent evenly
-FILLED, FEWEST_FILLED = 0.03, 2  # share of the rows that were filled in, and rows of a gap: one alone lies so by chance
+_HELD_SHARE, _HELD_SPEED_RATIO = 0.1, 0.5
+_COARSE_DEG_MM = 0.05  # [deg, mm] RMS of rounding that is worth a word
+_MISSING_SHARE = 0.03  # of the rows without a measurement: fewer hide little
+# times what 95 % lie below, the largest errors, mean of joints: 1.01 to 1.2 where cut, else 1.22 and more
+_SHARP_RATIO = 1.2
+# of pairs of a row with a measurement and one without, that motion tells apart; chance is half
+_TOLD_APART_SHARE = 0.75
+_ABSENT_STEPS = 1.75  # usual steps between stamps, from which on rows are absent between
+_SMOOTH_SHARE = 0.5  # share of the way between rows that these may be off a straight line, for absent ones to lie there
+_TINY_COMMAND_SI = 1e-6  # [rad, m] of a command that is not zero
+_CATCH_UP_RATIO = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack
+# [rad, m] within which three rows lie on a line: of six digits or single precision, of double
+_ON_LINE_SI = 1e-6, 1e-11
+_OFF_LINE_RATIO = 100.0  # times as far that the median of other rows lies off: noise-free motion is bent evenly
+# share of the rows that were filled in, and rows of a gap: one alone lies so by chance
+_FILLED_SHARE, _MIN_FILLED_ROWS = 0.03, 2
 
 
 def sensor_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], Flags]:
@@ -47,19 +51,19 @@ def sensor_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], Flags
     for i in range(len(pairs.names)):
         command, measured = pairs.q[:, place[i]], pairs.m[:, i]
         reach = float(np.ptp(np.percentile(command, [1.0, 99.0])))
-        if reach < LEAST_RANGE:
+        if reach < _MIN_RANGE_DEG_MM:
             continue
-        slack = SLACKS * slack_of(command, measured)
-        still = _repeated(command, measured, max(SHARE_OF_RANGE * reach, slack))
-        frozen = _frozen(command, measured, FROZEN_SHARE * reach)
+        slack = _SLACK_RATIO * slack_of(command, measured)
+        still = _repeated(command, measured, max(_RANGE_SHARE * reach, slack))
+        frozen = _frozen(command, measured, _FROZEN_COMMAND_SHARE * reach)
         if frozen.any() and not frozen.all():  # how far slack reaches, the other rows tell
-            slack = SLACKS * slack_of(command[~frozen], measured[~frozen])
-            frozen &= _frozen(command, measured, max(FROZEN_SHARE * reach, slack))
+            slack = _SLACK_RATIO * slack_of(command[~frozen], measured[~frozen])
+            frozen &= _frozen(command, measured, max(_FROZEN_COMMAND_SHARE * reach, slack))
         still |= frozen
         if not still.any():
             continue
         for joints, rows in stuck:
-            if (still & rows).sum() > SAME * (still | rows).sum():
+            if (still & rows).sum() > _SAME_ROWS_SHARE * (still | rows).sum():
                 joints.append(i)
                 rows |= still
                 break
@@ -77,10 +81,14 @@ def _held(pairs: Pairs) -> list[Finding]:
     repeats = (np.diff(pairs.m, axis=0) == 0.0).all(axis=1) & (moved > 0.0)
     anew = ~repeats & (moved > 0.0)
     caught_up = anew & np.concatenate([[False], repeats[:-1]])
-    if repeats.mean() < HELD or not caught_up.any() or np.median(moved[repeats]) < AS_FAST * np.median(moved[anew]):
+    if (
+        repeats.mean() < _HELD_SHARE
+        or not caught_up.any()
+        or np.median(moved[repeats]) < _HELD_SPEED_RATIO * np.median(moved[anew])
+    ):
         return []
     jumps = np.abs(np.diff(pairs.m, axis=0)).max(axis=1)[caught_up]
-    if np.median(jumps) < CATCHES_UP * np.median(moved[caught_up]):
+    if np.median(jumps) < _CATCH_UP_RATIO * np.median(moved[caught_up]):
         return []
     says = (
         f"{int(repeats.sum())} of {len(pairs.m)} measured rows repeat the measurement before, on every joint, while "
@@ -93,7 +101,7 @@ def _held(pairs: Pairs) -> list[Finding]:
 def filled_findings(log: MotionLog) -> list[Finding]:
     """Note measurements on straight lines between others, or equal to commands that bend: gaps that somebody filled."""
     rows = np.flatnonzero(log.ok)
-    if log.q_encoder is None or len(rows) < WINDOWS[0]:
+    if log.q_encoder is None or len(rows) < _WINDOW_ROWS[0]:
         return []
     q, m = log.q_nominal[rows], log.q_encoder[rows]
     fine = [j for j, x in enumerate(m.T) if _step_of(x) is None]  # on a grid, three rows lie on lines often
@@ -101,19 +109,19 @@ def filled_findings(log: MotionLog) -> list[Finding]:
     moves = np.abs(m[2:, fine] - m[:-2, fine]).max(axis=1, initial=0.0)
     ways = [("are on straight lines between others", _off_lines(m[:, fine], at), _off_lines(q, at)) for at in stamps]
     ways += [("are the commands themselves", np.abs(m - q)[1:-1, fine], _off_lines(q, at)) for at in stamps[:1]]
-    for (what, off, bent), line in itertools.product(ways, ON_LINE):
+    for (what, off, bent), line in itertools.product(ways, _ON_LINE_SI):
         away = off.max(axis=1, initial=0.0)
         on, bends = (away <= line) & (moves > 10.0 * line), bent.max(axis=1) > 10.0 * line
-        stretches = [(a, b) for a, b in _stretches(on) if b - a >= FEWEST_FILLED and bends[a:b].any()]
+        stretches = [(a, b) for a, b in _stretches(on) if b - a >= _MIN_FILLED_ROWS and bends[a:b].any()]
         count = sum(b - a for a, b in stretches)
-        if count > FILLED * len(on) and np.median(np.r_[0.0, away[away > line]]) > OFF_LINE * line:
+        if count > _FILLED_SHARE * len(on) and np.median(np.r_[0.0, away[away > line]]) > _OFF_LINE_RATIO * line:
             says = (
                 f"{count} of {len(rows)} measurements {what}, while the commands bend; expected ok to be set "
                 "where something was measured: errors printed here hold these rows too"
             )
             culprit = "gaps filled by interpolation or with commands, or a slower sensor's readings up-sampled"
             remedy = f"--leave-out {','.join(f'{rows[a + 1]}:{rows[b] + 1}' for a, b in stretches)}"
-            return [Finding("filled", (), says, culprit, remedy * (len(stretches) <= MOST_MENDED), refuses=False)]
+            return [Finding("filled", (), says, culprit, remedy * (len(stretches) <= _MAX_MENDED), refuses=False)]
     return []
 
 
@@ -127,16 +135,16 @@ def _off_lines(x: Floats, at: Floats) -> Floats:
 def _stuck(pairs: Pairs, joints: list[int], still: Flags) -> Finding:
     measured_rows = np.flatnonzero(pairs.log.ok)
     stretches = [(measured_rows[a], measured_rows[b - 1] + 1) for a, b in _stretches(still)]
-    shown = ", ".join(f"{a} to {b - 1}" for a, b in stretches[:MOST_SHOWN])
-    more = f" and {len(stretches) - MOST_SHOWN} more" if len(stretches) > MOST_SHOWN else ""
+    shown = ", ".join(f"{a} to {b - 1}" for a, b in stretches[:_MAX_SHOWN])
+    more = f" and {len(stretches) - _MAX_SHOWN} more" if len(stretches) > _MAX_SHOWN else ""
     says = (
         f"the measurement stands still on {int(still.sum())} of {len(still)} measured rows, {still.mean():.1%} of them "
         f"({shown}{more}), while the commands move beyond any slack that the other rows show"
     )
     alone = len(joints) == 1
     culprit = "a stuck or unplugged encoder" if alone else "a camera that held its last picture, or an arm that stopped"
-    remedy = f"--leave-out {','.join(f'{a}:{b}' for a, b in stretches)}" if len(stretches) <= MOST_MENDED else ""
-    refuses = bool(still.mean() > FEW)
+    remedy = f"--leave-out {','.join(f'{a}:{b}' for a, b in stretches)}" if len(stretches) <= _MAX_MENDED else ""
+    refuses = bool(still.mean() > _FEW_STUCK_SHARE)
     return Finding("stuck", tuple(pairs.names[i] for i in joints), says, culprit, remedy, refuses)
 
 
@@ -151,7 +159,7 @@ def _repeated(command: Floats, measured: Floats, least: float) -> Flags:
     still = np.zeros(len(measured), dtype=bool)
     bounds = np.flatnonzero(np.diff(measured) != 0.0) + 1
     edges = np.concatenate([[0], bounds, [len(measured)]])
-    long = np.flatnonzero(np.diff(edges) >= FEWEST_ROWS)
+    long = np.flatnonzero(np.diff(edges) >= _MIN_STUCK_ROWS)
     for first, last in zip(edges[long], edges[long + 1], strict=True):
         if np.ptp(command[first:last]) >= least:
             still[first:last] = True
@@ -163,11 +171,11 @@ def _frozen(command: Floats, measured: Floats, least: float) -> Flags:
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     frozen = np.zeros(len(command), dtype=bool)
-    for width in (w for w in WINDOWS if w < len(command)):
+    for width in (w for w in _WINDOW_ROWS if w < len(command)):
         # windows from row k on, as the filters' are about row k + width // 2
         inside = slice(width // 2, len(command) - (width - 1) // 2)
         ranges = [(maximum_filter1d(x, width) - minimum_filter1d(x, width))[inside] for x in (command, measured)]
-        begins = np.flatnonzero((ranges[0] >= least) & (ranges[1] < FROZEN * ranges[0]))
+        begins = np.flatnonzero((ranges[0] >= least) & (ranges[1] < _FROZEN_MOTION_SHARE * ranges[0]))
         edges = np.zeros(len(command) + 1, dtype=np.int64)
         np.add.at(edges, begins, 1)
         np.add.at(edges, begins + width, -1)
@@ -186,7 +194,7 @@ def coarse_findings(pairs: Pairs) -> Iterator[Finding]:
     """Note measurements in steps so coarse that errors are those of rounding."""
     for i, name in enumerate(pairs.names):
         step = _step_of(pairs.m[:, i])
-        if step is not None and step / np.sqrt(12.0) > COARSE:
+        if step is not None and step / np.sqrt(12.0) > _COARSE_DEG_MM:
             says = (
                 f"measurements come in steps of {step:.3g} {pairs.unit(i)}: rounding alone makes errors of "
                 f"{step / np.sqrt(12.0):.2g} {pairs.unit(i)} RMS, which every error printed here holds"
@@ -201,7 +209,7 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     rows were cut out by them, which on a joint or two slack does too. Stamps tell of rows that are absent, too.
     """
     commands, missing = _every_row(log)
-    if not MISSING < missing.mean() < 1.0 - MISSING:
+    if not _MISSING_SHARE < missing.mean() < 1.0 - _MISSING_SHARE:
         return []
     q = commands / np.maximum(np.ptp(commands, axis=0), 1e-12)
     speed = np.gradient(q, axis=0)
@@ -209,18 +217,18 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     held = [play(np.ascontiguousarray(x), 0.03) - x for x in q.T]  # which side of its slack a joint is on
     X = np.column_stack([np.ones(len(q)), q, q**2, np.abs(speed), np.sign(speed), *held])
     told = _told_apart(X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0], missing)
-    how = [f"motion tells them apart in {told:.0%} of pairs"] if told >= TOLD_APART else []
+    how = [f"motion tells them apart in {told:.0%} of pairs"] if told >= _TOLD_APART_SHARE else []
     if log.q_encoder is not None and q.shape[1] > 2:
         errors = (log.q_encoder - log.q_nominal)[log.ok]
         away = np.abs(errors - np.median(errors, axis=0))
         usual = np.maximum(np.quantile(away, 0.95, axis=0), 1e-12)
         if log.ok.all():  # rows that are absent singly: errors there are about those of their neighbours
             size = np.interp(np.arange(len(q)), np.flatnonzero(~missing), np.linalg.norm(away / usual, axis=1))
-            if (beside := _told_apart(size, missing)) >= TOLD_APART:
+            if (beside := _told_apart(size, missing)) >= _TOLD_APART_SHARE:
                 how.append(f"errors next to them are larger in {beside:.0%} of pairs")
         else:
             times = float(np.exp(np.mean(np.log(np.maximum(away.max(axis=0) / usual, 1.0)))))
-            if times < SHARP:
+            if times < _SHARP_RATIO:
                 how.append(f"errors of the others end sharply, {times:.2f} times beyond where 95% lie")
     if not how:
         return []
@@ -242,11 +250,11 @@ def _every_row(log: MotionLog) -> tuple[Floats, Flags]:
     steps = np.diff([] if log.time is None else log.time)
     q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
     off, way = np.diff(q, n=2, axis=0) / 2.0, np.diff(q, axis=0)  # of a row that lay halfway between its neighbours
-    if not (steps > 0.0).any() or np.linalg.norm(off) > SMOOTH * np.linalg.norm(way):
+    if not (steps > 0.0).any() or np.linalg.norm(off) > _SMOOTH_SHARE * np.linalg.norm(way):
         return log.q_nominal, ~log.ok
     counted = steps / np.median(steps[steps > 0.0])
     # steps of untouched recordings go up to 1.7 usual ones; across longer gaps commands are not known
-    absent = np.where((counted > ABSENT) & (counted < GAP_STEPS), np.rint(counted) - 1.0, 0.0).astype(int)
+    absent = np.where((counted > _ABSENT_STEPS) & (counted < GAP_STEPS), np.rint(counted) - 1.0, 0.0).astype(int)
     after = np.repeat(np.arange(len(steps)), absent + 1)  # the row that each one follows, or is
     share = (np.arange(len(after)) - np.searchsorted(after, after)) / (absent + 1)[after]
     between = (1.0 - share)[:, None] * log.q_nominal[after] + share[:, None] * log.q_nominal[after + 1]
@@ -262,7 +270,7 @@ def zero_findings(log: MotionLog) -> list[Finding]:
     others = log.ok & ~zero
     if others.any():  # a joint that is measured in coarse steps does pass zero
         usual = np.percentile(np.abs(log.q_encoder - log.q_nominal)[others], 95.0, axis=0)
-        zero &= (np.abs(log.q_nominal) > 2.0 * usual + TINY).any(axis=1)
+        zero &= (np.abs(log.q_nominal) > 2.0 * usual + _TINY_COMMAND_SI).any(axis=1)
     count = int(zero.sum())
     if not count:
         return []
@@ -279,20 +287,20 @@ def outlier_findings(log: MotionLog) -> Iterator[Finding]:
         return
     errors = scales(log) * (log.q_encoder - log.q_nominal)[log.ok]
     for name, unit, count, spread in zip(log.joint_names, log.joint_units, *outliers(errors), strict=True):
-        far = f"{OUTLIER_SPREADS:g} robust standard deviations ({_plain(OUTLIER_SPREADS * spread)} {DISPLAY[unit][0]})"
-        says, few = f"{count} of {len(errors)} errors lie beyond {far}", count < SINGLE * len(errors)
+        far = f"{OUTLIER_SIGMAS:g} robust standard deviations ({_plain(OUTLIER_SIGMAS * spread)} {DISPLAY[unit][0]})"
+        says, few = f"{count} of {len(errors)} errors lie beyond {far}", count < _SINGLE_FAILURES_SHARE * len(errors)
         culprit = "measurement failures" if few else "the other side of slack"
         if count:
             yield Finding("outliers", (name,), says, culprit, _max_error(log, log.ok) if few else "", refuses=False)
 
 
 def _max_error(log: MotionLog, rows: Flags) -> str:
-    """Return limits beyond which errors are no errors of these rows: OUTLIER_SPREADS about each joint's median."""
+    """Return limits beyond which errors are no errors of these rows: OUTLIER_SIGMAS about each joint's median."""
     assert log.q_encoder is not None
     if not rows.any():
         return "--max-error"
     errors = scales(log) * (log.q_encoder - log.q_nominal)[rows]
-    far = np.abs(np.median(errors, axis=0)) + OUTLIER_SPREADS * np.maximum(outliers(errors)[1], 0.1)
+    far = np.abs(np.median(errors, axis=0)) + OUTLIER_SIGMAS * np.maximum(outliers(errors)[1], 0.1)
     return f"--max-error {','.join(_plain(limit) for limit in far)}"
 
 

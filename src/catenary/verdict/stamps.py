@@ -7,13 +7,13 @@ from catenary.verdict.delay import Delay
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import scales
 
-MOVED = 5.0  # [deg, mm] range from which on a joint's speed is looked at
-SLOWEST = 600.0  # [s] for the fastest joint to cross its range at its median speed; slow real ones need 10
-LONGEST_STEP = 60.0  # [s] a median step that no recording has
-FASTEST = {"rad": 3000.0, "m": 10000.0}  # [deg/s, mm/s] that no arm reaches; RAVEN-II's tool turns at 500
-FEWEST_ROWS = 20  # median length of the parts between stamps that go back: joined recordings are longer
-REPEATED = 0.01  # share of rows with a stamp that was there before: messages that came twice are fewer
-FEWEST_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or twice
+_MOVED_DEG_MM = 5.0  # [deg, mm] range from which on a joint's speed is looked at
+_MAX_CROSSING_S = 600.0  # [s] for the fastest joint to cross its range at its median speed; slow real ones need 10
+_MAX_STEP_S = 60.0  # [s] a median step that no recording has
+_MAX_SPEEDS = {"rad": 3000.0, "m": 10000.0}  # [deg/s, mm/s] that no arm reaches; RAVEN-II's tool turns at 500
+_MIN_PART_ROWS = 20  # median length of the parts between stamps that go back: joined recordings are longer
+_REPEATED_SHARE = 0.01  # share of rows with a stamp that was there before: messages that came twice are fewer
+_MIN_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or twice
 
 
 def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
@@ -23,14 +23,14 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
     findings = []
     steps = np.diff(log.time)
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
-    if repeated or log.repeated > REPEATED * (len(log) + log.repeated):
+    if repeated or log.repeated > _REPEATED_SHARE * (len(log) + log.repeated):
         count, rows = repeated + log.repeated, len(log) + log.repeated
         says = f"{count} repeated time stamps in {rows} rows; expected every row at a time of its own"
         culprit = "rows written twice, a sensor slower than the recorder, or a clock of coarse steps"
         findings.append(Finding("stamps", (), says, culprit))
-    if back >= FEWEST_STEPS_BACK:
+    if back >= _MIN_STEPS_BACK:
         lengths = np.diff([*log.starts, len(log)])
-        if np.median(lengths) < FEWEST_ROWS:
+        if np.median(lengths) < _MIN_PART_ROWS:
             says = f"time goes back {back} times, every {np.median(lengths):.0f} rows; expected it to rise"
             culprit = "rows that were shuffled, or merged from two clocks"
             findings.append(Finding("stamps", (), says, culprit))
@@ -70,15 +70,15 @@ def _unit_findings(log: MotionLog) -> list[Finding]:
     speed = moved / steps[rising][:, None]  # [deg/s, mm/s]
     crossing, quick = [], []
     for j, unit in enumerate(log.joint_units):
-        if ranges[j] > MOVED and len(going := speed[moved[:, j] > 0.0, j]):
+        if ranges[j] > _MOVED_DEG_MM and len(going := speed[moved[:, j] > 0.0, j]):
             crossing.append(float(ranges[j] / np.median(going)))
-            quick.append(float(np.median(going)) / FASTEST[unit])
+            quick.append(float(np.median(going)) / _MAX_SPEEDS[unit])
     if not crossing:
         return []
-    if median > LONGEST_STEP or min(crossing) > SLOWEST:
+    if median > _MAX_STEP_S or min(crossing) > _MAX_CROSSING_S:
         says = (
             f"a median step of {median:.4g} s, and {min(crossing):.4g} s for the fastest joint to cross its range; "
-            f"expected less than {LONGEST_STEP:g} s and {SLOWEST:g} s"
+            f"expected less than {_MAX_STEP_S:g} s and {_MAX_CROSSING_S:g} s"
         )
         return [Finding("stamps", (), says, "stamps in ms, us or ns", "--time-unit ms")]
     if max(quick) > 1.0:

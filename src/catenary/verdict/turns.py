@@ -11,11 +11,12 @@ from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 
 TURN = 2.0 * np.pi
-NEAR = 0.1  # of a turn by which a step from end to end differs from a whole turn at most
-SMALL = 0.1  # of a turn: nearly all other steps are smaller, or poses are too far apart to tell how they were reached
-ALIKE = 0.8  # mean resultant length of errors from which on measurement and command are of one angle
-MOST = 2  # turns that are taken off: more are rather degrees
-FAR = 1.0  # [rad] from the others of a measurement that is no matter of turns
+_NEAR_TURNS = 0.1  # of a turn by which a step from end to end differs from a whole turn at most
+# of a turn: nearly all other steps are smaller, or poses are too far apart to tell how they were reached
+_SMALL_TURNS = 0.1
+_ALIKE_LENGTH = 0.8  # mean resultant length of errors from which on measurement and command are of one angle
+_MAX_TURNS = 2  # turns that are taken off: more are rather degrees
+_FAR_RAD = 1.0  # [rad] from the others of a measurement that is no matter of turns
 
 
 def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
@@ -26,8 +27,8 @@ def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
     if len(x) < 3 or np.ptp(x) > turn * (1.0 + 1e-3):
         return found, 0
     steps = np.diff(x)
-    jumps = np.abs(np.abs(steps) - turn) < NEAR * turn
-    if not jumps.any() or jumps.all() or np.quantile(np.abs(steps[~jumps]), 0.99) > SMALL * turn:
+    jumps = np.abs(np.abs(steps) - turn) < _NEAR_TURNS * turn
+    if not jumps.any() or jumps.all() or np.quantile(np.abs(steps[~jumps]), 0.99) > _SMALL_TURNS * turn:
         return found, 0
     found[np.flatnonzero(finite)[1:]] -= turn * np.cumsum(np.where(jumps, np.sign(steps), 0.0))
     return found, int(jumps.sum())
@@ -88,12 +89,12 @@ def _turns_away(error: Floats) -> Floats:
     turns = np.zeros(len(error))
     rows = np.isfinite(error)
     mean = np.mean(np.exp(1j * error[rows])) if rows.any() else 0.0
-    if abs(mean) < ALIKE:
+    if abs(mean) < _ALIKE_LENGTH:
         return turns
     away = error[rows] - np.angle(mean)
     whole = np.round(away / TURN)
-    if np.abs(whole).max() <= MOST:
-        turns[rows] = np.where(np.abs(away - TURN * whole) < FAR, whole, 0.0)
+    if np.abs(whole).max() <= _MAX_TURNS:
+        turns[rows] = np.where(np.abs(away - TURN * whole) < _FAR_RAD, whole, 0.0)
     return turns
 
 

@@ -9,36 +9,37 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import MOVED, Pairs, scales, slope_behind_slack
+from catenary.verdict.pairs import MOVED_DEG_MM, Pairs, scales, slope_behind_slack
 
-FOLLOWS = 0.5  # correlation from which on a slope means something
-FOLLOWS_CLOSELY = 0.9  # share of a measurement's variance that slack must explain for its slope to be believed
+_MIN_CORRELATION = 0.5  # correlation from which on a slope means something
+_MIN_EXPLAINED = 0.9  # share of a measurement's variance that slack must explain for its slope to be believed
 # Slopes of measurements on commands reach down to 0.52 on a hysteretic wrist and up to 1.09 on a simulated arm whose
 # weight stretches its cables: a unit's factor within a factor of 2.5 is that unit.
-NEAR_FACTOR = 2.5
-MOST = 1.15  # slope: no cable makes a joint move farther than this for its motor
-LEAST = 0.4  # slope: the most hysteretic wrist loses half of its motion
+_UNIT_FACTOR_RATIO = 2.5
+_MAX_SLOPE = 1.15  # slope: no cable makes a joint move farther than this for its motor
+_MIN_SLOPE = 0.4  # slope: the most hysteretic wrist loses half of its motion
 # slack that takes motion away also loosens the relation: a slope this low with a correlation this high is no slack
-TIGHT_LEAST, TIGHT = 0.85, 0.999
-MARGIN = 0.25  # of its range by which a joint may leave its limits
+_MIN_TIGHT_SLOPE, _TIGHT_CORRELATION = 0.85, 0.999
+_LIMIT_MARGIN_SHARE = 0.25  # of its range by which a joint may leave its limits
 # times a joint's limit, within which a number in rad or m may be an error of it: a PSM without its instrument turns its
 # wrist 2.1 times as far, and inserts 2.3 times as far; in deg or mm not
-FAR_BEYOND = 3.0
-LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a joint without limits is in no rad and no m
-CABLE_LARGEST = {"rad": 4.0 * np.pi, "m": 2.0}  # the same of an arm driven by cables, which wind up on drums
+MAX_LIMIT_RATIO = 3.0
+MAX_POSITIONS = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a joint without limits is in no rad and no m
+_MAX_CABLE_POSITIONS = {"rad": 4.0 * np.pi, "m": 2.0}  # the same of an arm driven by cables, which wind up on drums
 # what one rad or m becomes in other units that people record, by name
-FACTORS = {"rad": {"deg": np.rad2deg(1.0)}, "m": {"mm": 1e3, "cm": 1e2, "mdeg": np.rad2deg(1.0)}}
-SPOKEN = {
+_UNIT_FACTORS = {"rad": {"deg": np.rad2deg(1.0)}, "m": {"mm": 1e3, "cm": 1e2, "mdeg": np.rad2deg(1.0)}}
+_UNIT_WORDS = {
     "deg": "degrees",
     "mm": "millimetres",
     "cm": "centimetres",
     "mdeg": "metres times 180/pi (as RAVEN-II's firmware writes every joint)",
 }
-FEW = 0.05  # share of a joint's rows
-MOST_RUNS = 8  # of rows that are named to be left out
-TINY = {"rad": 2.0 * np.pi / np.rad2deg(1.0), "m": 2e-3}  # a turn and two metres, converted twice
-BEYOND = 5.0  # times half the trained range about its middle: a test rarely goes there, degrees and mm nearly always
-WITHIN = 2.0  # the same of what it becomes in the other unit
+_FEW_SHARE = 0.05  # share of a joint's rows
+_MAX_RUNS = 8  # of rows that are named to be left out
+_TINY_POSITIONS = {"rad": 2.0 * np.pi / np.rad2deg(1.0), "m": 2e-3}  # a turn and two metres, converted twice
+# times half the trained range about its middle: a test rarely goes there, degrees and mm nearly always
+_BEYOND_RANGES = 5.0
+_WITHIN_RANGES = 2.0  # the same of what it becomes in the other unit
 
 
 def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
@@ -46,7 +47,7 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     wrong: dict[tuple[str, str], list[int]] = {}
     for i in np.flatnonzero(pairs.moved[place]):
         r, slope, name = float(pairs.correlation[i, place[i]]), abs(float(pairs.slope[i, place[i]])), pairs.names[i]
-        if abs(r) < FOLLOWS:
+        if abs(r) < _MIN_CORRELATION:
             continue
         # both were scaled to deg and mm; what counts is the ratio of the raw numbers
         si = slope * scales(pairs.log)[place[i]] / scales(pairs.log)[i]
@@ -54,31 +55,31 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         if said is not None:
             wrong.setdefault(said, []).append(int(i))
             continue
-        least = TIGHT_LEAST if abs(r) > TIGHT else LEAST
+        least = _MIN_TIGHT_SLOPE if abs(r) > _TIGHT_CORRELATION else _MIN_SLOPE
         moves = f"the measurement moves {si:.3g} times as far as the command"
-        if si <= LEAST:
+        if si <= _MIN_SLOPE:
             behind, explained = slope_behind_slack(pairs, int(i), int(place[i]))
-            if LEAST < behind < MOST:
+            if _MIN_SLOPE < behind < _MAX_SLOPE:
                 continue
-            if explained <= FOLLOWS_CLOSELY:
+            if explained <= _MIN_EXPLAINED:
                 says = f"{moves}; slack and other joints leave too little motion to tell its scale"
                 yield Finding("scale", (name,), says, "minutes of local motion", refuses=False)
                 continue
-        if not least < si < MOST:
-            says, remedy = f"{moves} (expected {least:g} to {MOST:g})", f"--scale {name}={1.0 / si:.4g}"
+        if not least < si < _MAX_SLOPE:
+            says, remedy = f"{moves} (expected {least:g} to {_MAX_SLOPE:g})", f"--scale {name}={1.0 / si:.4g}"
             yield Finding("scale", (name,), says, "a transmission ratio or an encoder's counts per turn", remedy)
     for (array, unit), joints in wrong.items():
         slopes = ", ".join(f"{abs(float(pairs.slope[i, place[i]])):.3g}" for i in joints)
-        says = f"the measurement moves {slopes} times as far as the command (expected {LEAST:g} to {MOST:g})"
-        culprit = f"the {'measurement' if array == 'q_encoder' else 'command'} in {SPOKEN[unit]}"
+        says = f"the measurement moves {slopes} times as far as the command (expected {_MIN_SLOPE:g} to {_MAX_SLOPE:g})"
+        culprit = f"the {'measurement' if array == 'q_encoder' else 'command'} in {_UNIT_WORDS[unit]}"
         remedy = _units_option(pairs.log, dict.fromkeys(joints, unit), array)
         yield Finding("units", tuple(pairs.names[i] for i in joints), says, culprit, remedy)
 
 
 def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
     """Return which array is in which unit if a slope tells it: the factor nearest to it by its logarithm."""
-    best, distance = None, np.log(NEAR_FACTOR)
-    for name, factor in FACTORS[unit].items():
+    best, distance = None, np.log(_UNIT_FACTOR_RATIO)
+    for name, factor in _UNIT_FACTORS[unit].items():
         for array, expected in (("q_encoder", factor), ("q_nominal", 1.0 / factor)):
             off = abs(np.log(slope / expected)) if slope > 0.0 else np.inf
             if off < distance:
@@ -93,7 +94,7 @@ def _units_option(log: MotionLog, units: dict[int, str], array: str | None = Non
 
 
 def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float]) -> tuple[Floats, Floats]:
-    """Return least and largest positions (n,) [rad|m] that are believed: the robot's limits by name, MARGIN wider."""
+    """Return least and largest positions (n,) [rad|m] that are believed: the robot's limits by name, and a margin."""
     high = np.array([largest[unit] for unit in log.joint_units])
     low = -high
     if robot is None:
@@ -102,19 +103,19 @@ def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float
         if name in robot.joint_names:
             j = robot.joint_names.index(name)
             if robot.joint_units[j] == unit and np.isfinite(robot.upper[j] - robot.lower[j]):
-                slack = MARGIN * (robot.upper[j] - robot.lower[j])
+                slack = _LIMIT_MARGIN_SHARE * (robot.upper[j] - robot.lower[j])
                 low[i], high[i] = robot.lower[j] - slack, robot.upper[j] + slack
     return low, high
 
 
 def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Finding]:
     """Find commanded positions that the robot cannot reach, or no robot can where it is not known."""
-    low, high = limits_of(log, robot, CABLE_LARGEST)
+    low, high = limits_of(log, robot, _MAX_CABLE_POSITIONS)
     least, most = _reached(log)
     beyond = [i for i in range(len(least)) if not (low[i] <= least[i] and most[i] <= high[i])]
     reach, far = np.maximum(-least, most), np.maximum(-low, high)
-    far = np.where(far == [CABLE_LARGEST[unit] for unit in log.joint_units], far, FAR_BEYOND * far)
-    near, stated = reach <= far / FAR_BEYOND, {"units", "units:q_nominal"} & log.settled.keys()
+    far = np.where(far == [_MAX_CABLE_POSITIONS[unit] for unit in log.joint_units], far, MAX_LIMIT_RATIO * far)
+    near, stated = reach <= far / MAX_LIMIT_RATIO, {"units", "units:q_nominal"} & log.settled.keys()
     units = (
         {} if stated else _in_other_units(log, reach > far, near, lambda by: (low <= least / by) & (most / by <= high))
     )
@@ -123,12 +124,12 @@ def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Find
 
 def within_reason(log: MotionLog, robot: RobotModel | None) -> tuple[MotionLog, list[Finding]]:
     """Find rows far beyond where an arm can be, few of a joint's, and return the recording with those left out."""
-    low, high = limits_of(log, robot, LARGEST)
+    low, high = limits_of(log, robot, MAX_POSITIONS)
     low, high = 2.0 * low - high, 2.0 * high - low
     told = [values for values in (log.q_nominal, log.q_encoder) if values is not None]
     with np.errstate(invalid="ignore"):
         far = np.any([(values < low) | (values > high) for values in told], axis=0)
-    few = far.mean(axis=0) < FEW  # else in another unit, or another joint's
+    few = far.mean(axis=0) < _FEW_SHARE  # else in another unit, or another joint's
     far &= few
     if not far.any():
         return log, []
@@ -141,14 +142,14 @@ def within_reason(log: MotionLog, robot: RobotModel | None) -> tuple[MotionLog, 
     most = [max(float(np.nanmax(np.abs(values[far[:, j], j]))) for values in told) for j in joints]
     says = ", ".join(f"up to {x:.3g} {log.joint_units[j]}" for j, x in zip(joints, most, strict=True))
     says = f"{len(rows)} row(s) where no arm can be: {says}"
-    culprit, remedy = "damaged bytes, or a number that means missing", f"--leave-out {','.join(runs[:MOST_RUNS])}"
+    culprit, remedy = "damaged bytes, or a number that means missing", f"--leave-out {','.join(runs[:_MAX_RUNS])}"
     return left, [Finding("range", tuple(log.joint_names[j] for j in joints), says, culprit, remedy)] * bool(runs)
 
 
 def tiny_findings(log: MotionLog) -> Iterator[Finding]:
     """Note positions that hardly leave zero: angles in rad that somebody took for degrees, metres for millimetres."""
     reach, moved = np.abs(_reached(log)).max(axis=0), np.ptp(log.q_nominal, axis=0) > 0.0
-    for kind, most in TINY.items():
+    for kind, most in _TINY_POSITIONS.items():
         joints = np.flatnonzero(moved & (np.array(log.joint_units) == kind))
         if len(joints) and (reach[joints] < most).all():
             says = f"all that moves stays within {reach[joints].max():.2g} {kind} of zero; expected more of an arm"
@@ -167,15 +168,15 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
         middle, half = (low + high) / 2.0, (high - low) / 2.0
         return np.asarray(np.maximum(abs(least / factor - middle), abs(most / factor - middle)) / half)
 
-    far, near = known & (farthest(1.0) > BEYOND), known & (farthest(1.0) < WITHIN)
-    units = _in_other_units(log, far, near, lambda by: ~far | (farthest(by) < WITHIN))
+    far, near = known & (farthest(1.0) > _BEYOND_RANGES), known & (farthest(1.0) < _WITHIN_RANGES)
+    units = _in_other_units(log, far, near, lambda by: ~far | (farthest(by) < _WITHIN_RANGES))
     return _beyond(log, [j for j in units if far[j]], units, trained, "the model was trained")
 
 
 def _in_other_units(log: MotionLog, far: Flags, near: Flags, fits: Callable[[float], Flags]) -> dict[int, str]:
     """Return the unit of each joint of a kind of which some lie `far` off, none that moved is `near`, and all fit."""
-    units, moved = dict[int, str](), np.ptp(scales(log) * log.q_nominal, axis=0) > MOVED
-    for kind, factors in FACTORS.items():
+    units, moved = dict[int, str](), np.ptp(scales(log) * log.q_nominal, axis=0) > MOVED_DEG_MM
+    for kind, factors in _UNIT_FACTORS.items():
         own = np.array(log.joint_units) == kind
         names = [name for name, by in factors.items() if fits(by)[own & moved].all()]
         if names and (own & far).any() and not (own & near & moved).any():
@@ -202,5 +203,5 @@ def _beyond(
     )
     if not set(beyond) <= set(units):
         return [Finding("range", names, says, "another joint's column, another robot, or another zero")]
-    spoken = " and ".join(sorted({SPOKEN[units[i]] for i in beyond}))
+    spoken = " and ".join(sorted({_UNIT_WORDS[units[i]] for i in beyond}))
     return [Finding("units", names, says, f"numbers in {spoken}", _units_option(log, units))]

@@ -11,14 +11,15 @@ import numpy as np
 from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.dataset import calibration_data, data_notes, error_limits
-from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
+from catenary.calibration.dataset import data_notes, usable_rows
+from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.maintenance import NewDay, judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_drift import BEYOND, DriftFound, find_card_drift, find_drift, since_in_words
+from catenary.calibration.model_drift import DRIFT_FACTOR, DriftFound, find_card_drift, find_drift, since_in_words
 from catenary.calibration.model_file import load_model
+from catenary.calibration.recordings import Recordings
 from catenary.documents import MOST_JSON, json_table, read_bounded
 from catenary.errors import InputError
 from catenary.files import sha256_of, table_ending
@@ -27,7 +28,7 @@ from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, on_disk, read_log, read_recording
 from catenary.side_by_side import Progress, of_each, silent
 
-LONG = 20_000  # rows of a recording, one of several, that lies on disk until its turn comes
+_MAX_ROWS_IN_MEMORY = 20_000  # rows of a recording, one of several, that lies on disk until its turn comes
 
 
 def fit_calibration(
@@ -39,13 +40,17 @@ def fit_calibration(
     progress: Progress = silent,
 ) -> FitResult:
     """Fit a calibration model to files of recordings; see `fit_logs`. Long ones lie on disk meanwhile."""
-    logs = of_each(lambda path, _: read_recording(path, reading), paths, kept=partial(_kept, of=len(paths)))
-    return fit_logs(logs, options, run, progress=progress)
+    return fit_logs(read_to_fit(paths, reading), options, run, progress=progress)
+
+
+def read_to_fit(paths: Sequence[Path], reading: Reading | None = None) -> list[MotionLog]:
+    """Read recordings that models are fitted to; long ones, of several, lie on disk until their turn comes."""
+    return of_each(lambda path, _: read_recording(path, reading), paths, kept=partial(_kept, of=len(paths)))
 
 
 def _kept(log: MotionLog, of: int) -> MotionLog:
     """Return a recording, one of so many, on disk if it is long: others are looked at while it waits."""
-    return on_disk(log) if of > 1 and len(log) > LONG else log
+    return on_disk(log) if of > 1 and len(log) > _MAX_ROWS_IN_MEMORY else log
 
 
 @dataclass(frozen=True)
@@ -85,44 +90,46 @@ class HeldAgainst:
     path: Path
     model: CalibrationModel
     card: Card
-    logs: list[MotionLog]  # of the model's joints, mended as its training data were
-    max_error: tuple[float, ...] | None  # deg and mm; as asked, or as in the model's fit
+    recordings: Recordings  # of the model's joints, mended as its training data were; limits as asked, or as in its fit
     accept: tuple[str, ...]  # findings about recordings to go on with, by name
     said: list[str]  # notes on that
 
     @property
-    def limits(self) -> Floats | None:
-        """Errors beyond which rows are left out, (n,) [rad|m]."""
-        return error_limits(self.max_error, self.logs[0])
+    def logs(self) -> tuple[MotionLog, ...]:
+        """The recordings, joints in the model's order."""
+        return self.recordings.logs
+
+    def with_model(self, path: Path) -> "HeldAgainst":
+        """Return the same recordings held against another model, of the same training data."""
+        model, card = load_model(path)
+        return replace(self, path=path, model=model, card=card)
 
     def evaluate(self, window: float | None = None) -> EvaluationResult:
         """Return the model's errors, also over windows of time [s], each a tenth of the data when None."""
-        data = calibration_data(self.logs, self.model.features, max_error=self.limits)
+        data = usable_rows(self.recordings, self.model.features)
         seen = tuple(log.name for log in self.logs if log.is_among(self.card["data"]))
         notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
         notes += [f"{name}: the model was fitted to rows of this recording; its error is no test" for name in seen]
         found = evaluate(self.model, data, window=window)
         return EvaluationResult(self.model, self.card, found, (*notes, *warnings_of(found)), seen)
 
-    def drift(self, factor: float = BEYOND) -> tuple[DriftFound, list[str]]:
+    def drift(self, factor: float = DRIFT_FACTOR) -> tuple[DriftFound, list[str]]:
         """Return the model's errors over recordings, in the order given, and notes on these; see `find_drift`.
 
         `factor` is of the card's error, for a model without intervals.
         """
         notes = [*(note for log in self.logs for note in log.named_notes), *self.said]
         notes += self._judged("judged")
-        return find_drift(self.model, self.logs, known_errors(self.card), factor=factor, max_error=self.limits), notes
+        return find_drift(self.model, self.recordings, known_errors(self.card), factor=factor), notes
 
     def refresh(self) -> NewDay:
         """Bring the model up to date with recordings of a new day, see `refresh_with`."""
         hashed = sha256_of(self.path)
-        day = refresh_with(
-            self.model, self.card, self.logs, accept=self.accept, max_error=self.max_error, sha256=hashed
-        )
+        day = refresh_with(self.model, self.card, self.recordings, accept=self.accept, sha256=hashed)
         return replace(day, notes=(*day.notes, *self.said))
 
     def _judged(self, done: str) -> list[str]:
-        return judge_recordings(self.model, self.card, self.logs, accept=self.accept, max_error=self.limits, done=done)
+        return judge_recordings(self.model, self.recordings, accept=self.accept, done=done)
 
 
 def held_against(
@@ -140,7 +147,8 @@ def held_against(
     model, card = load_model(model_path)
     logs = recordings_for(model, paths, reading)
     max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
-    return HeldAgainst(model_path, model, card, logs, max_error, tuple(accept), said)
+    recordings = Recordings.of(logs, robot=card.get("robot"), max_error=max_error)
+    return HeldAgainst(model_path, model, card, recordings, tuple(accept), said)
 
 
 def recordings_for(
@@ -203,7 +211,7 @@ def known_errors(card: Card) -> Floats | None:
     return None
 
 
-def card_history(paths: Sequence[Path], factor: float = BEYOND) -> DriftFound:
+def card_history(paths: Sequence[Path], factor: float = DRIFT_FACTOR) -> DriftFound:
     """Return what cards of models, or of files beside them, tell of errors, delays and zeros over days."""
     cards = [
         json_table(read_bounded(path, MOST_JSON), str(path)) if path.suffix == ".json" else load_model(path)[1]
@@ -229,11 +237,11 @@ def warnings_of(evaluation: Evaluation) -> list[str]:
     """Return in words where a model does harm, or could not be asked; each opens with "warning: "."""
     said = []
     for joint in evaluation.joints:
-        if joint.rmse > WORSE * joint.offset_rmse:
+        if joint.rmse > HARM_RATIO * joint.offset_rmse:
             errors = f"{joint.rmse:.3g} against {joint.offset_rmse:.3g} {joint.unit}"
             worse = "the model is worse than the fixed offset here"
             said.append(f"{joint.name}: {worse}, {errors}: do not deploy it on this joint")
-        if joint.outside_valid_range > MUCH_OUTSIDE:
+        if joint.outside_valid_range > OUTSIDE_SHARE:
             share = f"{joint.outside_valid_range:.0%} of rows lie outside the model's valid range"
             said.append(f"{joint.name}: {share}, where it gives the fixed offset; train on motion that goes there")
     return [f"warning: {each}" for each in said]

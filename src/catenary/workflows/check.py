@@ -17,9 +17,10 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.calibration.card import clock_delay
-from catenary.calibration.dataset import date_of, error_limits
+from catenary.calibration.dataset import date_of
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_file import load_model
+from catenary.calibration.recordings import error_limits
 from catenary.errors import CatenaryError, ExcitationError, FileFormatError, InputError
 from catenary.files import TEXT_ENDINGS, card_path, card_text, table_ending
 from catenary.gravity.mass_doubts import mass_doubts
@@ -40,11 +41,11 @@ from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.verdict.check import MAX_ERROR, judged, repeated_findings, robot_of
+from catenary.verdict.check import MAX_ERROR_OPTION, judged, repeated_findings, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.hysteresis import hysteresis_of
-from catenary.verdict.mend import NOTHING, Mend, retimed_by, units_of
-from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
+from catenary.verdict.mend import NO_MEND, Mend, retimed_by, units_of
+from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
 from catenary.workflows.project.folder import SETTINGS
@@ -144,7 +145,7 @@ def check_recording(
     log: MotionLog,
     source: TypedRecording | None = None,
     *,
-    mend: Mend = NOTHING,
+    mend: Mend = NO_MEND,
     robot: str | None = None,
     max_error: Limits = None,
     layout: str = "",
@@ -157,7 +158,11 @@ def check_recording(
     as_read, log = log, mend(log)
     arm = robot_of([log], robot)
     findings, mended, cured, left = judged(as_read, mend, robot=arm, max_error=error_limits(max_error, log))
-    asked = [each.remedy.removeprefix(f"{MAX_ERROR} ") for each in findings if each.remedy.startswith(f"{MAX_ERROR} ")]
+    asked = [
+        each.remedy.removeprefix(f"{MAX_ERROR_OPTION} ")
+        for each in findings
+        if each.remedy.startswith(f"{MAX_ERROR_OPTION} ")
+    ]
     limits = ",".join(f"{limit:g}" for limit in max_error) if max_error is not None else next(iter(asked), "")
     found = recording_report("recording", log, arm, cured)
     found.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{found.lines[0][1]}")
@@ -175,7 +180,7 @@ def check_recording(
         found.next = (
             f"no option corrects {', '.join(left)}: bring in the right columns (catenary import), or record again"
             if left
-            else source.command("fit", [*mended.options, *([MAX_ERROR, limits] if limits else [])], "_model.npz")
+            else source.command("fit", [*mended.options, *([MAX_ERROR_OPTION, limits] if limits else [])], "_model.npz")
         )
         found.remarks += [f"{lost} rows without a trusted measurement serve as history only"] * (0 < lost < len(log))
     found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
@@ -195,7 +200,7 @@ def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
     found.lines += [("delay", each.says) for each in findings if each.name == "delay"]
     measured = found.facts["measured_rows"]
     wild = ", ".join(f"{j['name']} {j['outliers']}" for j in found.facts["joints"] if j["outliers"])
-    told = f"{wild} of {measured:,} rows, beyond {OUTLIER_SPREADS:g} robust standard deviations" if wild else "none"
+    told = f"{wild} of {measured:,} rows, beyond {OUTLIER_SIGMAS:g} robust standard deviations" if wild else "none"
     found.lines += [("outliers", told)] * bool(measured)
     if delay is not None and delay.sure != "certain":
         found.hiding = [f"a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"]
@@ -294,7 +299,7 @@ def check_file(
     """
     path = Path(source)
     reading = reading if reading is not None else Reading()
-    as_read = replace(reading, mend=NOTHING)
+    as_read = replace(reading, mend=NO_MEND)
     as_typed = TypedRecording(source, typed)
     if reading.mapping is not None:
         log = read_recording(path, as_read)

@@ -12,6 +12,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs
 from catenary.calibration.neural import PAPER
 from catenary.calibration.predictors import Network, fit_polynomial
+from catenary.calibration.recordings import Recordings
 from catenary.dynamics.kinematics import jacobian
 from catenary.robots.catalog import load_robot
 from papers.calibration import ablation, dvrk, published
@@ -118,7 +119,7 @@ def test_models_of_ours_and_peers_learn_from_the_same_rows_and_are_tested_on_the
     log = made(rng, 501, units, error=lambda q: np.deg2rad(2.0) * rng.normal(size=q.shape), ok=ok)
     limit = dvrk._limit(recording)
     for options in dvrk.KINDS.values():
-        inputs = choose_inputs([log], options, held_out=dvrk.HELD_OUT)
+        inputs = choose_inputs(Recordings.of([log]), options, held_out=dvrk.HELD_OUT)
         ours = calibration_data([log], inputs.features, max_error=limit).split_by_time(dvrk.HELD_OUT)
         for rows, peers in zip(ours, dvrk.parted(rows_of_log(log, ("q",)), limit), strict=True):
             assert log.time is not None

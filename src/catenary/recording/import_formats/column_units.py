@@ -15,7 +15,7 @@ from catenary.recording.import_formats.column_groups import Candidate, joints_me
 from catenary.recording.import_formats.columns import WORDS
 from catenary.recording.import_formats.mapping import SI, Quantity, RecordingMapping
 from catenary.robots.model import RobotModel
-from catenary.verdict.units_and_scale import FAR_BEYOND
+from catenary.verdict.units_and_scale import MAX_LIMIT_RATIO
 
 Units = tuple[str, ...]
 Value = TypeVar("Value")
@@ -94,7 +94,7 @@ def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> st
     margin = _BEYOND * (upper - lower)
     for unit in _IN_WORDS[model.joint_units[joint]]:
         scale = SI[unit][1]
-        if scale < 1.0 and max(abs(low), abs(high)) < FAR_BEYOND * max(abs(lower), abs(upper)):
+        if scale < 1.0 and max(abs(low), abs(high)) < MAX_LIMIT_RATIO * max(abs(lower), abs(upper)):
             return None
         if lower - margin <= scale * low and scale * high <= upper + margin:
             return unit

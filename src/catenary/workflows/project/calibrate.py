@@ -3,23 +3,25 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from catenary import __version__
-from catenary.calibration.dataset import error_limits, in_one_order
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.fit_options import FitOptions, FitRun, require_folds
+from catenary.calibration.fit_recordings import fit_recordings
 from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model_file import load_model, save_model
+from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
 from catenary.recording.logs import Reading, read_recording
 from catenary.reports.project import shown_name, write_project_report
 from catenary.side_by_side import Progress, silent
 from catenary.trajectories.reference import Trajectory
-from catenary.verdict.check import require_apart, robot_of, verdict
-from catenary.workflows.calibration_model import fit_calibration, held_against, recordings_for, warnings_of
+from catenary.verdict.check import require_apart
+from catenary.workflows.calibration_model import held_against, read_to_fit, recordings_for, warnings_of
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.recordings import (
@@ -56,7 +58,7 @@ def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]
 
     def of(kind: str, inputs: Any, preset: str | None = None) -> FitOptions:
         taken = inputs if asked.inputs is None else asked.inputs
-        return replace(asked.of_kind(kind, preset), inputs=taken)  # type: ignore[arg-type]
+        return replace(asked.of_kind(kind, preset), inputs=taken)
 
     return {
         "linear": of("linear", positioning),
@@ -183,16 +185,15 @@ def calibrate_recordings(
         both = [str(path) for path, content in zip(test, tested_on, strict=True) if content in trained_on]
         if both:
             raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
-        ordered = in_one_order([*fitted, *tested])  # refuses before minutes of fits
-        fitted, tested = ordered[: len(fitted)], ordered[len(fitted) :]
-        require_apart(fitted, tested, run.accept)
-        limits = error_limits(run.max_error, fitted[0])
-        for logs, testing in ((fitted, False), (tested, True)):
-            robot = robot_of(logs, run.robot)
-            verdict(logs, accept=run.accept, robot=robot, max_error=limits, testing=testing)
+        ordered = Recordings.of([*fitted, *tested]).logs  # refuses before minutes of fits
+        parts = ordered[: len(fitted)], ordered[len(fitted) :]
+        require_apart(*parts, run.accept)
+        to_fit, to_test = (Recordings.of(logs, robot=run.robot, max_error=run.max_error) for logs in parts)
+        to_fit.judged(run.accept)
+        to_test.judged(run.accept, testing=True)
         if imports:
             train, test = (keep_imports(project, each) for each in imports)
-        fit_models(project, train, models, run, progress, reading)
+        fit_models(project, train, models, run, progress, reading, None if imports else to_fit)
         progress("report")
         return conclude(project, models, train, test, None, reading, run)
 
@@ -209,10 +210,18 @@ def fit_models(
     run: FitRun,
     progress: Callable[[str], Progress],
     reading: Reading,
+    resolved: Recordings | None = None,  # what is read of `train`; read when a model is to be fitted if None
 ) -> None:
     """Fit every model that has not been fitted to these recordings; folds are run for the recommended one."""
     (project.folder / "models").mkdir(exist_ok=True)
     hashes = _hashes(train)
+
+    @cache
+    def recordings() -> Recordings:
+        if resolved is not None:
+            return resolved
+        return Recordings.of(read_to_fit(train, reading), robot=run.robot, max_error=run.max_error)
+
     for name, options in models.items():
         path = model_path(project, name)
         folds = run.folds if name == RECOMMENDED else 0
@@ -220,7 +229,7 @@ def fit_models(
 
         def work(options: FitOptions = options, path: Path = path, name: str = name, of_kind: FitRun = of_kind) -> None:
             tell = progress(f"fit {shown_name(name)}")
-            result = fit_calibration(list(train), options, of_kind, reading=reading, progress=tell)
+            result = fit_recordings(recordings(), options, of_kind, progress=tell)
             save_model(result.model, result.card, path)
 
         made_from = [hashes, asdict(options), asdict(of_kind), asdict(reading)]
@@ -244,12 +253,8 @@ def conclude(
     run: FitRun,
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
-    results = {
-        name: held_against(
-            model_path(project, name), test, reading, accept=run.accept, max_error=run.max_error
-        ).evaluate()
-        for name in models
-    }
+    held = held_against(model_path(project, RECOMMENDED), test, reading, accept=run.accept, max_error=run.max_error)
+    results = {name: held.with_model(model_path(project, name)).evaluate() for name in models}
     deployment = None if deployed is None else json.loads(deployed.read_bytes())
     page = project.folder / "report.html"
     best = results[RECOMMENDED]
@@ -268,7 +273,7 @@ def conclude(
 
     def work() -> None:
         write(evaluation, concluded.summary())
-        fitted_to, tested_on = (recordings_for(best.model, paths, reading) for paths in (train, test))
+        fitted_to, tested_on = recordings_for(best.model, train, reading), held.logs
         write_project_report(
             page, project.settings.connection, best.model, best.card, concluded.evaluations, fitted_to, tested_on,
             deployment, notes=best.notes,

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.model_refresh import SWEEPS
+from catenary.calibration.model_refresh import MIN_SWEEPS
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM, PSM_JOINTS, psm_topics
@@ -82,12 +82,12 @@ def kind_of(settings: ProjectSettings) -> ProjectKind:
 def _full_reversals(lower: Floats, upper: Floats, fastest: Floats) -> Motion:
     """Return a motion in which each joint sweeps its whole range, as often as a refresh asks, at speeds of its own."""
     slowest = 0.85 * fastest  # so that joints fall out of step
-    seconds = (SWEEPS - 0.5) * (TURN_TIME + float(np.max((upper - lower) / slowest)))
+    seconds = (MIN_SWEEPS - 0.5) * (TURN_TIME + float(np.max((upper - lower) / slowest)))
     motion = random_sinusoids(
         np.random.default_rng(0), seconds, lower=lower, upper=upper,
         turning_band=np.zeros_like(lower), slowest=slowest, fastest=fastest,
     )  # fmt: skip
-    return motion, {"full reversals": SWEEPS}
+    return motion, {"full reversals": MIN_SWEEPS}
 
 
 def _raven(settings: ProjectSettings) -> ProjectKind:
