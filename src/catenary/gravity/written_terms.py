@@ -16,7 +16,7 @@ from catenary.gravity.gravity_regressor import CARRIED_MASS
 from catenary.robots.model import RobotModel
 
 SHORT_TERMS = 3  # terms; longer entries are called by a name
-_MAX_TERMS = 64  # terms on the way; an entry that needs more is not written out
+MAX_TERMS = 64  # terms on the way; an entry that needs more is not written out
 _ROUNDING = 1e-12
 
 # "c", "s" or "q" of a sum of factors times coordinates; without factors a name
@@ -80,7 +80,7 @@ def sum_of(a: Written, b: Written) -> Written:
     if a is None or b is None:
         return None
     total = cleaned(a | {atoms: a.get(atoms, 0.0) + value for atoms, value in b.items()})
-    return total if len(total) <= _MAX_TERMS else None
+    return total if len(total) <= MAX_TERMS else None
 
 
 def scaled(terms: Written, factor: float) -> Written:
