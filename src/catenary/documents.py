@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from catenary.errors import FileFormatError
+from catenary.file_formats import copied_as_text
 
 MOST_JSON = 8 * 2**20  # [B]; the longest that is written, the steps of a large project, has some 100 kB
 MOST_TOML = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
@@ -29,8 +30,6 @@ SHOWN = 200  # characters of a value or a message that an error repeats
 # a text of JSON, which may hold // and /*, or a comment; one that does not end goes to the end of the file
 _TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*+(?:"|\\?\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 XML_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)  # MuJoCo allows "--" within, XML does not
-# how binary files begin, and the line ends that follow, which a transfer as text changes; others have none there
-_BINARY = {b"#ROSBAG V2.0": b"\n", b"\x89MCAP0": b"\r\n", b"SQLite format 3\0": b"", b"PK\x03\x04": b"", b"PAR1": b""}
 _ROOT_TAG = re.compile(rb"<([^\s<>/?!][^\s<>/]*)")
 # words between more dots than levels, in a key of TOML; each is looked at from its beginning alone
 _WORD = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
@@ -41,20 +40,6 @@ _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 def no_file(path: Path) -> str:
     """Return what is said of a path that is no file."""
     return f"{path}: is a folder, expected a file" if path.is_dir() else f"{path}: no such file"
-
-
-def copied_as_text(path: Path | str) -> str:
-    """Return what is to be said of a binary file that cannot be read if its line ends were changed; else nothing."""
-    begin = b""
-    if isinstance(path, Path) and path.is_file():
-        with path.open("rb") as file:
-            begin = file.read(2**20)
-    for mark, ends in _BINARY.items():
-        rest, lines = begin.removeprefix(mark), begin.count(b"\n")
-        changed = rest.lstrip(b"\r").startswith(b"\n") if ends else 0 < lines == begin.count(b"\r\n")
-        if begin.startswith(mark) and changed and not (ends and rest.startswith(ends)):
-            return "; it was copied as text, which changes bytes (line ends): copy it again in binary mode"
-    return ""
 
 
 @contextmanager

@@ -164,37 +164,3 @@ def _finite(content: Any) -> Any:
     if isinstance(content, float) and not math.isfinite(content):
         return None
     return content
-
-
-# how a table is read: endings of names, and the first bytes of files: Parquet's and zip's own marks
-TEXT_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc")
-_TABLE_ENDINGS = (".npz", ".parquet", ".npy", ".mat", *TEXT_ENDINGS)
-_FIRST_BYTES = {b"PAR1": ".parquet", b"PK\x03\x04": ".npz"}
-# what people have and no reader takes: what to do
-ADVICE = {
-    **dict.fromkeys((".xlsx", ".xlsm", ".xls", ".ods"), "a spreadsheet: save its sheet as CSV (Save As, CSV UTF-8)"),
-    **dict.fromkeys((".zip", ".7z", ".rar", ".tar", ".tgz", ".xz", ".bz2", ".zst"), "packed: unpack it first"),
-    **dict.fromkeys(
-        (".pkl", ".pickle", ".pt", ".pth", ".joblib"),
-        "a pickle, which runs what it holds: where you trust it, load it in Python and write arrays by numpy.savez",
-    ),
-    **dict.fromkeys((".feather", ".arrow"), "Arrow's: pandas.read_feather(...).to_parquet(...) writes Parquet"),
-    ".tdms": "LabVIEW's: nptdms.TdmsFile(...).as_dataframe().to_csv(...) writes a CSV",
-    ".ulg": "PX4's: ulog2csv writes a CSV a topic",
-}
-
-
-def table_ending(path: Path) -> str:
-    """Return the ending that says how a table is read, in small letters.
-
-    A model or log may be written under any name (`--out arm`); such a file is known by its first bytes. A file that
-    cannot be opened has the ending of its name, and so has one of no known kind.
-    """
-    ending = path.suffix.lower()
-    if ending in (*_TABLE_ENDINGS, *ADVICE):
-        return ending
-    try:
-        with path.open("rb") as file:
-            return _FIRST_BYTES.get(file.read(4), ending)
-    except OSError:
-        return ending

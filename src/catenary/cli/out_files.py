@@ -12,14 +12,9 @@ from pathlib import Path
 from typer import BadParameter
 
 from catenary.errors import CatenaryError, InputError
+from catenary.file_formats import UNKNOWN, format_named
 from catenary.files import card_path
 
-# endings that say what a file is, to catenary, to other programs or to people
-_TOLD = {
-    *(".npz", ".npy", ".mat", ".parquet", ".csv", ".txt", ".toml", ".json", ".yaml", ".urdf", ".xml", ".mjcf"),
-    *(".h", ".c", ".py", ".html", ".htm", ".pdf", ".png", ".svg", ".md"),
-    *(".bag", ".mcap", ".db3", ".zip", ".gz", ".xlsx"),
-}
 _HEAD = 4096  # [B] of a file in which it says who wrote it
 
 
@@ -79,7 +74,7 @@ def _refuse_unwritable(option: str, path: Path) -> None:
 
 def _refuse_other_kind(option: str, path: Path, kind: FileKind) -> None:
     ending, expected = path.suffix.lower(), " or ".join(kind.endings)
-    if ending in _TOLD and ending not in kind.endings:
+    if format_named(path) is not UNKNOWN and ending not in kind.endings:
         raise InputError(
             f'{option} {path}: {kind.name} is written: ending "{path.suffix}": expected {expected}, '
             "or a name without an ending"

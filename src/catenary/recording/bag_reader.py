@@ -18,8 +18,9 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from catenary.arrays import Integers
-from catenary.documents import copied_as_text, reading, shortened
+from catenary.documents import reading, shortened
 from catenary.errors import FileFormatError
+from catenary.file_formats import copied_as_text, format_named, format_of
 from catenary.recording.bag_records import DAMAGE, Block, Unpacking
 from catenary.recording.bag_stream import BagConnection, BagStream, Hole, Source, about_of
 from catenary.recording.journal import LIBRARY, MAGIC, LeftOff, is_journal_name
@@ -127,7 +128,7 @@ def _opened(path: Path, reader: SqliteBag) -> tuple[sqlite3.Connection, int]:
 
 
 METADATA = "metadata.yaml"
-FILES = (".mcap", ".db3")  # that a ROS 2 bag consists of
+_PARTS = (".mcap", ".db3")  # files of a ROS 2 bag, by their endings
 _TOLD_GAP = 0.05  # [s] without messages
 _MOST_YAML = 2**18  # [B] of metadata.yaml; that of 500 topics has 200 kB
 _LISTED = re.compile(r"""(?m)^\s*-\s+(?:&\w+\s+)?["']?([^\s"']+\.(?:mcap|db3)(?:\.zstd)?)["']?\s*$""")
@@ -317,7 +318,7 @@ class BagFolder(FilesInARow):
         """Open its files."""
         stated = _metadata(path)
         listed = listed_files(stated)
-        there = sorted(file.name for file in path.iterdir() if file.suffix in FILES)
+        there = sorted(file.name for file in path.iterdir() if file.suffix in _PARTS)
         missing = [name for name in listed if not (path / name).is_file()]
         is_listed = bool(listed) and not missing
         chosen = [name for name in there if name in listed] if is_listed else there
@@ -331,12 +332,12 @@ class BagFolder(FilesInARow):
         parts = list[BagStream | SqliteBag]()
         for name in chosen:
             try:
-                parts.append(_file(path / name))
+                parts.append(format_named(path / name).reads(path / name)(path / name))
             except FileFormatError as error:
                 damage.append(str(error))
         if not parts:
             inside = ", ".join(sorted(file.name for file in path.iterdir())[:5]) or "nothing"
-            none = f"{path}: has no file of a bag; it holds {inside}, expected {', '.join(FILES)}"
+            none = f"{path}: has no file of a bag; it holds {inside}, expected {', '.join(_PARTS)}"
             raise FileFormatError("; ".join(damage) or none)
         super().__init__(path, sorted(parts, key=_start))
         self.damage, self.warnings = [*damage, *(each for part in self.parts for each in part.damage)], warnings
@@ -384,17 +385,8 @@ def bags_in(path: Path) -> list[Path]:
     """Return the bag, or those in a folder that is none itself."""
     if not path.is_dir() or (path / METADATA).is_file() or is_journal(path):
         return [path]
-    inside = [p for p in path.iterdir() if is_bag_file(p) or (p / METADATA).is_file()]
+    inside = [p for p in path.iterdir() if format_named(p).holds == "messages" or (p / METADATA).is_file()]
     return sorted(inside) or [path]
-
-
-def is_bag_file(path: Path) -> bool:
-    """Return whether a file is a bag by its name; rosbag's while it records is NAME.bag.active."""
-    return path.suffix in (".bag", *FILES) or path.name.endswith(".bag.active")
-
-
-def _file(path: Path) -> BagStream | SqliteBag:
-    return (SqliteBag if path.suffix == ".db3" else BagStream)(path)
 
 
 def open_recording(path: Path) -> Source:
@@ -405,9 +397,10 @@ def open_recording(path: Path) -> Source:
         return JournalReader(path)
     if path.is_dir():
         return BagFolder(path)
-    if not is_bag_file(path):
+    form = format_of(path)
+    if form.holds != "messages":
         raise FileFormatError(f"{path}: expected a journal, a .bag, an .mcap, a .db3 or a folder with {METADATA}")
-    source = _file(path)
+    source: Source = form.reads(path)(path)
     others = [name for name in listed_files(_metadata(path.parent)) if name != path.name]
     if others:
         source.warnings.append(f"warning: {path}: is one file of a bag; not read were {', '.join(others)}")

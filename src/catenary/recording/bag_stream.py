@@ -12,8 +12,9 @@ from zlib import crc32
 import numpy as np
 
 from catenary.arrays import Integers
-from catenary.documents import copied_as_text, cut
+from catenary.documents import cut
 from catenary.errors import FileFormatError
+from catenary.file_formats import copied_as_text
 from catenary.recording.bag_records import (
     CONNECTION,
     DAMAGE,

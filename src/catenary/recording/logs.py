@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from catenary.config import Recorded, parse_json
 from catenary.documents import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError, InputError, to_import
-from catenary.files import damage, sha256_of, table_ending, written_whole
+from catenary.file_formats import format_of
+from catenary.files import damage, sha256_of, written_whole
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
@@ -74,7 +75,7 @@ def read_log(
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(no_file(path))
-    ending = table_ending(path)
+    ending = format_of(path).ending
     if ending == ".parquet":
         log = read_parquet(path)
     elif ending in (".npz", ".csv"):
@@ -120,7 +121,7 @@ def read_torque_log(
     `joints` are wanted, others may be missing, and all stay in the file's order. It is mended as `trained` ones were.
     """
     reading = reading if reading is not None else Reading()
-    mapping, ending = reading.mapping, table_ending(path)
+    mapping, ending = reading.mapping, format_of(path).ending
     if mapping is not None:
         if not mapping.joint_names and len(mapping.q_nominal.columns) == len(joints):
             mapping = mapping.model_copy(update={"joint_names": tuple(joints)})

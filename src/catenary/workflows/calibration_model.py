@@ -22,7 +22,8 @@ from catenary.calibration.model_file import load_model
 from catenary.calibration.recordings import Recordings
 from catenary.documents import MOST_JSON, json_table, read_bounded
 from catenary.errors import InputError
-from catenary.files import sha256_of, table_ending
+from catenary.file_formats import format_of
+from catenary.files import sha256_of
 from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, on_disk, read_log, read_recording
@@ -180,7 +181,7 @@ def recording_for(model: CalibrationModel | MotionLog | None, path: Path, readin
 
 
 def _read(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
-    if table_ending(path) != ".npz":
+    if format_of(path).ending != ".npz":
         return read_log(path)
     content, n = read_arrays(path), len(model.joint_names)
     commands = content.get("q_des")

@@ -22,7 +22,8 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_file import load_model
 from catenary.calibration.recordings import error_limits
 from catenary.errors import CatenaryError, ExcitationError, FileFormatError, InputError
-from catenary.files import TEXT_ENDINGS, card_path, card_text, table_ending
+from catenary.file_formats import endings, format_named, format_of
+from catenary.files import card_path, card_text
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
@@ -32,7 +33,7 @@ from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in, is_journal
 from catenary.recording.import_formats.imu_recording import read_imu
-from catenary.recording.import_formats.sources import is_bag, is_other_make
+from catenary.recording.import_formats.sources import needs_mapping
 from catenary.recording.logs import Reading, read_recording, read_torque_log
 from catenary.reports.calibration import card_facts, model_name
 from catenary.reports.model_figure import overlay
@@ -279,7 +280,6 @@ def _table(joints: Sequence[dict[str, Any]], *, measured: bool) -> Table:
     return Table(columns, joints)
 
 
-ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".json")
 _STILL_SPEED = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
 _ROUNDING_SHARE = 1e-9  # two ways to sum the same offset differ in their last digits
 
@@ -307,12 +307,12 @@ def check_file(
     if source in robot_names():
         return check_robot(load_robot(source))
     is_recording = bags_in(path) != [path] or is_journal(path) or (path / METADATA).is_file()
-    if is_other_make(path) or (is_bag(path) and (is_recording or not path.is_dir())):
+    if needs_mapping(path) or (format_of(path).holds == "messages" and (is_recording or not path.is_dir())):
         return _check_other_make(source, reading.mend, robot, max_error)
     if path.is_dir():
         hint = "; of a project `catenary view` shows the results" if (path / SETTINGS).is_file() else ""
         raise FileFormatError(f"{path}: is a folder, expected a file or a bag{hint}")
-    if path.suffix.lower() in ROBOT_ENDINGS:
+    if format_named(path).holds == "robot":
         return check_robot(load_robot(source))
     # a model may have any name; a recording's says what it is
     arrays = read_arrays(path).keys() if path.is_file() and is_zipfile(path) else set[str]()
@@ -333,7 +333,7 @@ def check_file(
         found.remarks = [*log.notes, *remarks]
         found.next = "" if found.faults else as_typed.command("identify", reading.mend.options, "_arm.npz")
         return found
-    if table_ending(path) in (".npz", ".parquet", *TEXT_ENDINGS):
+    if format_of(path).has_layouts:
         try:
             layout = known_layout([path], robot=robot)
         except FileFormatError:  # reading it says more of what is wrong
@@ -345,7 +345,7 @@ def check_file(
     if not path.exists():
         raise FileFormatError(f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}")
     raise FileFormatError(
-        f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
+        f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(endings("robot"))}), '
         "models (.npz), recordings (bags, .npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
     )
 

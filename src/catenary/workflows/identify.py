@@ -18,7 +18,8 @@ from catenary.dynamics.actuation_loads import known_loads
 from catenary.dynamics.external_torque import IN_95_PERCENT, ExternalTorque, MomentumObserver, external_wrench
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.files import table_ending, write_atomically
+from catenary.file_formats import format_of
+from catenary.files import write_atomically
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.drive_gains import DriveGains
 from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
@@ -335,7 +336,7 @@ def identify_files(
 
 def _recording(path: Path, model: RobotModel, robot: str, joints: Sequence[str], reading: Reading | None) -> MotionLog:
     """Read a recording of a robot, of any make; one of some joints alone has their names, or is in their order."""
-    if (reading is None or reading.mapping is None) and table_ending(path) not in (".npz", ".parquet"):
+    if (reading is None or reading.mapping is None) and format_of(path).ending not in (".npz", ".parquet"):
         # a known layout, or the proposal of a mapping in the refusal
         return (reading or Reading()).mend(import_recording(path, robot=robot))
     return read_torque_log(path, model, reading, joints=joints)

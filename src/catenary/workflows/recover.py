@@ -10,6 +10,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
+from catenary.file_formats import format_named
 from catenary.files import partial_folder
 from catenary.recording.bag_reader import JournalReader, Rescue, bags_in, open_recording, rescue_of
 from catenary.recording.bag_stream import BagStream, Source
@@ -76,11 +77,11 @@ def _opened(path: Path) -> Source:
 
 
 def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:
-    stem = path.resolve().with_suffix("").name if path.suffix in (".bag", ".mcap", ".db3") else path.resolve().name
+    stem = path.resolve().with_suffix("").name if format_named(path).holds == "messages" else path.resolve().name
     place = path.resolve().parent / f"{stem}.recovered{'.bag' if is_bag else ''}" if out is None else out
     if is_bag and place.suffix != ".bag":
         raise InputError(f"{place}: a ROS 1 bag is written; expected a name that ends in .bag")
-    if not is_bag and place.suffix in (".bag", ".mcap"):
+    if not is_bag and format_named(place).holds == "messages":
         raise InputError(f"{place}: a folder is written; expected a name without {place.suffix}")
     if os.path.lexists(place):
         raise InputError(f"{place}: exists already, and is never overwritten; give another place with --out")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.sources import read_hdf5
+from catenary.errors import FileFormatError, InputError, MissingPackageError
+from catenary.recording.import_formats.episode_files import read_hdf5
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from gallery.containers import matlab
 
@@ -190,7 +190,7 @@ def test_a_file_that_asks_for_more_than_it_holds_is_refused(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make, words = HARMFUL[name]
-    monkeypatch.setattr("catenary.recording.import_formats.sources.MOST_NODES", 50)
+    monkeypatch.setattr("catenary.recording.import_formats.episode_files.MOST_NODES", 50)
     with h5py.File(tmp_path / "lab.h5", "w") as file:
         make(file)
     with pytest.raises((FileFormatError, InputError), match=words):
@@ -208,7 +208,7 @@ def test_a_file_that_was_cut_off_is_refused_by_name(tmp_path: Path, keep: float)
 def test_without_h5py_the_extra_and_other_ways_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     matlab(path := tmp_path / "lab.mat")
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(FileFormatError, match=r"pip install 'h5py.*'-v7'"):
+    with pytest.raises(MissingPackageError, match=r"is HDF5, which needs h5py.*'-v7'.*pip install 'h5py"):
         propose_mapping(path)
 
 

@@ -16,7 +16,7 @@ from catenary.recording.logs import read_log
 from catenary.workflows import import_recording as in_pieces
 from catenary.workflows.import_recording import ImportedLog, import_recording, import_to_file
 from lab_bags import JOINT_STATE, write_bag
-from tests.recording.test_containers import BY_TOPIC, CAMERA, CONTAINERS, STATE, messages
+from tests.contracts.test_file_formats import BY_TOPIC, CAMERA, CONTAINERS, STATE, messages
 
 ROWS = 6000
 T = np.arange(ROWS) / 100.0
@@ -28,7 +28,7 @@ MAPPING = ["q_nominal=cmd1,cmd2", "q_encoder=enc1,enc2"]
 
 @pytest.fixture
 def pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sources, "LONG_TEXT", 1000)
+    monkeypatch.setattr(sources, "_LONG_FILE_BYTES", 1000)
     monkeypatch.setattr(csv_files, "SAMPLED_NUMBERS", 10_000)
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 5 * 700)
     monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 200)
@@ -142,7 +142,9 @@ def a_bag_a_topic(folder: Path) -> list[Path]:
     return [write_bag(folder / t[1:4], "ros1", {t: JOINT_STATE}, said) for t, said in zip(topics, own, strict=True)]
 
 
-BAGS = {name: write for name, (write, _) in list(CONTAINERS.items())[:5]} | {"a bag a topic": a_bag_a_topic}
+BAGS = {name: one.write for name, one in CONTAINERS.items() if one.mapping is BY_TOPIC} | {
+    "a bag a topic": a_bag_a_topic
+}
 
 
 @pytest.mark.alike

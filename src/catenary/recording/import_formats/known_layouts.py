@@ -19,7 +19,7 @@ from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError, to_import
-from catenary.files import table_ending
+from catenary.file_formats import format_of
 from catenary.plant import MotionLog, nameless, places_of
 from catenary.raven2.topics import (
     EXT_JPOS,
@@ -36,7 +36,7 @@ from catenary.recording.bag_reader import open_recordings
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.importer import Synchronisation, synchronise
 from catenary.recording.import_formats.mapping import Signal, layout_mapping
-from catenary.recording.import_formats.sources import Sources, is_bag
+from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_files import read_table_file, streams_of_arrays
 from catenary.recording.parquet_files import open_parquet
 from catenary.robots.model import RobotModel
@@ -63,7 +63,7 @@ def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
 
 def layout_of_files(paths: Sequence[Path]) -> str | None:
     """Return which known layout the files of a recording have; None for another, which needs a mapping."""
-    if paths and all(is_bag(path) and path.exists() for path in paths):
+    if paths and all(format_of(path).holds == "messages" and path.exists() for path in paths):
         try:
             topics = {tuple(topic) for source in open_recordings(paths) for topic in source.topics}
         except FileFormatError:
@@ -72,7 +72,7 @@ def layout_of_files(paths: Sequence[Path]) -> str | None:
         return RAVEN_BAG if is_there in ([True, False, True], [False, True, True]) else None
     if len(paths) != 1 or not paths[0].is_file():
         return None
-    path, ending = paths[0], table_ending(paths[0])
+    path, ending = paths[0], format_of(paths[0]).ending
     if ending == ".parquet":
         return MOTION_LOG if b"catenary" in (open_parquet(path).schema_arrow.metadata or {}) else None
     if ending == ".csv":
@@ -197,7 +197,7 @@ def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[st
     as ("mpos", "encVals"), or ("all",). measured_js, which repeats jpos, is only reported on.
     """
     further = further_columns(columns, arm)
-    is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
+    is_table = format_of(paths[0]).ending == ".csv"  # which does not say of which robot it is
     sources = raven_columns(paths[0]) if is_table else Sources(paths)
     there = {stream.name for stream in sources.streams}
     states = [topic.name for topic in (RAVENSTATE, RAVENSTATE_100HZ) if topic.name in there]

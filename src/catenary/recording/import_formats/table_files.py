@@ -27,17 +27,15 @@ from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
 from catenary.arrays import Floats
 from catenary.documents import cut, reading
 from catenary.errors import FileFormatError, InputError
-from catenary.files import ADVICE, TEXT_ENDINGS, table_ending
+from catenary.file_formats import endings, format_named, format_of
 from catenary.recording.import_formats.columns import Stream, joined
-from catenary.recording.import_formats.csv_files import TextTable
+from catenary.recording.import_formats.csv_files import ARRAY, TextTable
 from catenary.recording.parquet_files import ARROW, MOST_COLUMNS, open_parquet
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
-ENDINGS = (*TEXT_ENDINGS, ".parquet", ".npz", ".npy", ".mat")
 DEEPEST = 8  # structs and cells within each other
 _HEAD = 16  # lines in which Motive's names stand, at most
 _METRES = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
-_FIRST = "Format Version"
 
 
 def read_rows(path: Path, names: Sequence[str]) -> Floats:
@@ -51,39 +49,45 @@ def read_rows(path: Path, names: Sequence[str]) -> Floats:
     return np.column_stack([np.asarray(stream.columns[name], dtype=float) for name in names])
 
 
-def read_table_file(path: Path) -> list[Stream]:
-    """Read a file as streams without stamps; arrays of another number of rows are streams called `FILE#ROWS`."""
-    if not path.is_file():
+def read_table_file(path: Path, episode: str = "") -> list[Stream]:
+    """Read a file or dataset as streams without stamps; arrays of another number of rows are streams `FILE#ROWS`."""
+    if not path.exists():
         raise FileFormatError(f"{path}: no such file")
-    ending = path.suffix.lower()
-    if ending in ADVICE:
-        raise FileFormatError(f"{path}: is {ADVICE[ending]}")
-    if ending == ".gz":
-        return _unpacked(path)
-    ending = table_ending(path)
-    if ending in TEXT_ENDINGS:
-        if is_tracker_file(path):
-            return [read_tracker_file(path)]
-        text = TextTable(path)
-        parts = list(text.streams())
-        if not parts:
-            raise FileFormatError(f"{path}: has no row of numbers")
-        return [replace(joined(parts), notes=tuple(text.notes))]
-    if ending == ".parquet":
-        return [read_parquet_table(path)]
-    if ending == ".npy":
-        return streams_of_arrays(path, {"data": read_array(path)})
-    if ending in (".npz", ".mat"):
-        return streams_of_arrays(path, read_arrays(path) if ending == ".npz" else read_matlab(path))
-    raise FileFormatError(
-        f'{path}: ending "{path.suffix}": expected a bag (.bag, .mcap, the folder of a ROS 2 bag) or a table '
-        f"({', '.join(ENDINGS)})"
-    )
+    form = format_of(path)
+    if form.holds == "nothing read" and form.advice:
+        raise FileFormatError(f"{path}: is {form.name}: {form.advice}")
+    if form.holds != "columns":
+        raise FileFormatError(
+            f'{path}: ending "{path.suffix}": expected a bag (.bag, .mcap, the folder of a ROS 2 bag) or a table '
+            f"({', '.join(endings('columns'))})"
+        )
+    read = form.reads(path)
+    streams: list[Stream] = read(path, episode) if form.has_episodes else read(path)
+    return streams
 
 
-def _unpacked(path: Path) -> list[Stream]:
+def read_text(path: Path) -> list[Stream]:
+    """Read a table of text whole."""
+    text = TextTable(path)
+    parts = list(text.streams())
+    if not parts:
+        raise FileFormatError(f"{path}: has no row of numbers")
+    return [replace(joined(parts), notes=tuple(text.notes))]
+
+
+def read_npz(path: Path) -> list[Stream]:
+    """Read NumPy's archive of arrays."""
+    return streams_of_arrays(path, read_arrays(path))
+
+
+def read_npy(path: Path) -> list[Stream]:
+    """Read NumPy's array, whose columns are `data[0]`, `data[1]`, ..."""
+    return streams_of_arrays(path, {ARRAY: read_array(path)})
+
+
+def unpacked(path: Path) -> list[Stream]:
     """Read a table that gzip packed, as .csv.gz, within the bounds of any packed file."""
-    if table_ending(Path(path.stem)) not in ENDINGS:
+    if format_named(Path(path.stem)).holds != "columns":
         raise FileFormatError(f"{path}: is packed, and no table; `gzip -d {path.name}` unpacks it")
     most = max(MOST, RATIO * path.stat().st_size)
     with TemporaryDirectory() as folder:
@@ -174,6 +178,11 @@ def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
         raise InputError(f"{path}: {name}: expected texts in UTF-8: {error}") from error
 
 
+def read_parquet_file(path: Path) -> list[Stream]:
+    """Read Parquet as one stream."""
+    return [read_parquet_table(path)]
+
+
 def read_parquet_table(path: Path) -> Stream:
     """Read numbers, truth values, stamps and lists of one length."""
 
@@ -215,7 +224,7 @@ def read_parquet_table(path: Path) -> Stream:
     return _table(path, columns, notes, dates=tuple(dates), units=units)
 
 
-def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
+def read_matlab(path: Path) -> list[Stream]:
     """Read the arrays of numbers of a `.mat`; those within structs are called `struct.field`."""
     from scipy.io import loadmat, whosmat
 
@@ -227,7 +236,7 @@ def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
         content = loadmat(path, simplify_cells=True, verify_compressed_data_integrity=True)
     arrays: dict[str, NDArray[Any]] = {}
     _collect({key: value for key, value in content.items() if not key.startswith("__")}, "", arrays)
-    return arrays
+    return streams_of_arrays(path, arrays)
 
 
 def _collect(content: dict[str, Any], prefix: str, arrays: dict[str, NDArray[Any]], depth: int = 0) -> None:
@@ -239,13 +248,7 @@ def _collect(content: dict[str, Any], prefix: str, arrays: dict[str, NDArray[Any
             arrays[prefix + key] = np.asarray(value)
 
 
-def is_tracker_file(path: Path) -> bool:
-    """Return whether a text file is Motive's export, by its first cell."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        return file.read(len(_FIRST)) == _FIRST
-
-
-def read_tracker_file(path: Path) -> Stream:
+def read_tracker_file(path: Path) -> list[Stream]:
     """Read Motive's CSV: a line of settings, then lines of types, names, IDs and axes above the columns of poses."""
     from scipy.spatial.transform import Rotation
 
@@ -290,4 +293,4 @@ def read_tracker_file(path: Path) -> Stream:
         q = np.full((len(angles), 4), np.nan)
         q[seen] = Rotation.from_euler(turns, angles[seen], degrees=True).as_quat()
         columns |= {f"{base}.{axis}": q[:, i] for i, axis in enumerate("xyzw")}
-    return Stream(path.stem, "table", columns, table.num_rows, notes=tuple(notes))
+    return [Stream(path.stem, "table", columns, table.num_rows, notes=tuple(notes))]

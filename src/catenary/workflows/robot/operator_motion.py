@@ -19,7 +19,7 @@ from catenary.documents import cut, no_file
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError
-from catenary.files import TEXT_ENDINGS, table_ending
+from catenary.file_formats import format_of
 from catenary.plant import Joints, JointState, MotionLog, OperatingState, nameless, places_of, require_ready
 from catenary.recording.import_formats.columns import joined
 from catenary.recording.import_formats.csv_files import TextTable
@@ -78,18 +78,18 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> M
         raise FileFormatError(no_file(path))
     if rows_per_second is not None and not 0.0 < rows_per_second < np.inf:
         raise InputError(f"--rows-per-second: expected more than 0, got {rows_per_second}")
-    ending = table_ending(path)
-    if ending in TEXT_ENDINGS:
+    form = format_of(path)
+    if form.reader_in_parts:
         found = _read_text(path, rows_per_second)
-    elif ending == ".parquet":
+    elif form.ending == ".parquet":
         found = replace(read_parquet(path), notes=())
         if found.time is None or len(found.starts) > 1:
             what = "holds no times" if found.time is None else f"holds {len(found.starts)} recordings"
             raise FileFormatError(f"{path}: {what}; expected one motion with times, to be followed")
-    elif ending == ".npz":
+    elif form.ending == ".npz":
         found = _read_npz(path)
     else:
-        raise FileFormatError(f'{path}: ending "{path.suffix}": expected {", ".join(TEXT_ENDINGS)}, .parquet or .npz')
+        raise FileFormatError(f'{path}: ending "{path.suffix}": expected a table of text (.csv), .parquet or .npz')
     if rows_per_second is not None and _is_named(found):
         raise InputError(f"{path}: states its times; --rows-per-second is for files without")
     time = cast(Floats, found.time)

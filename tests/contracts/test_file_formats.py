@@ -1,9 +1,17 @@
-"""One recording in twelve containers: twelve equal logs, and twelve equal verdicts."""
+"""Every format of recordings: one recording in each of them gives equal logs, and equal verdicts."""
 
+import gzip
 import json
 import os
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -12,13 +20,17 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.io import savemat
 
+from catenary.cli import out_files
+from catenary.file_formats import FORMATS, FileFormat, format_named, format_of
 from catenary.plant import MotionLog
+from catenary.recording.import_formats.sources import Sources
 from catenary.recording.journal import JournalTopic, JournalWriter
 from catenary.recording.logs import read_log, write_parquet
 from catenary.recording.messages import ros2_name, typestore
 from catenary.verdict.check import findings_of
 from catenary.workflows.import_recording import import_recording
 from command_line import catenary
+from gallery import trackers
 from gallery.containers import lerobot
 from lab_bags import JOINT_STATE, JOINTS, START, Message, header, joint_state, true_q, write_bag
 
@@ -52,6 +64,10 @@ def of_bag(kind: str) -> Callable[[Path], list[Path]]:
         return [write_bag(folder / "lab", kind, topics, messages())]
 
     return write
+
+
+def of_file(kind: str, pattern: str) -> Callable[[Path], list[Path]]:
+    return lambda folder: list(of_bag(kind)(folder)[0].glob(pattern))
 
 
 def of_split_bag(folder: Path) -> list[Path]:
@@ -92,10 +108,10 @@ def one_table() -> dict[str, list[object]]:
     return table | {name: [row.get(name) for _, row in rows] for name in names}
 
 
-def as_csv(path: Path, table: dict[str, list[object]]) -> Path:
-    lines = [",".join(table)]
+def as_csv(path: Path, table: dict[str, list[object]], separator: str = ",") -> Path:
+    lines = [separator.join(table)]
     lines += [
-        ",".join("" if value is None else repr(getattr(value, "item", lambda v=value: v)()) for value in row)
+        separator.join("" if value is None else repr(getattr(value, "item", lambda v=value: v)()) for value in row)
         for row in zip(*table.values(), strict=True)
     ]
     path.write_text("\n".join(lines) + "\n")
@@ -104,6 +120,15 @@ def as_csv(path: Path, table: dict[str, list[object]]) -> Path:
 
 def of_one_csv(folder: Path) -> list[Path]:
     return [as_csv(folder / "lab.csv", one_table())]
+
+
+def of_one_text(folder: Path) -> list[Path]:
+    return [as_csv(folder / "lab.tsv", one_table(), "\t")]
+
+
+def of_packed_csv(folder: Path) -> list[Path]:
+    (folder / "lab.csv.gz").write_bytes(gzip.compress(as_csv(folder / "lab.csv", one_table()).read_bytes()))
+    return [folder / "lab.csv.gz"]
 
 
 def of_a_csv_a_topic(folder: Path) -> list[Path]:
@@ -133,7 +158,8 @@ def of_matlab(folder: Path) -> list[Path]:
 
 
 def of_hdf5(folder: Path) -> list[Path]:
-    h5py = pytest.importorskip("h5py", reason="needs h5py, which the extra hdf5 brings")
+    import h5py
+
     with h5py.File(folder / "lab.hdf5", "w") as file:
         for name, values in ARRAYS.items():
             file[name] = values
@@ -163,37 +189,89 @@ BY_COLUMN = {
     "joint_names": list(JOINTS),
     "time_unit": "ns",
 }
-CONTAINERS: dict[str, tuple[Callable[[Path], list[Path]], dict[str, object]]] = {
-    "ROS 1 bag": (of_bag("ros1"), BY_TOPIC),
-    "split ROS 2 bag": (of_split_bag, BY_TOPIC),
-    "SQLite": (of_bag("sqlite"), BY_TOPIC),
-    "MCAP": (of_bag("mcap"), BY_TOPIC),
-    "journal": (of_journal, BY_TOPIC),
-    "one CSV": (of_one_csv, BY_COLUMN),
-    "a CSV a topic": (of_a_csv_a_topic, BY_COLUMN),
-    "Parquet": (of_parquet, BY_COLUMN),
-    "NumPy": (of_numpy, BY_COLUMN),
-    "MATLAB": (of_matlab, BY_COLUMN),
-    "HDF5": (of_hdf5, BY_COLUMN),
-    "LeRobot": (of_lerobot, BY_COLUMN),
+
+
+class Example(NamedTuple):
+    """A format's writer of the one recording, and the mapping that reads it."""
+
+    format: str
+    write: Callable[[Path], list[Path]]
+    mapping: dict[str, Any]
+
+
+CONTAINERS = {
+    "ROS 1 bag": Example("a ROS 1 bag", of_bag("ros1"), BY_TOPIC),
+    "split ROS 2 bag": Example("a ROS 2 bag", of_split_bag, BY_TOPIC),
+    "SQLite": Example("SQLite of a ROS 2 bag", of_file("sqlite", "*.db3"), BY_TOPIC),
+    "MCAP": Example("MCAP", of_file("mcap", "*.mcap"), BY_TOPIC),
+    "journal": Example("a journal, or bags in a folder", of_journal, BY_TOPIC),
+    "one CSV": Example("CSV", of_one_csv, BY_COLUMN),
+    "a CSV a topic": Example("CSV", of_a_csv_a_topic, BY_COLUMN),
+    "text with tabs": Example("a table of text", of_one_text, BY_COLUMN),
+    "packed CSV": Example("a table that gzip packed", of_packed_csv, BY_COLUMN),
+    "Parquet": Example("Parquet", of_parquet, BY_COLUMN),
+    "NumPy": Example("NumPy's archive of arrays", of_numpy, BY_COLUMN),
+    "MATLAB": Example("MATLAB up to version 7", of_matlab, BY_COLUMN),
+    "HDF5": Example("HDF5", of_hdf5, BY_COLUMN),
+    "LeRobot": Example("a dataset of LeRobot", of_lerobot, BY_COLUMN),
 }
+# formats that cannot hold the one recording: poses of a tracker, an array of one type; how one is written
+OTHERS: dict[str, Callable[[Path], object]] = {
+    "Motive's export": lambda path: trackers.motive(path, "1.23", "Meters"),
+    "NumPy's array": lambda path: np.save(path, Q),
+}
+RECORDINGS = [form for form in FORMATS if form.holds in ("columns", "messages")]
+
+
+def written(container: str, folder: Path) -> list[Path]:
+    """Write the recording; skip this format alone where the package that reads it is missing."""
+    example = CONTAINERS[container]
+    needed = {form.name: form.package for form in FORMATS}[example.format]
+    if needed:
+        pytest.importorskip(needed)
+    return example.write(folder)
 
 
 @pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, MotionLog]:
-    found = {}
-    for name, (write, mapping) in CONTAINERS.items():
-        folder = tmp_path_factory.mktemp("container")
-        found[name] = import_recording(write(folder), mapping)
-    return found
+def log_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], MotionLog]:
+    @cache
+    def read(container: str) -> MotionLog:
+        return import_recording(written(container, tmp_path_factory.mktemp("container")), CONTAINERS[container].mapping)
+
+    return read
+
+
+@pytest.mark.parametrize("form", RECORDINGS, ids=[form.name for form in RECORDINGS])
+def test_every_format_of_recordings_has_an_example_is_told_by_it_and_read(form: FileFormat, tmp_path: Path) -> None:
+    names = [name for name, example in CONTAINERS.items() if example.format == form.name]
+    assert names or form.name in OTHERS, f"write an example of {form.name} into CONTAINERS of {__file__}"
+    if names:
+        paths = written(names[0], tmp_path)
+    else:
+        paths = [tmp_path / f"lab{form.ending or '.csv'}"]
+        OTHERS[form.name](paths[0])
+    assert format_of(paths[0]) is form
+    assert Sources(paths).streams[0].rows >= 40
+    if form.marks and paths[0].is_file():
+        renamed = paths[0].rename(tmp_path / "run.unknown")
+        assert format_of(renamed) is form
+
+
+def test_no_ending_is_of_two_formats_and_what_commands_write_is_of_one() -> None:
+    every = [ending for form in FORMATS for ending in form.endings]
+    assert len(set(every)) == len(every)
+    kinds = [kind for kind in vars(out_files).values() if isinstance(kind, out_files.FileKind)]
+    assert len(kinds) > 8
+    for ending in (ending for kind in kinds for ending in kind.endings):
+        assert ending in format_named(Path(f"x{ending}")).endings
 
 
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_every_container_gives_the_log_of_the_rule_and_equal_verdicts(
-    logs: dict[str, MotionLog], container: str
+    log_of: Callable[[str], MotionLog], container: str
 ) -> None:
     """The rule, worked out here: the straight line between the two samples around each stamp, no farther apart than 50 ms."""
-    log, first = logs[container], logs["ROS 1 bag"]
+    log, first = log_of(container), log_of("ROS 1 bag")
     assert log.time is not None
     stamp, seen = stamps(T), stamps(T_SEEN)
     right = np.searchsorted(seen, stamp).clip(1, len(seen) - 1)
@@ -238,12 +316,12 @@ def test_numbers_that_mean_missing_are_missing_in_every_container(
     container: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The log is that of the same rows written as NaN, and each quantity's numbers are counted."""
-    write, mapping = CONTAINERS[container]
+    mapping = CONTAINERS[container].mapping
     read = []
     for name, number in (("nan", np.nan), ("numbers", None)):
         spoil(monkeypatch, number)
         (tmp_path / name).mkdir()
-        read.append(import_recording(write(tmp_path / name), mapping))
+        read.append(import_recording(written(container, tmp_path / name), mapping))
     expected, log = read
     assert len(log) < len(T)
     for key in ("q_nominal", "q_encoder", "qd", "tau", "ok", "time"):
@@ -256,12 +334,11 @@ def test_numbers_that_mean_missing_are_missing_in_every_container(
 
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_a_path_that_is_no_utf8_is_read_like_any_other(container: str, tmp_path: Path) -> None:
-    write, mapping = CONTAINERS[container]
     plain, folder = tmp_path / "plain", tmp_path / os.fsdecode(b"Pr\xfcfstand")
     plain.mkdir()
-    paths = write(plain)
+    paths = written(container, plain)
     plain.rename(folder)
-    log = import_recording([folder / path.relative_to(plain) for path in paths], mapping)
+    log = import_recording([folder / path.relative_to(plain) for path in paths], CONTAINERS[container].mapping)
     assert_array_equal(log.q_nominal, Q)
     write_parquet(log, folder / os.fsdecode(b"\xe9.parquet"))
     again = read_log(folder / os.fsdecode(b"\xe9.parquet"))
@@ -269,3 +346,24 @@ def test_a_path_that_is_no_utf8_is_read_like_any_other(container: str, tmp_path:
     assert again.name == "\\udce9"
     json.dumps([again.name, *again.notes], ensure_ascii=False).encode()  # into cards and pages
     assert catenary("check", str(folder / os.fsdecode(b"\xe9.parquet"))).code in (0, 1)
+
+
+def test_the_walk_of_contributing_adds_a_format(tmp_path: Path) -> None:
+    """On a copy of the package: a reader, a record, and `import` and `check` read such a file."""
+    root = Path(__file__).parents[2]
+    walk = (root / "CONTRIBUTING.md").read_text("utf-8").partition("### Add a file format")[2].partition("### ")[0]
+    reader, record = (textwrap.dedent(text) for text in re.findall(r" *```python\n(.*?) *```", walk, re.DOTALL))
+    package = shutil.copytree(root / "src" / "catenary", tmp_path / "catenary")
+    (package / "recording" / "import_formats" / "json_lines.py").write_text(reader)
+    registry = package / "file_formats.py"
+    registry.write_text(registry.read_text().replace("FORMATS = (\n", f"FORMATS = (\n    {record}", 1))
+    rows = [{"t": float(t), "q1": float(q[0]), "q2": float(q[1])} for t, q in zip(T, Q, strict=True)]
+    (tmp_path / "lab.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+    how = ["--map", "q_nominal=q1,q2", "--units", "rad"]
+    for command in (["import", "lab.jsonl", *how, "--out", "lab.parquet"], ["check", "lab.jsonl", *how]):
+        called = [sys.executable, "-m", "catenary", *command]
+        done = subprocess.run(
+            called, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True
+        )
+        assert done.returncode <= 1, done.stderr.decode()  # 1: check misses an encoder
+    assert_array_equal(read_log(tmp_path / "lab.parquet").q_nominal, Q[:, :2])
