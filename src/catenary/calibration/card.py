@@ -127,7 +127,9 @@ def _inputs(model: CalibrationModel, X: Floats) -> list[dict[str, Any]]:
 
 def _intervals(model: CalibrationModel) -> dict[str, Any] | None:
     """Return what a model's intervals promise; None without."""
-    return model.intervals and {
+    if model.intervals is None:
+        return None
+    return {
         "coverage": model.intervals.level,
         "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
         "margin": "half_width where training rows lay, growing to half_width_outside halfway from them to the edge",

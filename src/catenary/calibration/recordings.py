@@ -59,8 +59,10 @@ class Recordings:
         done: str = "fitted",
     ) -> Passed:
         """Refuse recordings that no model is to be made from, or tested on; see `verdict`."""
-        known = {"robot": self.robot, "max_error": self.max_error, "delays": self._delays}
-        return verdict(self.logs, accept=accept, testing=testing, trained=trained, done=done, **known)
+        return verdict(
+            self.logs, accept=accept, robot=self.robot, max_error=self.max_error, testing=testing, trained=trained,
+            done=done, delays=self._delays,
+        )  # fmt: skip
 
 
 def _in_one_order(logs: Sequence[MotionLog]) -> tuple[MotionLog, ...]:
