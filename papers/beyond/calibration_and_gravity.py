@@ -25,8 +25,8 @@ from catenary.arrays import Flags, Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
-from catenary.control.gravity_pd import GravityHold
 from catenary.control.correction import StateCorrector
+from catenary.control.gravity_pd import GravityHold
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError

@@ -12,8 +12,8 @@ import numpy as np
 from catenary import CablePlant, Corrector, GravityPD, JointPD, JointState, Reference, load_robot, run_loop
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
-from catenary.control.gains import gains_at_joints
 from catenary.control.correction import StateCorrector
+from catenary.control.gains import gains_at_joints
 from catenary.control.loop import Tick
 from catenary.control.pd import Damping
 from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, CableArm, Firmware, load_cable_arm

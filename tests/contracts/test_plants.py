@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.topic_names import DialectName
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
-from catenary.plant import JOINT_UNITS, Plant, fault_of
+from catenary.plant import _JOINT_UNITS, Plant, fault_of
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_plant import CablePlant, PositioningArm
@@ -86,7 +86,7 @@ def test_names_units_and_limits_have_one_entry_a_joint(ready):
     n = len(ready.joint_names)
     assert len(set(ready.joint_names)) == n
     assert len(ready.joint_units) == n
-    assert set(ready.joint_units) <= set(JOINT_UNITS)
+    assert set(ready.joint_units) <= set(_JOINT_UNITS)
     assert ready.lower.shape == ready.upper.shape == (n,)
     assert (ready.lower < ready.upper).all()
 

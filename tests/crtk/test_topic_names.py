@@ -7,7 +7,7 @@ from catenary.crtk.message import message_class
 from catenary.crtk.topic_names import NAMESPACES, find_topic, topic_name, topics
 from catenary.crtk.transport import absolute
 from catenary.errors import InputError
-from catenary.raven2.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
+from catenary.raven2.topics import _GOLD_MEASURED_JS, _GREEN_MEASURED_JS, RAVENSTATE
 
 PAGE = Path(__file__).parents[2] / "docs" / "crtk-topics.md"
 
@@ -24,8 +24,8 @@ def test_every_topic_has_a_known_type_a_name_and_is_listed_once(dialect: str) ->
 
 def test_what_is_recorded_comes_from_these_topics() -> None:
     for recorded, verb, arm in (
-        (GOLD_MEASURED_JS, "measured_js", "gold"),
-        (GREEN_MEASURED_JS, "measured_js", "green"),
+        (_GOLD_MEASURED_JS, "measured_js", "gold"),
+        (_GREEN_MEASURED_JS, "measured_js", "green"),
         (RAVENSTATE, "ravenstate", None),
     ):
         topic = find_topic("raven", verb, arm)  # type: ignore[arg-type]

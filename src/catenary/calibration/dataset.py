@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Flags, Floats, Integers, as_array, spread
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
-from catenary.plant import FIRST_DATE, Jointed, MotionLog, joints_text
+from catenary.plant import FIRST_DATE_S, Jointed, MotionLog, joints_text
 from catenary.side_by_side import Progress, of_each
 from catenary.units import DISPLAY
 
@@ -118,7 +118,7 @@ class CalibrationData:
 
 def date_of(seconds: float) -> str | None:
     """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None where it is no calendar's."""
-    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE < seconds < LAST_DATE else None
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE_S < seconds < LAST_DATE else None
 
 
 def calibration_data(
