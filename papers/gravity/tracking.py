@@ -30,7 +30,7 @@ from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
-from catenary.trajectories.cartesian import _CYCLES, CartesianSinusoids
+from catenary.trajectories.cartesian import CYCLES, CartesianSinusoids
 from catenary.trajectories.reference import SampledTrajectory, Trajectory
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.trials import RAVEN_START, track
@@ -157,7 +157,7 @@ def run_controllers(
     base: MovingBase,
     wanted: Sequence[tuple[str, Damping]],
     *,
-    cycles: int = _CYCLES,
+    cycles: int = CYCLES,
     axes: Sequence[str] = ("x", "y", "z"),
     arm: CableArm | None = None,
     way: Way = "joints",
@@ -216,7 +216,7 @@ def follow_sinusoids(
     base: str,
     way: Way,
     controllers: Sequence[Sequence[str]],
-    cycles: int = _CYCLES,
+    cycles: int = CYCLES,
     axes: Sequence[str] = ("x", "y", "z"),
 ) -> Result:
     """Follow the sinusoids on a base, an angle about Z0 in degrees or one that is rocked, with controllers and damping.

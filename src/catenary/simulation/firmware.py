@@ -256,7 +256,7 @@ def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
     return joint
 
 
-_NOMINAL_GRAV_DIR = (0, 0, 980)  # [cm/s2] grav_dir on a level base, z down; nothing public ever writes another
+NOMINAL_GRAV_DIR = (0, 0, 980)  # [cm/s2] grav_dir on a level base, z down; nothing public ever writes another
 _MAX_GRAV_DIR = 32_767  # [cm/s2] of a component
 # grav_dir's axes in the base's, whose z points up: turned by 180 deg about y
 _AXES = np.array([-1.0, 1.0, -1.0])

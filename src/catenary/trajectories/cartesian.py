@@ -26,7 +26,7 @@ from catenary.trajectories.smoothed_path import SmoothedPath
 
 AMPLITUDE_M = 3.1 * 0.0254  # [m] dynamic-gravity-compensation paper, section IV
 _PERIOD_S = 4.0  # [s] the same
-_CYCLES = 2  # the same
+CYCLES = 2  # the same
 _RAMP_PERIODS = 0.25  # of the period, ours
 
 # Where a model states no velocity limit: near a singularity joints would have to move faster than any robot
@@ -48,7 +48,7 @@ class CartesianSinusoids(SampledTrajectory):
         *,
         amplitude: float = AMPLITUDE_M,
         period: float = _PERIOD_S,
-        cycles: int = _CYCLES,
+        cycles: int = CYCLES,
         axes: Sequence[str] = ("x", "y", "z"),
         step: float = 0.01,
     ) -> None:

@@ -15,7 +15,7 @@ from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 
 _TURNING_BANDS = frozen(np.array([np.deg2rad(5.0), np.deg2rad(10.0), 0.02]))  # [rad, rad, m]
-_SLOWEST_SPEEDS = frozen(np.array([np.deg2rad(1.1), np.deg2rad(1.5), 0.0025]))  # [rad/s, rad/s, m/s]
+SLOWEST_SPEEDS = frozen(np.array([np.deg2rad(1.1), np.deg2rad(1.5), 0.0025]))  # [rad/s, rad/s, m/s]
 FASTEST_SPEEDS = frozen(np.array([np.deg2rad(3.0), np.deg2rad(4.0), 0.007]))
 _MAX_TIME_S = 1e8  # [s], three years: longer is a wrong unit, and its swings fill the memory
 TURN_TIME_S = 1.0  # [s], ours: the paper says that joints slow down, not how
@@ -28,7 +28,7 @@ def random_sinusoids(
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
     turning_band: ArrayLike = _TURNING_BANDS,
-    slowest: ArrayLike = _SLOWEST_SPEEDS,
+    slowest: ArrayLike = SLOWEST_SPEEDS,
     fastest: ArrayLike = FASTEST_SPEEDS,
     turn_time: float = TURN_TIME_S,
 ) -> SmoothedPath:
