@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from catenary.archives import MOST, read_array, read_arrays, unpacked
+from catenary.archives import MAX_UNPACKED_BYTES, read_array, read_arrays, unpacked
 from catenary.errors import FileFormatError
 
 
@@ -120,7 +120,7 @@ def test_an_archive_that_would_unpack_to_gigabytes_is_refused_before_it_does(tmp
     place = -1
     for _ in range(count):
         place = raw.index(b"PK\x01\x02", place + 1)
-        raw[place + 24 : place + 28] = (2 * MOST // count).to_bytes(4, "little")
+        raw[place + 24 : place + 28] = (2 * MAX_UNPACKED_BYTES // count).to_bytes(4, "little")
     path.write_bytes(raw)
     with pytest.raises(FileFormatError, match="would unpack to"):
         read_arrays(path)

@@ -72,6 +72,6 @@ def test_a_fit_side_by_side_gives_the_same_bits(where: str, alone: FitResult, re
 
 
 def test_a_cluster_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catenary.side_by_side.PATIENCE", "1 s")
+    monkeypatch.setattr("catenary.side_by_side._CLUSTER_TIMEOUT", "1 s")
     with pytest.raises(InputError, match="no scheduler answers"), on_workers(1, "tcp://127.0.0.1:9"):
         pass

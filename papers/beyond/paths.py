@@ -20,7 +20,7 @@ from catenary import random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.sinusoids import FASTEST, SLOWEST, TURN_TIME
+from catenary.trajectories.sinusoids import FASTEST_SPEEDS, SLOWEST_SPEEDS, TURN_TIME_S
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, Direction, zigzag_rows
 from papers.calibration import recordings
@@ -65,11 +65,11 @@ def designed(
     low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
     if not (low < high).all():
         raise InputError(f"lower, upper: expected lower below upper for each joint, got {low} and {high}")
-    counts = crossings(duration, high - low, (SLOWEST + FASTEST) / 2.0)
+    counts = crossings(duration, high - low, (SLOWEST_SPEEDS + FASTEST_SPEEDS) / 2.0)
     lines = []
     for j, count in enumerate(counts):
-        times = np.linspace(0.0, duration - TURN_TIME, count + 1)
-        lines.append(BrokenLine(times, np.where(np.arange(count + 1) % 2, high[j], low[j]), TURN_TIME))
+        times = np.linspace(0.0, duration - TURN_TIME_S, count + 1)
+        lines.append(BrokenLine(times, np.where(np.arange(count + 1) % 2, high[j], low[j]), TURN_TIME_S))
     return SmoothedPath(lines)
 
 

@@ -24,7 +24,7 @@ from catenary.control.controllers import make_controller
 from catenary.control.loop import Tick
 from catenary.control.loop_report import GravityReport, LoopReport
 from catenary.errors import SensorError
-from catenary.sensing.fallback import FALLBACKS
+from catenary.sensing.fallbacks import FALLBACKS
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
@@ -138,7 +138,7 @@ def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and fallback."""
     if scope.quick:
         return [break_sensor.case(seed=None, fallback="fade", kinds=["drop_out"])]
-    return grid(break_sensor, {"seed": scope.robots, "fallback": FALLBACKS}, kinds=FAULT_KINDS)
+    return grid(break_sensor, {"seed": scope.robots, "fallback": tuple(FALLBACKS)}, kinds=FAULT_KINDS)
 
 
 def _gravity(report: LoopReport) -> GravityReport:

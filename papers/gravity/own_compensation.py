@@ -22,7 +22,7 @@ import numpy as np
 from catenary import CablePlant
 from catenary.arrays import Floats
 from catenary.control.controllers import make_controller
-from catenary.simulation.firmware import NOMINAL, grav_dir_of
+from catenary.simulation.firmware import NOMINAL_GRAV_DIR, grav_dir_of
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import with_approach
@@ -49,7 +49,7 @@ def held(*, seed: int | None, angle_deg: float, poses_deg: Sequence[float]) -> R
         By law, the RMS error of each joint over the poses [deg, deg, mm].
     """
     errors = {}
-    for grav_dir in (None, NOMINAL):
+    for grav_dir in (None, NOMINAL_GRAV_DIR):
         plant = CablePlant(raven_of_2014(), seed=seed, base=turned_base(angle_deg), grav_dir=grav_dir)
         plant.home()
         if grav_dir is None:

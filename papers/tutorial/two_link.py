@@ -15,7 +15,7 @@ import numpy as np
 
 from catenary import GravityPD, InertiaPD, JointState, RobotModel, go_to, inverse_dynamics, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, gains_from_mass
+from catenary.control.gains import DAMPING_RATIO, NATURAL_FREQUENCY_HZ, gains_from_mass
 from catenary.control.pd import Controller, JointPD
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
@@ -86,7 +86,7 @@ def simulate(
 def controllers(model: RobotModel) -> dict[str, Controller]:
     """Return the tutorial's controller, term by term; all have the same natural frequency and damping."""
     kp, kd = gains_from_mass(model)
-    w = 2.0 * np.pi * FREQUENCY_HZ
+    w = 2.0 * np.pi * NATURAL_FREQUENCY_HZ
     acceleration = w * w, 2.0 * DAMPING_RATIO * w
     return {
         "PD": JointPD(kp, kd),
@@ -220,8 +220,8 @@ def _inertia(o: Outcomes) -> Judgement:
     "closing section",
     "no numbers",
     "at most 1 deg on both joints in both motions; same direction: in more than half of the four",
-    f"This arm swings at up to {FASTEST:g} rad/s, and the loop is {FREQUENCY_HZ:g} Hz stiff: the error that the "
-    "velocity terms make is their acceleration over the square of that frequency, whatever the loop's rate.",
+    f"This arm swings at up to {FASTEST:g} rad/s, and the loop is {NATURAL_FREQUENCY_HZ:g} Hz stiff: the error that "
+    "the velocity terms make is their acceleration over the square of that frequency, whatever the loop's rate.",
 )
 def _coriolis(o: Outcomes) -> Judgement:
     left = _reached(o, FULL, "largest_deg")

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from catenary.documents import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError
 
-# [B] that any file may unpack to, as numbers of 8 bytes; a longer one to RATIO times its length
-MOST = 128 * 2**20
-RATIO = 20
-MOST_ARRAYS = 1000  # of an archive; a model of many joints has some 50
+# [B] that any file may unpack to, as numbers of 8 bytes; a longer one to MAX_UNPACKED_RATIO times its length
+MAX_UNPACKED_BYTES = 128 * 2**20
+MAX_UNPACKED_RATIO = 20
+MAX_ARRAYS = 1000  # of an archive; a model of many joints has some 50
 _TOLD = 8  # names of arrays that a message lists
 _PLAIN = "biufcSU"  # kinds of numbers and texts
 # what zipfile and NumPy raise on a file that is no archive, damaged, encrypted, or holds something else
@@ -33,7 +33,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise FileFormatError(no_file(path))
     with reading(path, "an .npz archive of plain arrays", _UNREADABLE), zipfile.ZipFile(path) as archive:
-        most, members = max(MOST, RATIO * path.stat().st_size), archive.infolist()
+        most, members = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size), archive.infolist()
         _check_members(members, most)
         arrays: dict[str, NDArray[Any]] = {}
         for member in members:
@@ -64,7 +64,7 @@ def read_array(path: Path) -> NDArray[Any]:
         raise FileFormatError(no_file(path))
     with reading(path, "an .npy file of a plain array", _UNREADABLE), path.open("rb") as file:
         array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-        _memory_of(array, max(MOST, RATIO * path.stat().st_size))
+        _memory_of(array, max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size))
     return array
 
 
@@ -83,8 +83,8 @@ def unpacked(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> byt
 
 
 def _check_members(members: list[zipfile.ZipInfo], most: int) -> None:
-    if len(members) > MOST_ARRAYS:
-        raise ValueError(f"{len(members)} files in it, expected {MOST_ARRAYS} at most")
+    if len(members) > MAX_ARRAYS:
+        raise ValueError(f"{len(members)} files in it, expected {MAX_ARRAYS} at most")
     names = {member.filename for member in members}
     if len(names) < len(members):
         raise ValueError("two files in it have the same name")

@@ -16,7 +16,7 @@ Public = TypeVar("Public", bound=Callable[..., Any])
 _RAW = (TypeError, AttributeError, ValueError, LookupError, ArithmeticError)
 _OF_ARRAYS = frozenset(get_args(ArrayLike))
 _NUMBERS = (int, float, np.integer, np.floating)
-LONGEST = 60  # characters of a value that an error shows
+_MAX_SHOWN_LETTERS = 60  # characters of a value that an error shows
 
 
 def explained(public: Public) -> Public:
@@ -116,7 +116,7 @@ def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: 
         is_negative_seed = name == "seed" and isinstance(value, int | np.integer) and value < 0
         if name in hints and (is_negative_seed or not fits(value, hints[name])):
             shown = repr(value)
-            cut = f"{shown[:LONGEST]}..." if len(shown) > LONGEST else shown
+            cut = f"{shown[:_MAX_SHOWN_LETTERS]}..." if len(shown) > _MAX_SHOWN_LETTERS else shown
             wants_robot = getattr(hints[name], "__name__", "") == "RobotModel" and isinstance(value, str)
             hint = f'; catenary.load_robot("{value}") may make one' if wants_robot else ""
             wanted = expected(hints[name]) + (", not negative" if is_negative_seed else "")

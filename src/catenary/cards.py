@@ -17,7 +17,7 @@ from catenary.documents import json_table
 from catenary.errors import FileFormatError
 from catenary.files import card_path, card_text, damage, written_whole
 
-SEAL = "arrays_sha256"  # in a card: of the arrays that it was written with
+_SEAL = "arrays_sha256"  # in a card: of the arrays that it was written with
 
 
 class Stored:
@@ -55,7 +55,7 @@ def stored(record: Any, arrays: dict[str, NDArray[Any]], name: str = "") -> Any:
 
 def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mapping[str, Any]) -> None:
     """Write arrays and their card, which gets their SHA-256, and a readable copy of it beside them: both or neither."""
-    text, buffer = card_text({**card, SEAL: sha256_of_arrays(arrays)}), io.BytesIO()
+    text, buffer = card_text({**card, _SEAL: sha256_of_arrays(arrays)}), io.BytesIO()
     np.savez(buffer, allow_pickle=False, card=np.array(text), **arrays)
     with written_whole(card_path(path)) as copy, written_whole(path) as file:
         for each, content in ((file, buffer.getvalue()), (copy, text.encode())):
@@ -68,8 +68,8 @@ def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mappin
 def card_of(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> dict[str, Any]:
     """Return the card that an archive's arrays were written with; it tells damage and slips, not who changes both."""
     card = json_table(str(arrays.get("card")), "card", finite=False)
-    if card.get(SEAL) != sha256_of_arrays(arrays):
-        why = f"its numbers are not those that its card was written for ({SEAL}): something changed them since"
+    if card.get(_SEAL) != sha256_of_arrays(arrays):
+        why = f"its numbers are not those that its card was written for ({_SEAL}): something changed them since"
         raise FileFormatError(damage(path, why, remedy))
     return card
 

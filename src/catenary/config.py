@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from catenary.documents import MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
 from catenary.errors import ConfigError, FileFormatError
 
-MOST_PROBLEMS = 10  # of one file that are told at once
+_MAX_PROBLEMS = 10  # of one file that are told at once
 _adapters: dict[Any, TypeAdapter[Any]] = {}  # by schema: making one takes as long as reading a robot
 
 
@@ -65,9 +65,9 @@ def parse_settings(content: Any, schema: type[Schema], where: str, context: Any 
         checked: Schema = _adapter(schema).validate_json(data, strict=True, context=context)
     except ValidationError as error:
         problems = error.errors(include_url=False)
-        lines = [f"{where}: {_explain(problem, content, schema)}" for problem in problems[:MOST_PROBLEMS]]
-        if len(problems) > MOST_PROBLEMS:
-            lines.append(f"{where}: and {len(problems) - MOST_PROBLEMS} more")
+        lines = [f"{where}: {_explain(problem, content, schema)}" for problem in problems[:_MAX_PROBLEMS]]
+        if len(problems) > _MAX_PROBLEMS:
+            lines.append(f"{where}: and {len(problems) - _MAX_PROBLEMS} more")
         raise ConfigError("\n".join(lines)) from error
     return checked
 

@@ -9,17 +9,17 @@ from catenary.topics import Topic, joint_topic
 PSM = "dvrk_psm"  # of the catalogue, in the joints of measured_js
 PSM_JOINTS = ("outer_yaw", "outer_pitch", "outer_insertion", "outer_roll", "outer_wrist_pitch", "outer_wrist_yaw")
 # topics below its namespace: name of the columns, rate [Hz]; the last is a tracker's, which no dVRK has
-PSM_TOPICS: Mapping[str, tuple[str, float]] = {
+_PSM_TOPICS: Mapping[str, tuple[str, float]] = {
     "measured_js": ("measured_js", 30.0),
     "setpoint_js": ("setpoint_js", 30.0),
     "tracker/measured_js": ("ext_jpos", 100.0),
 }
-_NAME = re.compile(rf"/?(?P<place>(?:\w+/)*PSM\w*)/(?P<verb>{'|'.join(PSM_TOPICS)})")
+_NAME = re.compile(rf"/?(?P<place>(?:\w+/)*PSM\w*)/(?P<verb>{'|'.join(_PSM_TOPICS)})")
 
 
 def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
-    """Return a topic of a PSM, one of PSM_TOPICS, as it is recorded."""
-    column, usual = PSM_TOPICS[verb]
+    """Return a topic of a PSM, one of _PSM_TOPICS, as it is recorded."""
+    column, usual = _PSM_TOPICS[verb]
     name = f"/{namespace.strip('/')}/{verb}"
     if _NAME.fullmatch(name) is None:
         raise InputError(f'namespace "{namespace}": expected one whose last word begins with PSM, as /PSM1')
@@ -29,7 +29,7 @@ def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
 
 def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]:
     """Return the topics of a calibration recording of a PSM; errors as `psm_topic`."""
-    return tuple(psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in PSM_TOPICS)
+    return tuple(psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in _PSM_TOPICS)
 
 
 def psm_topic_named(name: str) -> Topic | None:

@@ -13,16 +13,16 @@ from catenary.arrays import Floats, frozen, without_missing
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 from catenary.visible import visible
 
-JOINT_UNITS = ("rad", "m")
+_JOINT_UNITS = ("rad", "m")
 # a step in time is a gap where it is longer than so many median ones, and than twice what this share of the steps keep:
 # messages that come in bursts leave no gaps
 GAP_STEPS, GAP_SHARE = 10.0, 0.95
 # rows by which a recording is known again, and how many together: single ones are alike by chance, at rest or coarse
 MARKS, LEAST_MARKS = 256, 8
 POSES, SAME_POSE = 64, 0.02  # by which minutes are known again at another rate, and how near, as a share of the range
-FIRST_DATE = 1e9  # [s since 1970] a clock that says less is no calendar's
-HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd, of no pattern: rows that differ in one digit have unlike hashes
-UNUSED = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
+FIRST_DATE_S = 1e9  # [s since 1970] a clock that says less is no calendar's
+_HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd, of no pattern: rows that differ in one digit have unlike hashes
+UNUSED_CHANNEL = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
 STATE_COMMANDS: tuple[str, ...] = get_args(StateCommand)
@@ -268,7 +268,7 @@ class MotionLog:
             raise InputError(f"{where}: has no joints, expected at least one")
         if len(set(self.joint_names)) != n:
             raise InputError(f"{where}: joint names must differ, got {list(self.joint_names)}")
-        if len(self.joint_units) != n or any(unit not in JOINT_UNITS for unit in self.joint_units):
+        if len(self.joint_units) != n or any(unit not in _JOINT_UNITS for unit in self.joint_units):
             raise InputError(
                 f"{where}: expected {n} units, each rad or m, for joints {', '.join(self.joint_names)}; "
                 f"got {list(self.joint_units)}"
@@ -379,7 +379,7 @@ class MotionLog:
         values = (np.nan_to_num(np.hstack(arrays)).clip(-1e38, 1e38).astype(np.float32) + np.float32(0.0)).view(
             np.uint32
         )
-        factors = np.cumprod(np.full(values.shape[1], HASH_FACTOR, dtype=np.uint64))
+        factors = np.cumprod(np.full(values.shape[1], _HASH_FACTOR, dtype=np.uint64))
         measured = self.ok | (self.q_encoder is None)
         return np.where(measured, (values * factors).sum(axis=1, dtype=np.uint64), np.uint64(0))
 
@@ -394,7 +394,7 @@ class MotionLog:
     @property
     def poses(self) -> tuple[tuple[float, ...], ...]:
         """When [s since 1970] and where the arm was on some rows; none where the clock is no calendar's."""
-        if self.time is None or self.began < FIRST_DATE:
+        if self.time is None or self.began < FIRST_DATE_S:
             return ()
         rows = np.unique(np.linspace(0, len(self) - 1, POSES).astype(np.int64))
         return tuple(map(tuple, np.column_stack([self.began + self.time, self.q_nominal])[rows].round(5).tolist()))

@@ -18,7 +18,7 @@ from catenary.errors import InputError
 Progress = Callable[[float], None]  # called with the share done, 0 to 1
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-PATIENCE = "10 s"  # for a cluster
+_CLUSTER_TIMEOUT = "10 s"  # for a cluster
 
 
 def silent(_: float) -> None:
@@ -47,7 +47,7 @@ def on_workers(workers: int = 1, cluster: str | None = None) -> Iterator[None]:
     except ImportError as error:
         raise InputError("--cluster: Dask is not installed; pip install distributed") from error
     try:
-        client = Client(cluster, timeout=PATIENCE, set_as_default=False)
+        client = Client(cluster, timeout=_CLUSTER_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
             f"cluster {cluster}: no scheduler answers: {error}; expected an address such as tcp://HOST:8786"

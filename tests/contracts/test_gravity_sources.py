@@ -2,21 +2,25 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
 
 from catenary.control.loop import GravitySource
+from catenary.sensing.fallbacks import FALLBACKS
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import FixedGravity, Mailbox, ReadingStatus, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 
 
-def sensed(base: FixedBase | RockingBase, *faults: InjectedFault, gyroscope: bool = True) -> SensedGravity:
+def sensed(
+    base: FixedBase | RockingBase, *faults: InjectedFault, gyroscope: bool = True, fallback: str = "fade"
+) -> SensedGravity:
     mailbox = Mailbox()
     sensor = SimulatedSensor(base, mailbox, SensorModel(has_gyroscope=gyroscope), faults=faults)
-    return SensedGravity(mailbox, angular=gyroscope, feed=sensor.advance)
+    return SensedGravity(mailbox, angular=gyroscope, feed=sensor.advance, fallback=fallback)
 
 
 SOURCES: dict[str, Callable[[], GravitySource]] = {
@@ -24,6 +28,10 @@ SOURCES: dict[str, Callable[[], GravitySource]] = {
     "silent": lambda: SensedGravity(Mailbox()),
     "accelerometer": lambda: sensed(FixedBase(0.2, 0.1), gyroscope=False),
     "inertial unit": lambda: sensed(RockingBase(0.2, 0.1, 1.0)),
+    **{
+        f"silenced, {name}": partial(sensed, RockingBase(0.2, 0.1, 1.0), InjectedFault("drop_out", 0.3), fallback=name)
+        for name in FALLBACKS
+    },
     "broken": lambda: sensed(RockingBase(0.2, 0.1, 1.0), InjectedFault("not_finite", 0.3)),
 }
 

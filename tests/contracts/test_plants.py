@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 
 from catenary.crtk.client import CrtkClient
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
-from catenary.plant import JOINT_UNITS, Plant, fault_of
+from catenary.open_robot import KINDS, Simulated, open_robot
+from catenary.plant import Plant, fault_of
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_plant import CablePlant, PositioningArm
@@ -56,7 +57,16 @@ PLANTS = {
         lambda: behind_topics(CablePlant(side="right"), "crtk", "green"),
     ),
 }
+UNITS = ("rad", "m")
 SERVO = ("servo_jp", "servo_jr", "servo_jf")
+
+
+@pytest.mark.parametrize("robot", [*KINDS, "planar_3r"])
+def test_every_kind_of_simulated_robot_is_among_these(robot: str) -> None:
+    opened = open_robot(robot, Simulated(homed=False))
+    assert (type(opened), opened.joint_names) in [
+        (type(one), one.joint_names) for one in (fresh() for _, fresh in PLANTS.values())
+    ]
 
 
 @pytest.fixture(params=PLANTS)
@@ -85,7 +95,7 @@ def test_names_units_and_limits_have_one_entry_a_joint(ready):
     n = len(ready.joint_names)
     assert len(set(ready.joint_names)) == n
     assert len(ready.joint_units) == n
-    assert set(ready.joint_units) <= set(JOINT_UNITS)
+    assert set(ready.joint_units) <= set(UNITS)
     assert ready.lower.shape == ready.upper.shape == (n,)
     assert (ready.lower < ready.upper).all()
 

@@ -13,7 +13,7 @@ from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.trajectories.reference import Embedded, InTurn, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import SmoothedPath, follow_waypoints, go_to
-from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, FORMS, zigzag
+from catenary.trajectories.zigzag import _FORMS, CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, zigzag
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
             CALIBRATION_UPPER + OVER,
         )
         for direction in DIRECTIONS
-        for form in (FORMS if direction == "J1-J2-J3" else FORMS[:1])
+        for form in (_FORMS if direction == "J1-J2-J3" else _FORMS[:1])
     },
     "random sinusoids": (
         lambda: random_sinusoids(np.random.default_rng(1), 120.0),

@@ -2,13 +2,13 @@ import pytest
 
 from catenary.crtk.topic_names import find_topic, topic_name, topics
 from catenary.errors import InputError
-from catenary.raven2.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
+from catenary.raven2.topics import _GOLD_MEASURED_JS, _GREEN_MEASURED_JS, RAVENSTATE
 
 
 def test_what_is_recorded_comes_from_these_topics() -> None:
     for recorded, verb, arm in (
-        (GOLD_MEASURED_JS, "measured_js", "gold"),
-        (GREEN_MEASURED_JS, "measured_js", "green"),
+        (_GOLD_MEASURED_JS, "measured_js", "gold"),
+        (_GREEN_MEASURED_JS, "measured_js", "green"),
         (RAVENSTATE, "ravenstate", None),
     ):
         topic = find_topic("raven", verb, arm)

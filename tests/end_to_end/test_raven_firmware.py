@@ -14,7 +14,7 @@ from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.firmware import NOMINAL, ControlState, OwnGravity, gravity_of, weigh
+from catenary.simulation.firmware import NOMINAL_GRAV_DIR, ControlState, OwnGravity, gravity_of, weigh
 from catenary.workflows.c_header import c_header
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "raven_firmware"
@@ -73,13 +73,13 @@ def test_page_has_the_torques_that_the_file_and_the_robots_own_compensation_give
     page = (EXAMPLE.parents[1] / "docs" / "how-to-raven-firmware.md").read_text()
     (told,) = re.findall(r"the same numbers: (-?\+?[\d.]+), (-?\+?[\d.]+), ([-+]?[\d.]+) Nm", page)
     home = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
-    row = " ".join(f"{number:.9g}" for number in (*home, *NOMINAL))
+    row = " ".join(f"{number:.9g}" for number in (*home, *NOMINAL_GRAV_DIR))
     ran = subprocess.run([program], input=row, capture_output=True, text=True, check=True)
     by_file = np.array(ran.stdout.split(), dtype=float).reshape(2, 6)[:, 3:]
     firmware = load_cable_arm().firmware
     for arm, name in enumerate(FRAME_0):
         own, control = OwnGravity(), ControlState()
-        own.gravity, control.joint[:3] = gravity_of(NOMINAL), home
+        own.gravity, control.joint[:3] = gravity_of(NOMINAL_GRAV_DIR), home
         weigh(firmware, load_robot(name).tree, own, control)
         for given in (by_file[arm], control.gravity_torque[:3]):
             assert_allclose(given, np.array(told, dtype=float), rtol=0.0, atol=0.5e-4)  # four digits

@@ -9,7 +9,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from catenary.raven2.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, raven_topics
+from catenary.raven2.topics import _GOLD_MEASURED_JS, EXT_JPOS, RAVENSTATE, raven_topics
 from catenary.recording.bag_reader import JournalReader
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, encode
@@ -105,7 +105,7 @@ PUBLISHED = [
 
 def write_csv(journal: Path, path: Path, *, farthest: float = 0.05) -> Path:
     """Write a recording as RAVEN's group publishes it, 252 columns: a state, and the samples nearest to it in time."""
-    read = {topic.name: [] for topic in (RAVENSTATE, EXT_JPOS, GOLD_MEASURED_JS)}
+    read = {topic.name: [] for topic in (RAVENSTATE, EXT_JPOS, _GOLD_MEASURED_JS)}
     for name, _, data in JournalReader(journal).messages(tuple(read)):
         kind = RAVENSTATE.type if name == RAVENSTATE.name else EXT_JPOS.type
         message = typestore(1).deserialize_ros1(data, ros2_name(kind))
@@ -114,7 +114,7 @@ def write_csv(journal: Path, path: Path, *, farthest: float = 0.05) -> Path:
     origin, rows = read[RAVENSTATE.name][0][0], []
     for stamp, state in read[RAVENSTATE.name]:
         row: list[object] = []
-        for topic, zero in ((EXT_JPOS, origin), (GOLD_MEASURED_JS, 0)):
+        for topic, zero in ((EXT_JPOS, origin), (_GOLD_MEASURED_JS, 0)):
             at, message = min(read[topic.name], key=lambda one: abs(one[0] - stamp))
             near = abs(at - stamp) <= farthest * 1e9
             row += [(at - zero) / 1e9, *message.position] if near else ["nan"] * (1 + len(topic.joint_names))

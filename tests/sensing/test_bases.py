@@ -8,7 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.sensing.checks import BASES, BaseSpectrum, SensorRules, rules_for
+from catenary.sensing.bases import BASES, BaseSpectrum
+from catenary.sensing.checks import SensorRules, rules_for
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox

@@ -11,7 +11,7 @@ from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.recording.import_formats import sources
 from catenary.recording.import_formats.imu_recording import read_imu
-from catenary.sensing.vector import DRIVERS, Kind, Mailbox, axes_matrix, convention_of
+from catenary.sensing.vector import _DRIVERS, Kind, Mailbox, axes_matrix, convention_of
 from catenary.workflows.check import check_file
 
 G = 9.80665
@@ -37,11 +37,11 @@ def write(tmp_path: Path) -> Callable[[str, Floats], Path]:
     return as_csv
 
 
-@pytest.mark.parametrize("name", DRIVERS)
+@pytest.mark.parametrize("name", _DRIVERS)
 def test_files_and_samples_of_a_driver_come_out_in_si_and_base_axes(
     name: str, write: Callable[[str, Floats], Path]
 ) -> None:
-    first, said = DRIVERS[name].columns or "ax, gx", WRITTEN[name]
+    first, said = _DRIVERS[name].columns or "ax, gx", WRITTEN[name]
     header = [column.replace("X", axis).replace("gx", f"g{axis.lower()}").replace("ax", f"a{axis.lower()}")
               for column in first.split(", ") for axis in "XYZ"]  # fmt: skip
     path = write(",".join(["time", *header]), np.c_[0.01 * np.arange(30), np.tile(said, (30, 1))])
@@ -57,7 +57,7 @@ def test_files_and_samples_of_a_driver_come_out_in_si_and_base_axes(
 
 def test_every_driver_is_documented_with_its_units_and_axes() -> None:
     lines = Path("docs/gravity-vector.md").read_text().splitlines()
-    for name, driver in DRIVERS.items():
+    for name, driver in _DRIVERS.items():
         row = next(line for line in lines if line.startswith(f"| `{name}`"))
         assert all(f"| {word} |" in row for word in (*driver.units, driver.axes)), name
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
 from catenary.simulation.base_motion import (
-    CHANGE,
+    _CHANGE_TIME_S,
     BaseTimeline,
     FixedBase,
     RockingBase,
@@ -119,7 +119,7 @@ ANGLES = st.floats(-1.0, 1.0)
 @given(ANGLES, ANGLES)
 def test_base_that_has_arrived_stands_as_a_fixed_one(roll: float, pitch: float) -> None:
     base = SteeredBase().toward(3.0, roll, pitch)
-    samples = base.sample(np.array([3.0 + CHANGE, 60.0]))
+    samples = base.sample(np.array([3.0 + _CHANGE_TIME_S, 60.0]))
     assert_allclose(samples.gravity, np.tile(FixedBase(roll, pitch).sample(np.zeros(1)).gravity, (2, 1)), atol=1e-12)
     assert_allclose(samples.motion, 0.0, atol=1e-12)
 

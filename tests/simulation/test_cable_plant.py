@@ -13,7 +13,7 @@ from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
 from catenary.simulation.cable_parameters import varied
-from catenary.simulation.cable_plant import PAYLOAD_PLACE, REPORTED, CablePlant
+from catenary.simulation.cable_plant import _PAYLOAD_PLACE, _REPORTED_FIELDS, CablePlant
 from catenary.transmission.cable_coupling import tensions_for, winding_of
 from oracles.cable_arms import ROBOTS, homed_plant, linear_arm, smooth_motion
 
@@ -44,13 +44,13 @@ def test_ticking_equals_running_bit_for_bit(robot, base):
     for k, row in enumerate(rows):
         read = ticked.telemetry()
         for name in READ:
-            assert_array_equal(read[name], getattr(log, REPORTED[name][0])[k])
+            assert_array_equal(read[name], getattr(log, _REPORTED_FIELDS[name][0])[k])
         assert_array_equal(read["q_true"], log.q[k])
         ticked.servo_jp(row)
         ticked.wait()
         sent = ticked.telemetry()
         for name in SENT:
-            assert_array_equal(sent[name], getattr(log, REPORTED[name][0])[k])
+            assert_array_equal(sent[name], getattr(log, _REPORTED_FIELDS[name][0])[k])
     assert ticked.state == run.state
 
 
@@ -114,7 +114,7 @@ def test_payload_pulls_with_the_gravity_torque_of_a_mass_at_the_wrist():
     bare, loaded = (settle(CablePlant(payload=mass), 2.0) for mass in (0.0, 0.5))  # on their brakes
     link, tree = MODEL.tree, loaded._tree
     assert_allclose(tree.mass[2], link.mass[2] + 0.5)
-    assert_allclose(tree.mass[2] * tree.com[2], link.mass[2] * link.com[2] + 0.5 * PAYLOAD_PLACE)
+    assert_allclose(tree.mass[2] * tree.com[2], link.mass[2] * link.com[2] + 0.5 * _PAYLOAD_PLACE)
     assert loaded.state.q[2] < bare.state.q[2]  # hangs deeper
 
 

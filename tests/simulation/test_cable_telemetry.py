@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.raven2.topics import CHANNELS, raven_topics
-from catenary.simulation.cable_plant import COLUMNS, PER_AXIS, CablePlant, of_both_arms, telemetry_of
+from catenary.simulation.cable_plant import _AXIS_FIELDS, COLUMNS, CablePlant, of_both_arms, telemetry_of
 from catenary.simulation.firmware import TickLog
 from oracles.cable_arms import ROBOTS, homed_plant, smooth_motion
 
@@ -31,7 +31,7 @@ def test_columns_are_those_that_are_declared_and_fit_the_topics(run) -> None:
 def test_an_arms_channels_are_its_own_and_the_parked_arms_are_zero(run) -> None:
     plant, log, telemetry = run
     arm, parked = ("gold", slice(8, 16)) if plant.side == "left" else ("green", slice(0, 8))
-    for name, field in PER_AXIS.items():
+    for name, field in _AXIS_FIELDS.items():
         assert_array_equal(telemetry[name][:, list(CHANNELS[arm])], np.float32(getattr(log, field)))
         assert (telemetry[name][:, parked] == 0.0).all()
 
@@ -59,7 +59,7 @@ def test_an_arm_that_runs_beside_another_fills_its_own_channels_and_pose() -> No
     logs = [plant.run(smooth_motion(plant.setpoint_js().q, 0.1)) for plant in arms]
     both = of_both_arms(arms[0], logs[0], arms[1], logs[1])
     alone = [telemetry_of(plant, log) for plant, log in zip(arms, logs, strict=True)]
-    for name in PER_AXIS:
+    for name in _AXIS_FIELDS:
         assert_array_equal(both[name], np.where(np.arange(16) < 8, alone[0][name], alone[1][name]))
     assert_array_equal(both["pos"], np.hstack([alone[0]["pos"][:, :3], alone[1]["pos"][:, 3:]]))
     assert_array_equal(both["ext_jpos"], alone[0]["ext_jpos"])  # the rig is at the arm that moves

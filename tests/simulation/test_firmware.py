@@ -19,7 +19,7 @@ from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm, r
 from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import (
-    NOMINAL,
+    NOMINAL_GRAV_DIR,
     ControlState,
     OwnGravity,
     control_motors,
@@ -269,7 +269,7 @@ def test_its_torques_are_the_gradient_of_potential_energy_through_each_joints_ow
 
 
 def test_integers_of_gravity_come_back() -> None:
-    assert_array_equal(gravity_of(NOMINAL), [0.0, 0.0, -9.8])
+    assert_array_equal(gravity_of(NOMINAL_GRAV_DIR), [0.0, 0.0, -9.8])
     assert grav_dir_of(gravity_of((31, -20, 900))) == (31, -20, 900)
 
 
@@ -281,7 +281,7 @@ def test_by_no_gravity_it_is_bit_for_bit_as_without() -> None:
 
 
 def test_it_acts_once_homed_with_the_pedal_up_or_down_and_in_no_other_state() -> None:
-    plant = CablePlant(grav_dir=NOMINAL)
+    plant = CablePlant(grav_dir=NOMINAL_GRAV_DIR)
     assert not gravity_share(plant).any()
     plant.state_command("enable")
     plant.state_command("home")
@@ -303,7 +303,7 @@ def test_it_acts_once_homed_with_the_pedal_up_or_down_and_in_no_other_state() ->
 
 
 def test_the_reported_torque_is_the_sum_of_both() -> None:
-    plant = ran(homed_plant(grav_dir=NOMINAL), 0.5)
+    plant = ran(homed_plant(grav_dir=NOMINAL_GRAV_DIR), 0.5)
     log = plant.run(np.full((1, 7), np.nan))
     asked = plant.firmware.kp[:3] * (log.motor_setpoint[0] - log.motor[0])[:3]
     asked -= plant.firmware.kd[:3] * log.motor_velocity[0, :3]
@@ -314,7 +314,7 @@ def test_the_reported_torque_is_the_sum_of_both() -> None:
 def test_an_arm_without_friction_sags_less_and_by_the_coupling_that_is_left_out(side: str) -> None:
     model = load_robot("raven2" if side == "left" else "raven2_right")
     sag = []
-    for grav_dir in (None, NOMINAL):
+    for grav_dir in (None, NOMINAL_GRAV_DIR):
         plant = frictionless(side, grav_dir=grav_dir)
         feedback, share = settled(plant)
         needed = gravity_torque(model, plant.state.q, (0.0, 0.0, -9.81))
@@ -327,10 +327,10 @@ def test_an_arm_without_friction_sags_less_and_by_the_coupling_that_is_left_out(
 
 
 def test_on_a_tilted_base_it_goes_by_what_it_was_told_until_the_arm_is_disabled() -> None:
-    told = frictionless(base=TILT, grav_dir=NOMINAL)
+    told = frictionless(base=TILT, grav_dir=NOMINAL_GRAV_DIR)
     untold = copy.deepcopy(told)
     told.grav_dir = grav_dir_of(told.measured_js().gravity)
-    assert untold.grav_dir == NOMINAL
+    assert untold.grav_dir == NOMINAL_GRAV_DIR
     model, reported = load_robot("raven2"), told.control.joint[:3].copy()
     errors = []
     for plant, gravity in ((untold, (0.0, 0.0, -9.8)), (told, told.measured_js().gravity)):
@@ -341,11 +341,11 @@ def test_on_a_tilted_base_it_goes_by_what_it_was_told_until_the_arm_is_disabled(
         errors.append(abs(feedback[0]))
     assert errors[1] < 0.5 * errors[0]
     told.state_command("disable")
-    assert told.grav_dir == NOMINAL
+    assert told.grav_dir == NOMINAL_GRAV_DIR
 
 
 def test_torques_that_are_commanded_get_none_of_it() -> None:
-    plant, plain = (homed_plant(grav_dir=by) for by in (NOMINAL, None))
+    plant, plain = (homed_plant(grav_dir=by) for by in (NOMINAL_GRAV_DIR, None))
     plain.state, plain.control = copy.deepcopy(plant.state), copy.deepcopy(plant.control)
     for arm in (plant, plain):
         arm.servo_jf(np.array([0.1, -0.2, 2.0]))
@@ -365,11 +365,11 @@ def test_a_robot_without_it_takes_no_gravity() -> None:
     plant = CablePlant()
     assert plant.grav_dir is None
     with pytest.raises(InputError, match="without gravity compensation"):
-        plant.grav_dir = NOMINAL
+        plant.grav_dir = NOMINAL_GRAV_DIR
 
 
 def test_a_served_robot_has_it_if_asked_for_and_says_so_in_its_torques() -> None:
-    for grav_dir in (None, NOMINAL):
+    for grav_dir in (None, NOMINAL_GRAV_DIR):
         serving = Serving(simulated=Simulated(grav_dir=grav_dir))  # homed, and PAUSED
         network = LoopbackNetwork()
         client = Loopback("client", network)

@@ -10,7 +10,7 @@ from catenary.plant import OperatingState
 from catenary.simulation import homing
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.homing import SEEK_SPEED, mean_near_peak
+from catenary.simulation.homing import _SEEK_SPEEDS, mean_near_peak
 from oracles.cable_arms import homed_plant, linear_arm
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ def homings() -> list[Homing]:
 def test_every_homing_registers_the_stops_and_ends_at_home(homings):
     for h in homings:
         # the amplifiers 1 s, tools to their stops some 4.5 s, two registrations of 0.2 s, two moves of 2.5 s
-        to_stops = np.abs(load_cable_arm().cable.stop_position - h.start) / np.abs(SEEK_SPEED[:3])
+        to_stops = np.abs(load_cable_arm().cable.stop_position - h.start) / np.abs(_SEEK_SPEEDS[:3])
         assert_allclose(h.seconds, 11.0 + to_stops.max(), atol=2.0)
         assert_allclose(h.robot_at_stops, STOPS, atol=0.02)  # a tick's motion after registration
         # the insertion has sprung back from the peak by what its stop gives way, 60 N on 1e5 N/m; the elbow has
@@ -174,7 +174,7 @@ def test_arm_homes_after_an_interrupted_homing():
 
 
 def test_an_axis_that_meets_no_stop_ends_the_homing(monkeypatch):
-    monkeypatch.setattr(homing, "LONGEST_SEEK", 12.0)
+    monkeypatch.setattr(homing, "_MAX_SEEK_S", 12.0)
     arm = load_cable_arm()
     arm.cable.stop_position[0] = -1e3
     plant = CablePlant(arm, substeps=1)

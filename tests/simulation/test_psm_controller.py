@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.simulation.psm_controller import (
-    TURN,
+    _FULL_TURN,
     PsmControlState,
     PsmState,
     control_joints,
@@ -32,7 +32,7 @@ def held(q):
 def test_joints_are_read_through_gears_and_coupling(rng):
     rotor, control = rng.uniform(-5.0, 5.0, 7), PsmControlState()
     read_psm_encoders(CONTROLLER, PsmState(rotor=rotor), control)
-    count = TURN / CONTROLLER.counts
+    count = _FULL_TURN / CONTROLLER.counts
     assert_allclose(control.joint, JOINTS @ (rotor / CONTROLLER.ratio), atol=(np.abs(JOINTS) @ count).max())
     assert (np.abs(control.motor - rotor) <= count).all()
 
@@ -99,6 +99,6 @@ def test_registration_is_true_but_for_the_potentiometers(rng):
     actuator = rotor / (ARM.drive.ratio * (1.0 + ARM.drive.ratio_error))
     expected = JOINTS @ (actuator + CONTROLLER.registration)
     assert_allclose(
-        control.joint, expected, atol=2.0 * (np.abs(JOINTS) @ (TURN / CONTROLLER.counts / CONTROLLER.ratio)).max()
+        control.joint, expected, atol=2.0 * (np.abs(JOINTS) @ (_FULL_TURN / CONTROLLER.counts / CONTROLLER.ratio)).max()
     )
     assert_allclose(control.setpoint, control.joint)

@@ -7,7 +7,7 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, LimitError
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose
-from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
+from catenary.trajectories.cartesian import AMPLITUDE_M, CartesianSinusoids
 
 MIDDLE = [np.deg2rad(45.0), np.deg2rad(90.0), 0.3]
 STARTS = {"raven2": MIDDLE, "raven2_right": MIDDLE, "raven2_full": [*MIDDLE, 0.0, 0.0, 0.0]}
@@ -26,11 +26,11 @@ def test_tip_follows_a_sine_along_each_axis_in_turn(name: str) -> None:
         others = [other for other in range(3) if other != axis]
         off = positions[turn] - start.position
         assert_allclose(off[:, others], 0.0, atol=1e-7)  # the spline between solutions
-        assert_allclose([off[:, axis].min(), off[:, axis].max()], [-AMPLITUDE, AMPLITUDE], rtol=1e-3)
+        assert_allclose([off[:, axis].min(), off[:, axis].max()], [-AMPLITUDE_M, AMPLITUDE_M], rtol=1e-3)
         # away from the ramps it is a sine of the period asked for
         full = (times >= 9.0 * axis + 1.0) & (times <= 9.0 * axis + 8.0)
         phase = 2.0 * np.pi / 4.0 * (times[full] - 9.0 * axis - 0.5)
-        assert_allclose(positions[full, axis] - start.position[axis], AMPLITUDE * np.sin(phase), atol=1e-7)
+        assert_allclose(positions[full, axis] - start.position[axis], AMPLITUDE_M * np.sin(phase), atol=1e-7)
     if model.n == 6:
         assert_allclose(rotations, np.broadcast_to(start.rotation, rotations.shape), atol=1e-6)
 

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.errors import InputError
-from catenary.trajectories.sinusoids import FASTEST, SLOWEST, TURNING_BAND, random_sinusoids
+from catenary.trajectories.sinusoids import _TURNING_BANDS, FASTEST_SPEEDS, SLOWEST_SPEEDS, random_sinusoids
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 
 
@@ -16,10 +16,10 @@ def test_joints_turn_near_the_ends_of_their_ranges_and_cross_at_random_speeds(rn
         turns = np.flatnonzero(qd[1:, j] * qd[:-1, j] < 0.0)
         assert len(turns) > 100
         from_ends = np.minimum(q[turns, j] - CALIBRATION_LOWER[j], CALIBRATION_UPPER[j] - q[turns, j])
-        assert from_ends.max() <= TURNING_BAND[j]
+        assert from_ends.max() <= _TURNING_BANDS[j]
         speed = np.abs(qd[:, j])
-        assert 0.9 * FASTEST[j] < speed.max() <= FASTEST[j] * (1.0 + 1e-9)
-        assert np.mean(speed[speed > 0.0] < SLOWEST[j]) < 0.1  # only while turning
+        assert 0.9 * FASTEST_SPEEDS[j] < speed.max() <= FASTEST_SPEEDS[j] * (1.0 + 1e-9)
+        assert np.mean(speed[speed > 0.0] < SLOWEST_SPEEDS[j]) < 0.1  # only while turning
 
 
 def test_joints_move_independently(rng: np.random.Generator) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.trajectories.smoothed_path import PEAK, BrokenLine, SmoothedPath, follow_waypoints, go_to
+from catenary.trajectories.smoothed_path import _PEAK_WEIGHT, BrokenLine, SmoothedPath, follow_waypoints, go_to
 
 # time since the corner before, point
 steps = st.lists(st.tuples(st.floats(0.01, 3.0), st.floats(-5.0, 5.0)), min_size=2, max_size=12)
@@ -41,7 +41,7 @@ def test_path_stays_within_the_range_of_its_corners_and_below_their_speeds(corne
     assert q.min() >= min(line.points) - rounding
     assert q.max() <= max(line.points) + rounding
     assert np.abs(qd).max() <= speed + rounding
-    assert np.abs(qdd).max() <= 2.0 * PEAK * speed / blend + rounding / blend
+    assert np.abs(qdd).max() <= 2.0 * _PEAK_WEIGHT * speed / blend + rounding / blend
 
 
 def test_lone_corner_is_passed_at_three_thirty_seconds_of_velocity_change_times_blend() -> None:
@@ -49,7 +49,7 @@ def test_lone_corner_is_passed_at_three_thirty_seconds_of_velocity_change_times_
     # from 0.5/s to -1/s; the corners at rest are reached exactly, one blend after the line ends
     assert_allclose(path.corner_distance, [3.0 / 32.0 * 1.5 * 0.8])
     assert_allclose(path(2.4).q, [1.0 - 3.0 / 32.0 * 1.5 * 0.8])
-    assert_allclose(path(2.4).qdd, [-PEAK * 1.5 / 0.8])
+    assert_allclose(path(2.4).qdd, [-_PEAK_WEIGHT * 1.5 / 0.8])
 
 
 def test_samples_depend_neither_on_the_order_of_times_nor_on_other_joints(rng: np.random.Generator) -> None:

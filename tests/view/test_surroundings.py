@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.sensing.vector import ReadingStatus
-from catenary.simulation.base_motion import CHANGE, SteeredBase
+from catenary.simulation.base_motion import _CHANGE_TIME_S, SteeredBase
 from catenary.view.simulated import FAULTS, Surroundings
 from catenary.workflows.gravity.simulated_arm import simulated_arm
 
@@ -21,14 +21,14 @@ def run(world: Surroundings, seconds: float) -> None:
 
 def test_sensor_follows_the_base_that_is_tilted(world: Surroundings) -> None:
     world.set("roll_deg", 40.0)
-    run(world, CHANGE + 0.5)
+    run(world, _CHANGE_TIME_S + 0.5)
     roll = np.deg2rad(40.0)
     assert_allclose(world.actual(), 9.81 * np.array([0.0, -np.sin(roll), -np.cos(roll)]), atol=1e-9)
     assert world.reading is not None
     assert_allclose(world.reading.gravity, world.actual(), atol=0.1)  # noise of a cheap sensor
     assert world.warnings() == ()
     world.set("roll_deg", 0.0)
-    run(world, CHANGE + 0.5)
+    run(world, _CHANGE_TIME_S + 0.5)
 
 
 @pytest.mark.parametrize(

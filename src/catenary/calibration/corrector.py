@@ -10,7 +10,7 @@ from catenary.arrays import Flags, Floats
 from catenary.calibration.arithmetic import bound
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.plant import UNUSED, Joints, JointState, places_of
+from catenary.plant import UNUSED_CHANNEL, Joints, JointState, places_of
 
 _STATE_GROUPS = ("q", "qd", "tau")  # of a joint state, one after the other
 
@@ -126,7 +126,7 @@ class Corrector:
         size, sources, still = len(joint_names), list[int](), list[float]()
         for signal in model.features.signals:
             group, _, joint = signal.partition(":")
-            if joint == UNUSED and joint not in joint_names:
+            if joint == UNUSED_CHANNEL and joint not in joint_names:
                 sources.append(len(_STATE_GROUPS) * size + len(still))  # behind the joint state, in which it is not
                 place = model.features.signals.index(signal)  # signals come first among the features
                 means = [g.valid_range.mean[g.watched == place] for g in model.groups if (g.watched == place).any()]

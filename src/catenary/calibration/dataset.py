@@ -13,7 +13,7 @@ from catenary.arrays import Flags, Floats, Integers, as_array, spread
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
-from catenary.plant import FIRST_DATE, Jointed, MotionLog, joints_text
+from catenary.plant import FIRST_DATE_S, Jointed, MotionLog, joints_text
 from catenary.side_by_side import Progress, of_each
 
 _LAST_DATE_S = 1e10  # [s since 1970]
@@ -118,7 +118,7 @@ class CalibrationData:
 
 def date_of(seconds: float) -> str | None:
     """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None where it is no calendar's."""
-    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE < seconds < _LAST_DATE_S else None
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE_S < seconds < _LAST_DATE_S else None
 
 
 def calibration_data(

@@ -11,6 +11,8 @@ import typer
 import catenary
 from catenary.cli.options import Names, Triple, group, numbers, option, values_of
 from catenary.errors import InputError
+from catenary.sensing.bases import BASES
+from catenary.sensing.fallbacks import FALLBACKS
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
@@ -146,12 +148,14 @@ GRAVITY_TOPIC = option(
 class SensingOptions:
     """Options of every command that turns samples of a sensor into gravity."""
 
-    mounting_on: str = option("table|cart|vehicle|ship", "Platform: sets thresholds, cut-off, timeouts.", "table")
+    mounting_on: str = option("|".join(BASES), "Platform: sets thresholds, cut-off, timeouts.", "table")
     sensor_noise: float | None = option("M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0)
     rule: Sequence[str] = option("NAME=VALUE", "Set a threshold (docs/gravity-sensor-rules.md); repeatable.")
     hanging: bool = option(None, "The base may hang upside down.", False)
     cutoff_hz: float | None = option("HZ", "Cut-off frequency of the filter. [default: by --mounting-on]")
-    fallback: str = option("hold|fade|static|stop", "What gravity becomes when samples stop.", "fade")
+    fallback: str = option(
+        "|".join(FALLBACKS), f"When samples stop, gravity: {'; '.join(map(str, FALLBACKS.values()))}.", "fade"
+    )
     stale_after: float = option("S", "Age from which the newest sample is stale.", 0.05)
     age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
     attitude_time: float | None = option("S", "Averaging time of the direction of fade. [default: by --mounting-on]")

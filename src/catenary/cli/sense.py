@@ -127,7 +127,7 @@ def sense(
     from catenary.crtk.transforms import recorded_pose
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.sensing.mounting import Mounting, load_mounting
-    from catenary.sensing.vector import MAILBOX, Mailbox
+    from catenary.sensing.vector import MAILBOX_SIZE, Mailbox
     from catenary.workflows.sense import ATTITUDES, SETTLE, Feed, replay_feed, run_tumble, simulated_reader
 
     require_one(port=port, simulated=simulation.simulated, replay=replaying.replay)
@@ -153,7 +153,7 @@ def sense(
             feed, left = replay_feed(recording), recording.duration - SETTLE
             duration = left if duration is None else min(duration, left)
         elif port is not None:
-            size = 100 * MAILBOX if tumble else MAILBOX  # the turns of a tumble are kept while nobody reads
+            size = 100 * MAILBOX_SIZE if tumble else MAILBOX_SIZE  # the turns of a tumble are kept while nobody reads
             device = stack.enter_context(SerialAccelerometer(port, Mailbox(size, reading.convention())))
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])

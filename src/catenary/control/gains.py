@@ -19,13 +19,13 @@ from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 from catenary.transmission.cable_coupling import winding_of
 
-FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a stiff arm follow with ease
+NATURAL_FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a stiff arm follow with ease
 DAMPING_RATIO = 0.7
-RATE_HZ = 1000.0
+_LOOP_RATE_HZ = 1000.0
 _FASTEST_DECAY = 0.5  # of a mode in one tick; beyond 2 a sampled damper makes it grow
 # ours: no torque rises from none to the largest faster than this, so that a wrong number shows before it does harm
-RISE_TIME = 0.02  # [s]
-TAPER = {"rad": 0.035, "m": 0.002}  # [rad], [m] from a joint limit: 2 deg, 2 mm
+_RISE_TIME_S = 0.02  # [s]
+_TAPER_WIDTHS = {"rad": 0.035, "m": 0.002}  # [rad], [m] from a joint limit: 2 deg, 2 mm
 _SAMPLES = 256  # of the joint range
 _REDUCTION = 0.1  # in a step, of the inertia of a joint that alone moves in a mode
 
@@ -96,9 +96,9 @@ def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: Arra
 def gains_from_mass(
     model: RobotModel,
     *,
-    frequency_hz: float = FREQUENCY_HZ,
+    frequency_hz: float = NATURAL_FREQUENCY_HZ,
     damping_ratio: float = DAMPING_RATIO,
-    rate_hz: float = RATE_HZ,
+    rate_hz: float = _LOOP_RATE_HZ,
     motor_inertia: ArrayLike | None = None,
 ) -> JointGains:
     """Return gains by a rule: kp = w^2 M_jj, kd = 2 damping_ratio w M_jj, with M_jj the largest over the joint range.
@@ -150,10 +150,12 @@ def _reduced_inertia(inertia: Floats, masses: Floats, most: float) -> Floats:
 
 
 def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upper: Floats) -> TorqueLimits:
-    """Return torque limits: RISE_TIME from none to all of `torque`, which fades over TAPER to joint limits.
+    """Return torque limits: _RISE_TIME_S from none to all of `torque`, which fades over _TAPER_WIDTHS to joint limits.
 
     torque (n,) is the largest [Nm|N], infinity for none, which has no largest rate either; joint limits (n,) [rad|m]
     are infinite for none.
     """
     most = as_array("torque", torque, (len(units),), finite=False)
-    return TorqueLimits(most, slew=most / RISE_TIME, lower=lower, upper=upper, taper=[TAPER[unit] for unit in units])
+    return TorqueLimits(
+        most, slew=most / _RISE_TIME_S, lower=lower, upper=upper, taper=[_TAPER_WIDTHS[unit] for unit in units]
+    )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, one_for_all
-from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, DrivenJoints
+from catenary.control.gains import DAMPING_RATIO, NATURAL_FREQUENCY_HZ, DrivenJoints
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.errors import InputError
@@ -72,6 +72,6 @@ class InertiaPD:
 
 
 def inertia_pd(arm: DrivenJoints, damping: Damping, *, coriolis: bool) -> InertiaPD:
-    """Return the controller of an arm, all of whose errors decay at FREQUENCY_HZ and DAMPING_RATIO."""
-    w = 2.0 * np.pi * FREQUENCY_HZ
+    """Return the controller of an arm, all of whose errors decay at NATURAL_FREQUENCY_HZ and DAMPING_RATIO."""
+    w = 2.0 * np.pi * NATURAL_FREQUENCY_HZ
     return InertiaPD(arm.model, w * w, 2.0 * DAMPING_RATIO * w, motor_inertia=arm.motor_inertia, coriolis=coriolis)

@@ -14,10 +14,10 @@ from catenary.arrays import Flags, Floats, as_array
 from catenary.control.correction import Correction, StateCorrector
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop_report import LoopReport, LoopTally
-from catenary.control.motion_guard import LEAP, MotionGuard
+from catenary.control.motion_guard import MAX_STEP, MotionGuard
 from catenary.control.pd import Controller
 from catenary.control.realtime import RealTime
-from catenary.control.shutdown import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
+from catenary.control.shutdown import GIVE_UP_AFTER_TICKS, FiniteTicks, hold, leave_safe
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.kernels.compiled import in_motion
 from catenary.plant import JointState, Plant, require_ready
@@ -62,7 +62,7 @@ def run_loop(
     observers: Sequence[Observer] = (),
     duration: float | None = None,
     real_time: bool = False,
-    give_up_after: int = GIVE_UP_AFTER,
+    give_up_after: int = GIVE_UP_AFTER_TICKS,
     max_speed: ArrayLike | None = None,
 ) -> LoopReport:
     """Run a controller on a robot along a trajectory, and return a report of timing, trust and tracking.
@@ -114,7 +114,7 @@ def run_loop(
     state = plant.measured_js()
     correction = None if corrector is None else Correction(corrector, plant, state, rate_hz)
     if controller is None:
-        _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), LEAP)
+        _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), MAX_STEP)
     else:
         added = np.zeros(n) if correction is None else correction.at_start
         is_corrected = _require_near(plant, first, "the robot", state.q, added, _MAX_SAG)

@@ -13,7 +13,7 @@ from catenary.plant import Plant
 
 # [rad], [m] of a setpoint in a tick, beyond what a joint's speed allows: more than rounding, less than what firmware
 # stops at
-LEAP: Mapping[str, float] = {"rad": 0.02, "m": 0.002}
+MAX_STEP: Mapping[str, float] = {"rad": 0.02, "m": 0.002}
 _MAX_SPEED = {"rad": 2.0, "m": 0.5}  # [rad/s], [m/s] where a robot states no limit
 # of a robot's own limit: critically damped PD overshoots a step of the wanted speed by exp(-2), 14 %
 _OVERSHOOT = 1.2
@@ -27,7 +27,7 @@ class MotionGuard:
 
     A speed is the mean over 20 ms of the measured positions, by the robot's own clock where that goes on. It ends the
     motion once it was too large, and of one sign, for 10 ms: an encoder's spike that returns is not. The reference may
-    step by what the largest speed allows in a tick and LEAP.
+    step by what the largest speed allows in a tick and MAX_STEP.
     """
 
     def __init__(self, plant: Plant, reference: ArrayLike, period: float, max_speed: ArrayLike | None) -> None:
@@ -47,7 +47,7 @@ class MotionGuard:
             fastest, self._why = as_array("max_speed", one_for_all(max_speed, n), (n,), finite=False), ["max_speed"] * n
             if not (fastest > 0.0).all():
                 raise InputError(f"max_speed: expected more than 0, got {fastest.tolist()}")
-        self._fastest, self._leap = fastest, fastest * period + np.array([LEAP[unit] for unit in self._units])
+        self._fastest, self._leap = fastest, fastest * period + np.array([MAX_STEP[unit] for unit in self._units])
         ticks = max(1, round(_WINDOW_S / period))
         self._time, self._q, self._reference = np.zeros(1), np.zeros(n), np.zeros(n)
         self._found = np.zeros(3)  # what was found, the joint, how much

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-SPIN = 2e-4  # [s] before a deadline; sleeping is up to 0.3 ms late here, spinning 1 us
-PRIORITY = 40  # below 50, that of interrupt threads, which bring the robot's messages
+_SPIN_S = 2e-4  # [s] before a deadline; sleeping is up to 0.3 ms late here, spinning 1 us
+_PRIORITY = 40  # below 50, that of interrupt threads, which bring the robot's messages
 _PER_DECADE = 231  # bins of a histogram: 1 % wide
 _SHORTEST = 1e-9  # [s]
 _BINS = 12 * _PER_DECADE  # up to 1000 s
@@ -82,7 +82,7 @@ class RealTime:
         if hasattr(os, "sched_setscheduler"):
             try:
                 policy = (os.sched_getscheduler(0), os.sched_getparam(0))
-                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
             except OSError:  # not allowed here: slower to wake, no worse
                 return
             self._before.callback(os.sched_setscheduler, 0, *policy)
@@ -108,8 +108,8 @@ class RealTime:
         if now > self._deadline:
             self.overruns += 1
             self._deadline = now
-        elif self._deadline - now > SPIN:
-            time.sleep(self._deadline - now - SPIN)
+        elif self._deadline - now > _SPIN_S:
+            time.sleep(self._deadline - now - _SPIN_S)
         while now < self._deadline:
             now = time.perf_counter()
         self.jitter.add(abs(now - self._woken - self.period))

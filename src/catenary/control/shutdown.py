@@ -10,14 +10,14 @@ from catenary.arrays import Floats
 from catenary.errors import CatenaryError, InputError, NotFiniteError, RobotHeldError, TransportError
 from catenary.plant import Plant
 
-GIVE_UP_AFTER = 20  # ticks in a row
+GIVE_UP_AFTER_TICKS = 20  # ticks in a row
 _FORGIVEN = 0.25  # of a tick that was not finite, by one that is: at most a fifth of all ticks may be without for long
 
 
 class FiniteTicks:
     """Watches that positions and torques are finite; `held` (n,) [rad|m] are the last finite positions to hold."""
 
-    def __init__(self, joint_names: Sequence[str], q: Floats, give_up_after: int = GIVE_UP_AFTER) -> None:
+    def __init__(self, joint_names: Sequence[str], q: Floats, give_up_after: int = GIVE_UP_AFTER_TICKS) -> None:
         """Begin at measured positions (n,) [rad|m]."""
         if not give_up_after >= 1:
             raise InputError(f"give_up_after: expected 1 tick or more, got {give_up_after}")

@@ -15,7 +15,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.plant import UNUSED, OperatingState
+from catenary.plant import UNUSED_CHANNEL, OperatingState
 from catenary.topics import SECOND, Topic, TopicColumn, joint_topic
 from catenary.units import TO_SI
 
@@ -24,7 +24,7 @@ ARM_OF_SIDE: Mapping[str, Arm] = {"left": "gold", "right": "green"}
 ROBOT: Mapping[str, str] = {"gold": "raven2", "green": "raven2_right"}  # of the catalogue
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")  # of measured_js
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
-AXES = (*JOINTS[:3], UNUSED, *JOINTS[3:])  # of the eight channels of an arm in raven_state
+AXES = (*JOINTS[:3], UNUSED_CHANNEL, *JOINTS[3:])  # of the eight channels of an arm in raven_state
 # places of an arm's joints among raven_state's 16 channels
 CHANNELS: Mapping[str, tuple[int, ...]] = {"gold": (0, 1, 2, 4, 5, 6, 7), "green": (8, 9, 10, 12, 13, 14, 15)}
 MEASURED_JS: Mapping[Arm, str] = {"gold": "/arm2/measured_js", "green": "/arm1/measured_js"}
@@ -53,7 +53,7 @@ def _state_columns() -> tuple[TopicColumn, ...]:
         return TopicColumn(name, name, labels, (unit,) * len(labels), to_si)
 
     def axis(name: str, unit: str, insertion: str, to_si: float = TO_SI["deg"][1]) -> TopicColumn:
-        units = ["" if one == UNUSED else insertion if one == "insertion" else unit for one in AXES]
+        units = ["" if one == UNUSED_CHANNEL else insertion if one == "insertion" else unit for one in AXES]
         return TopicColumn(name, name, axes, (*units, *units), to_si, required=name in ("jpos", "tau"))
 
     return (
@@ -83,13 +83,13 @@ def _state_columns() -> tuple[TopicColumn, ...]:
 RAVENSTATE = Topic("/ravenstate", "raven_2/raven_state", 30.0, _state_columns(), "record_ravenstate", "hdr")
 RAVENSTATE_100HZ = replace(RAVENSTATE, name="ravenstate_100hz", rate=100.0)
 STATE_COLUMNS: Mapping[str, TopicColumn] = {column.name: column for column in RAVENSTATE.columns}
-GOLD_MEASURED_JS = joint_topic(MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0, bag="record_CRTKmeasurejs")
-GREEN_MEASURED_JS = replace(GOLD_MEASURED_JS, name=MEASURED_JS["green"])
+_GOLD_MEASURED_JS = joint_topic(MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0, bag="record_CRTKmeasurejs")
+_GREEN_MEASURED_JS = replace(_GOLD_MEASURED_JS, name=MEASURED_JS["green"])
 EXT_JPOS = joint_topic("/ext_jpos", "ext_jpos", JOINTS[:3], rate=100.0, bag="record_ext_jenc")
 JOINT_ENC = joint_topic(  # its type is not published; a JointState of counts is taken
     "/joint_enc", "joint_enc", JOINTS[:3], rate=100.0, bag="record_joint_enc", unit="count"
 )
-RAVEN_TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, GOLD_MEASURED_JS, GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
+RAVEN_TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, _GOLD_MEASURED_JS, _GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
 
 
 def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:
@@ -103,7 +103,7 @@ def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic,
 
 def measured_topic(arm: Arm) -> Topic:
     """Return the topic of an arm's measured_js."""
-    return GOLD_MEASURED_JS if arm == "gold" else GREEN_MEASURED_JS
+    return _GOLD_MEASURED_JS if arm == "gold" else _GREEN_MEASURED_JS
 
 
 def state_column(message: object, name: str) -> Floats:

@@ -9,12 +9,12 @@ from typing import Any, BinaryIO, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.archives import RATIO, unpacked
+from catenary.archives import MAX_UNPACKED_RATIO, unpacked
 from catenary.arrays import Integers
 from catenary.errors import FileFormatError
 from catenary.kernels.compiled import compiled
 
-MOST_UNPACKED = 64 * 2**20  # [B] of all chunks and messages of any bag; of a long one RATIO times its length
+MOST_UNPACKED = 64 * 2**20  # [B] of any bag; of a long one MAX_UNPACKED_RATIO times its length
 MOST_TOPICS = 1000
 PACKINGS = ("bz2", "lz4", "zstd")
 _U32, _U64 = Struct("<I"), Struct("<Q")
@@ -112,7 +112,7 @@ class Unpacking:
 
     def __init__(self, path: Path) -> None:
         """Begin, with the bounds that a file of this length has."""
-        self._path, self._left = path, max(MOST_UNPACKED, RATIO * path.stat().st_size)
+        self._path, self._left = path, max(MOST_UNPACKED, MAX_UNPACKED_RATIO * path.stat().st_size)
 
     def chunk(self, data: bytes, kind: str, stated: int) -> bytes:
         """Return a chunk, unpacked to the size that its bag states."""

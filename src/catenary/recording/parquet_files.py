@@ -6,7 +6,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from catenary.archives import MOST, RATIO
+from catenary.archives import MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO
 from catenary.documents import reading
 
 ARROW = (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError)  # what Arrow raises over a file
@@ -20,7 +20,7 @@ def open_parquet(path: Path) -> pq.ParquetFile:
         about, size = file.metadata, path.stat().st_size
         if len(file.schema_arrow) > MOST_COLUMNS:
             raise ValueError(f"{len(file.schema_arrow)} columns, expected {MOST_COLUMNS} at most")
-        most = max(MOST, RATIO * size)
+        most = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * size)
         if 8 * about.num_rows * about.num_columns > most:
             raise ValueError(f"{about.num_rows} rows of {about.num_columns} columns in {size} bytes")
         if sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups)) > most:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.sensing.checks import CHEAP_NOISE, Fault, SensorRules
 
-HIGH_PASS = 0.5  # [s] over which what is slower than turning is forgotten, of gravity and of what rates make of it
+_HIGH_PASS_S = 0.5  # [s] over which what is slower than turning is forgotten, of gravity and of what rates make of it
 _RATE_HZ = 50.0  # rows of a comparison a second, at most
 _FEWEST = 8  # samples that tell anything
 # What may go beside a turn, and what each costs. Where something is found right or wrong, a bias of 0.05 rad/s costs as
@@ -33,9 +33,11 @@ _STILL = 0.15  # share of a limit that gravity moves by at least where anything 
 _FITS = 0.75  # least share of its own turning by which gravity turns with a gyroscope that helps
 _AS_WELL = 1.6  # what a gyroscope leaves as it is, of what the best axes and unit leave: right ones left up to 1.42
 _FEEBLE = 0.003  # [m2/s4 s] of turning that noise alone may seem to follow
-REST_LEAVES = 0.1  # [m2/s4 s] that a base leaves which has no accelerations of its own
+_REST_RESIDUAL = 0.1  # [m2/s4 s] that a base leaves which has no accelerations of its own
 _OFF_SCALE = 1.15  # beyond which a scale is wrong
-LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
+TURNTABLE_SHARE = (
+    0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
+)
 _LEAST_SCALE = 0.5  # below which rates are worse than none
 _MOST_SCALE = 5.0  # beyond which it is none: a gyroscope with a bias, and no more, seems to turn with anything
 _APART = 0.0095  # [s] of samples that are kept: a hundred a second
@@ -62,9 +64,9 @@ def _axes() -> list[Floats]:
     return sorted(ways, key=rank)
 
 
-AXES = _axes()
+_AXIS_ORDERS = _axes()
 _UNITS = {1.0: "", math.pi / 180.0: "it seems to be in deg/s", 180.0 / math.pi: "it seems to be divided by 57.3"}
-_CANDIDATES = [(way, unit) for unit in _UNITS for way in AXES]
+_CANDIDATES = [(way, unit) for unit in _UNITS for way in _AXIS_ORDERS]
 _FLAT = np.array([np.r_[unit * way.ravel(), -1.0] for way, unit in _CANDIDATES])
 
 
@@ -115,7 +117,7 @@ def evidence(times: Floats, gravity: Floats, rate_times: Floats, angles: Floats,
     alpha = np.diff(by / dt[:, None], axis=0) / dt[1:, None]
     steps[2:, :, _AXIS] = _times_axes(np.diff(alpha, axis=0))
     steps[:, :, _GRAVITY] = np.diff(g, axis=0)
-    weight = np.exp((t[1:] - t[-1]) / HIGH_PASS)[:, None, None]
+    weight = np.exp((t[1:] - t[-1]) / _HIGH_PASS_S)[:, None, None]
     rows = np.cumsum(weight * steps, axis=0) / weight * np.sqrt(dt)[:, None, None]
     flat = rows.reshape(-1, _SIZE)
     total += flat.T @ flat
@@ -138,7 +140,7 @@ def judge(
     beaten = firm / (others + 0.02 * limit)
     moved = float(found[_GRAVITY, _GRAVITY])
     left = np.sum((_FLAT @ plain) * _FLAT, axis=1)
-    shows, hidden = _STILL * limit, _STILL * (limit - REST_LEAVES)
+    shows, hidden = _STILL * limit, _STILL * (limit - _REST_RESIDUAL)
     turned = _FLAT[0][:9]
     claimed = float(turned @ plain[:9, :9] @ turned)
     scale = float(turned @ plain[:9, 9]) / max(claimed, 1e-12)
@@ -223,7 +225,7 @@ def compare(
 
 def accelerations(rules: SensorRules, span: float) -> float:
     """Return what a base's own accelerations may leave over a span [s], to judge by [m2/s4 s]."""
-    return REST_LEAVES + 0.5 * min(rules.slow_acceleration, HIGH_PASS * rules.slow_jerk) ** 2 * span
+    return _REST_RESIDUAL + 0.5 * min(rules.slow_acceleration, _HIGH_PASS_S * rules.slow_jerk) ** 2 * span
 
 
 class AgreementWatch:
@@ -307,7 +309,7 @@ def _is_upright(times: Floats, gravity: Floats, rate_times: Floats, angles: Floa
     """Return whether a base turned about the vertical, by and large: a turntable, on which gravity leans outwards."""
     down, by = gravity.mean(axis=0), np.diff(angles, axis=0)
     across, along = (np.linalg.norm(v, axis=-1).sum() for v in (np.cross(down, by), by))
-    return bool(across < LEAN * along * np.linalg.norm(down))
+    return bool(across < TURNTABLE_SHARE * along * np.linalg.norm(down))
 
 
 def _times_axes(vectors: Floats) -> Floats:

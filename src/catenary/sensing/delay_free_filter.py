@@ -10,9 +10,9 @@ from catenary.errors import InputError
 
 # where the response of the filter to a sine falls to half power: cut-off times window, of continuous sampling
 CUTOFF_BY_WINDOW = 2.527
-ROOM = 1280  # samples per second of the window, 128 at least
-FEWEST = 5  # steps between samples that a window spans: that of a slow sensor is as long as it must be
-LONGEST = 0.4  # [s] to which a window is stretched for it
+_SAMPLES_PER_S = 1280  # samples per second of the window, 128 at least
+_MIN_STEPS = 5  # steps between samples that a window spans: that of a slow sensor is as long as it must be
+_MAX_WINDOW_S = 0.4  # [s] to which a window is stretched for it
 
 
 class DelayFreeFilter:
@@ -36,7 +36,7 @@ class DelayFreeFilter:
         if not 0.0 < cutoff_hz < np.inf:
             raise InputError(f"cutoff_hz: expected a positive frequency, got {cutoff_hz}")
         self._shortest = self.window = CUTOFF_BY_WINDOW / cutoff_hz
-        self._room = max(128, round(ROOM * self.window))
+        self._room = max(128, round(_SAMPLES_PER_S * self.window))
         self._last, self._steps = -np.inf, deque[float](maxlen=9)
         self._stamps, self._vectors = np.empty(self._room), np.zeros((self._room, 3))
         self._coefficients = np.empty((3, 3))  # of 1, t, t2, each of a vector; t from the newest
@@ -51,10 +51,10 @@ class DelayFreeFilter:
 
     def add(self, stamp: float, vector: ArrayLike) -> None:
         """Take a sample (3,) newer than those before."""
-        if stamp - self._last < LONGEST:
+        if stamp - self._last < _MAX_WINDOW_S:
             self._steps.append(stamp - self._last)
             step = sorted(self._steps)[len(self._steps) // 2]
-            self.window = max(self._shortest, min(FEWEST * step, LONGEST))
+            self.window = max(self._shortest, min(_MIN_STEPS * step, _MAX_WINDOW_S))
         self._last = stamp
         self._stamps[self._next], self._vectors[self._next] = stamp, vector
         self._next = (self._next + 1) % self._room

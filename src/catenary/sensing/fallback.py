@@ -1,13 +1,9 @@
-"""Fallbacks: gravity in place of a measured one that is missing, and transfers without a jolt."""
+"""The mean direction of gravity, for when it is not measured any more, and transfers without a jolt."""
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross
-
-# hold: the last vector; fade: gravity along the mean direction of the last seconds; static: of a level base;
-# stop: the last vector, and the robot is stopped
-FALLBACKS = ("hold", "fade", "static", "stop")
 
 
 class SlowAttitude:

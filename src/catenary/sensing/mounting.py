@@ -20,12 +20,12 @@ from catenary.spatial import as_rotation
 Vector = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
 # what no sensor can have and numbers of damaged files do
-LEAST_SCALE = 1e-3
-HEAD = """# How a sensor of gravity is mounted: true = (reading - bias) / scale in its own axes, which R_base_imu, the
+_MIN_SCALE = 1e-3
+_HEAD = """# How a sensor of gravity is mounted: true = (reading - bias) / scale in its own axes, which R_base_imu, the
 # rotation, takes to those of the frame `base`; position_m is of the sensor, from that frame's origin. checked: the
 # gyroscope was held against the accelerometer, in the turns between rests
 """
-MOST = {"position": (FARTHEST, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), "rate_bias": (1e3, "rad/s")}
+_MAX_VALUES = {"position": (FARTHEST, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), "rate_bias": (1e3, "rad/s")}
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Mounting:
         object.__setattr__(self, "rotation", frozen(as_rotation("mounting rotation", self.rotation)))
         for name in ("position", "bias", "scale", "rate_bias"):
             object.__setattr__(self, name, frozen(as_array(f"mounting {name}", getattr(self, name), (3,))))
-        if not (self.scale >= LEAST_SCALE).all():
-            raise InputError(f"mounting scale: expected factors of {LEAST_SCALE} or more, got {self.scale.tolist()}")
-        for name, (most, unit) in MOST.items():
+        if not (self.scale >= _MIN_SCALE).all():
+            raise InputError(f"mounting scale: expected factors of {_MIN_SCALE} or more, got {self.scale.tolist()}")
+        for name, (most, unit) in _MAX_VALUES.items():
             check_within(f"mounting {name}", getattr(self, name), most, unit)
         for name in ("acceleration_range", "rate_range"):
             if not getattr(self, name) > 0.0:
@@ -139,7 +139,7 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
     """Write a mounting file, which appears whole or not at all; ranges that are infinite are left out."""
     sections = {s: {key: getattr(mounting, of[0]) for key, of in keys.items()} for s, keys in _PLACES.items()}
     sections["tumble"] = {} if tumble is None else tumble.model_dump(exclude_none=True)
-    text = HEAD
+    text = _HEAD
     for name, values in sections.items():
         text += f"\n[{name}]\n" if values else ""
         for key, value in values.items():  # of these kinds TOML is as JSON

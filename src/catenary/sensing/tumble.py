@@ -12,7 +12,7 @@ from catenary.errors import InputError
 from catenary.spatial import STANDARD_GRAVITY, angle_between
 from catenary.units import ACCELERATION_UNITS
 
-FEWEST = 6  # readings: bias and scale are six numbers
+_MIN_READINGS = 6  # readings: bias and scale are six numbers
 _NEAR = np.cos(np.radians(55.0))  # a reading this near an axis covers that side
 _SIDES = ("+x up", "-x up", "+y up", "-y up", "+z up", "-z up")
 _MAX_BIAS, _MAX_SCALE = 3.0, 0.2  # [m/s2], relative: an accelerometer that is farther off is broken
@@ -54,8 +54,8 @@ def fit_tumble(readings: ArrayLike) -> SensorFit:
     Six attitudes, each side up once, are enough for the numbers; more leave a residual that tells how good they are.
     """
     y = as_array("readings", readings, (None, 3))
-    if len(y) < FEWEST:
-        raise InputError(f"tumble: expected at least {FEWEST} readings at rest, got {len(y)}")
+    if len(y) < _MIN_READINGS:
+        raise InputError(f"tumble: expected at least {_MIN_READINGS} readings at rest, got {len(y)}")
     faults = length_faults(y)
     directions = y / np.maximum(np.linalg.norm(y, axis=1, keepdims=True), 1e-12)
     covered = (np.stack([directions, -directions], axis=2).reshape(-1, 6) >= _NEAR).any(axis=0)
@@ -71,7 +71,7 @@ def fit_tumble(readings: ArrayLike) -> SensorFit:
 
     solution = least_squares(off, np.r_[np.zeros(3), np.ones(3)], x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
     bias, scale = solution.x[:3], solution.x[3:]
-    residual = float(np.sqrt(np.mean(solution.fun**2))) if len(y) > FEWEST else float("nan")
+    residual = float(np.sqrt(np.mean(solution.fun**2))) if len(y) > _MIN_READINGS else float("nan")
     if np.abs(bias).max() > _MAX_BIAS or np.abs(scale - 1.0).max() > _MAX_SCALE:
         faults.append(
             f"bias {np.round(bias, 2).tolist()} m/s2, scale {np.round(scale, 3).tolist()}: beyond {_MAX_BIAS:g} m/s2 "
@@ -174,8 +174,8 @@ def _rotation_deg(matrix: Floats) -> float:
     return float(np.degrees(Rotation.from_matrix(matrix).magnitude()))
 
 
-FEWEST_KNOWN = 4  # orientations: rotation and bias are six numbers, of which one rest gives three
-SCALED = 9  # from which on scale is fitted too
+_MIN_ORIENTATIONS = 4  # orientations: rotation and bias are six numbers, of which one rest gives three
+_MIN_FOR_SCALE = 9  # from which on scale is fitted too
 _SPREAD = 0.05  # least share of a direction that the orientations must differ in, of the largest
 
 
@@ -188,15 +188,15 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> SensorFit:
     """
     y = as_array("readings", readings, (None, 3))
     told = as_array("up", up, (len(y), 3))
-    if len(y) < FEWEST_KNOWN:
-        raise InputError(f"orientations: expected at least {FEWEST_KNOWN} rests, got {len(y)}")
+    if len(y) < _MIN_ORIENTATIONS:
+        raise InputError(f"orientations: expected at least {_MIN_ORIENTATIONS} rests, got {len(y)}")
     told = told / np.linalg.norm(told, axis=1, keepdims=True)
     if faults := [*length_faults(y), *_mirror_faults(y, told)]:
         return SensorFit(np.zeros(3), np.ones(3), float("nan"), tuple(faults))
     spread = np.linalg.svd(told - told.mean(axis=0), compute_uv=False)
     if spread[1] < _SPREAD * np.sqrt(len(y)):
         raise InputError("orientations: up moved along one line at most: tilt about two axes, by 10 degrees or more")
-    with_scale = len(y) >= SCALED and spread[2] > _SPREAD * np.sqrt(len(y))
+    with_scale = len(y) >= _MIN_FOR_SCALE and spread[2] > _SPREAD * np.sqrt(len(y))
 
     def off(p: Floats) -> Floats:
         R, scale = Rotation.from_rotvec(p[:3]), p[6:9] if with_scale else np.ones(3)

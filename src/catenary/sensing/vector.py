@@ -23,7 +23,7 @@ from catenary.spatial import LEVEL, STANDARD_GRAVITY
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
 # which of a sensor's axes are forward, left and up
-FRAMES = {
+_FRAMES = {
     "flu": "x,y,z",
     "frd": "x,-y,-z",  # forward, right, down: aircraft's
     "ned": "x,-y,-z",  # the same of a body whose axes are north, east, down when it points north
@@ -43,12 +43,12 @@ class Driver(NamedTuple):
     """How a driver or a logger writes its readings."""
 
     units: tuple[str, str]
-    axes: str  # of FRAMES
+    axes: str  # of _FRAMES
     columns: str = ""  # what it calls the accelerometer's x and the gyroscope's x in its files
 
 
 # manuals and sources of these drivers; a driver that can be set otherwise as it comes
-DRIVERS: dict[str, Driver] = {
+_DRIVERS: dict[str, Driver] = {
     "xsens": Driver(("m/s2", "rad/s"), "flu", "Acc_X, Gyr_X"),  # MT Manager; as ROS's driver
     "microstrain": Driver(("g", "rad/s"), "frd", "scaledAccelX, scaledGyroX"),  # SensorConnect
     "vectornav": Driver(("m/s2", "rad/s"), "frd", "UncompAccelX, UncompGyroX"),  # Control Center
@@ -63,10 +63,10 @@ DRIVERS: dict[str, Driver] = {
 
 def axes_matrix(text: str) -> Floats:
     """Return the (3, 3) order of axes that a text says: a frame, or which of a sensor's axes give x, y, z: y,-x,z."""
-    words = FRAMES.get(text.strip().lower(), text).lower().replace(" ", "").split(",")
+    words = _FRAMES.get(text.strip().lower(), text).lower().replace(" ", "").split(",")
     names = [word.lstrip("+-") for word in words]
     if len(words) != 3 or sorted(names) != ["x", "y", "z"]:
-        raise InputError(f'axes "{text}": expected {", ".join(FRAMES)}, or x, y and z in some order, as y,-x,z')
+        raise InputError(f'axes "{text}": expected {", ".join(_FRAMES)}, or x, y and z in some order, as y,-x,z')
     matrix = np.zeros((3, 3))
     for row, (word, name) in enumerate(zip(words, names, strict=True)):
         matrix[row, "xyz".index(name)] = -1.0 if word.startswith("-") else 1.0
@@ -79,9 +79,9 @@ def convention_of(units: Sequence[str] = (), axes: Sequence[str] = (), driver: s
     Units are of the accelerometer, then of the gyroscope; SI, or the driver's, where not said. Axes are of both, or of
     the accelerometer and of the gyroscope, each a frame or an order of axes.
     """
-    usual = Driver(("m/s2", "rad/s"), "flu") if driver is None else DRIVERS.get(driver)
+    usual = Driver(("m/s2", "rad/s"), "flu") if driver is None else _DRIVERS.get(driver)
     if usual is None:
-        raise InputError(f'driver "{driver}": expected one of {", ".join(DRIVERS)}')
+        raise InputError(f'driver "{driver}": expected one of {", ".join(_DRIVERS)}')
     said = (*units, *usual.units[len(units) :])
     frames = tuple(axes) or (usual.axes,)
     known = [ACCELERATION_UNITS, {unit: value for unit, value in RATE_UNITS.items() if value > 0.0}]
@@ -96,7 +96,7 @@ def convention_of(units: Sequence[str] = (), axes: Sequence[str] = (), driver: s
     return Convention(known[0][said[0]] * force, known[1][said[1]] * rate)
 
 
-MAILBOX = 1024  # samples; 5 s of an accelerometer at 200 Hz
+MAILBOX_SIZE = 1024  # samples; 5 s of an accelerometer at 200 Hz
 _log = logging.getLogger(__name__)
 
 
@@ -119,7 +119,7 @@ class SensorSample(NamedTuple):
 class Mailbox:
     """Where any thread puts samples, unchecked, and the tick takes them, neither waiting; full, it drops the oldest."""
 
-    def __init__(self, size: int = MAILBOX, convention: Convention | None = None) -> None:
+    def __init__(self, size: int = MAILBOX_SIZE, convention: Convention | None = None) -> None:
         """Make room for `size` samples, which are turned from a convention to SI where one is given."""
         # append, popleft and len of a deque are atomic
         self._samples: deque[SensorSample] = deque(maxlen=size)

@@ -15,12 +15,12 @@ from catenary.robots.plausible import FAR
 from catenary.spatial import angle_between
 from catenary.verdict.finding import Finding
 
-FEWEST = 4  # poses
-FEWEST_DOUBTED = 6  # poses, from which on what is left tells another cause
-MUCH_BETTER = 0.25  # of what is left, squared, by degree of freedom
+_MIN_POSES = 4  # poses
+_MIN_DOUBTED_POSES = 6  # poses, from which on what is left tells another cause
+_BETTER_SHARE = 0.25  # of what is left, squared, by degree of freedom
 TURNED, GAIN = 0.05, 0.05  # [rad] of gravity, and of the sensor's axes: less is not worth a doubt
 _HEAVIEST_KG = 500.0  # few arms with a force sensor at the wrist lift more; grams taken for kilograms are beyond
-TILTED = 0.2  # least share of gravity that its directions must differ by along every axis, RMS
+_MIN_TILT = 0.2  # least share of gravity that its directions must differ by along every axis, RMS
 
 
 class WristTool(NamedTuple):
@@ -58,20 +58,20 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
     down = as_array("gravity", gravity, (None, 3))
     forces, torques = as_array("force", force, down.shape), as_array("torque", torque, down.shape)
     count = len(down)
-    if count < FEWEST:
-        raise InputError(f"wrist tool: {count} poses, expected {FEWEST} or more")
+    if count < _MIN_POSES:
+        raise InputError(f"wrist tool: {count} poses, expected {_MIN_POSES} or more")
     X = np.zeros((count, 6, 10))
     X[:, :3, 0], X[:, :3, 4:7], X[:, 3:, 7:] = down, np.eye(3), np.eye(3)
     for k, axis in enumerate(np.eye(3)):
         X[:, 3:, 1 + k] = np.cross(axis, down)
     size = float(np.sqrt(np.mean(down**2) * 3.0))
     directions, spread, _ = np.linalg.svd((down - down.mean(axis=0)).T / np.sqrt(count), full_matrices=False)
-    if not spread[2] > TILTED * size / 3.0:
+    if not spread[2] > _MIN_TILT * size / 3.0:
         along = ", ".join(f"{v:.2f}" for v in directions[:, 2])
         raise ExcitationError(
             f"wrist tool: along ({along}) in the sensor's axes gravity differs by {spread[2]:.2g} m/s2 (RMS) between "
-            f"poses, expected {TILTED * size / 3.0:.2g} or more: turn the wrist about further axes",
-            rank=int(np.linalg.matrix_rank(X.reshape(-1, 10), tol=float(np.sqrt(count)) * TILTED * size / 3.0)),
+            f"poses, expected {_MIN_TILT * size / 3.0:.2g} or more: turn the wrist about further axes",
+            rank=int(np.linalg.matrix_rank(X.reshape(-1, 10), tol=float(np.sqrt(count)) * _MIN_TILT * size / 3.0)),
             n_base=10,
         )
     parts = (slice(0, 3), [0, 4, 5, 6], forces), (slice(3, 6), [1, 2, 3, 7, 8, 9], torques)
@@ -106,7 +106,7 @@ def wrist_tool_findings(tool: WristTool, force: ArrayLike, rotation: ArrayLike, 
     stated = as_array("gravity", gravity, (3,))
     forces, turned = as_array("force", force, (None, 3)), as_array("rotation", rotation, (None, 3, 3))
     count = len(forces)
-    if count < FEWEST_DOUBTED:
+    if count < _MIN_DOUBTED_POSES:
         return []
     down = np.einsum("nji,j->ni", turned, stated)
     before = 3.0 * count / (3.0 * count - 4.0) * tool.force_rms**2  # per degree of freedom
@@ -118,13 +118,13 @@ def wrist_tool_findings(tool: WristTool, force: ArrayLike, rotation: ArrayLike, 
     angle = float(angle_between(pull[:3], stated))
     matrix = gains[:9].reshape(3, 3) / tool.mass
     off = float(np.abs(matrix - np.eye(3)).max())
-    if left_by_tilt < MUCH_BETTER * before and angle > TURNED and left_by_tilt <= left_by_axes:
+    if left_by_tilt < _BETTER_SHARE * before and angle > TURNED and left_by_tilt <= left_by_axes:
         size = np.linalg.norm(stated) / np.linalg.norm(pull[:3])
         along = ",".join(f"{v:.4g}" for v in pull[:3] * size)
         mass = np.linalg.norm(pull[:3]) / np.linalg.norm(stated)
         says = f"forces fit gravity turned by {np.rad2deg(angle):.1f} deg and a mass of {mass:.4g} kg much better"
         return [Finding("gravity", (), says, "a base that is tilted", f"--gravity {along}", refuses=False)]
-    if left_by_axes < MUCH_BETTER * before and off > GAIN:
+    if left_by_axes < _BETTER_SHARE * before and off > GAIN:
         rows = "; ".join(", ".join(f"{v:.2f}" for v in row) for row in matrix)
         says = f"forces fit much better as the matrix ({rows}) times those of this mass: what is printed is off"
         culprit = "axes of the sensor that are turned from its frame, or a gain of one of them"

@@ -157,7 +157,7 @@ def imu_reading(samples: BaseSamples) -> tuple[Floats, Floats]:
     return samples.motion[:, 2] - samples.gravity, samples.motion[:, 0]
 
 
-CHANGE = 1.5  # [s] from one attitude to the next
+_CHANGE_TIME_S = 1.5  # [s] from one attitude to the next
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class SteeredAngle:
     """An angle on its way to `goal`, with a rocking added: polynomial(t - start) + amplitude sin(w (t - start)).
 
     The polynomial is of the fifth degree: it begins with the angle, rate and acceleration that there are, and is at
-    rest at the goal CHANGE later.
+    rest at the goal _CHANGE_TIME_S later.
     """
 
     goal: float = 0.0  # [rad]
@@ -178,15 +178,15 @@ class SteeredAngle:
     def at(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return angle, rate and acceleration (N,) at times (N,) [s]; before the start they are as at the start."""
         since = np.maximum(np.asarray(times, dtype=float) - self.start, 0.0)
-        x = np.minimum(since, CHANGE) / CHANGE
-        p, v, a = self.first[0], self.first[1] * CHANGE, self.first[2] * CHANGE**2
+        x = np.minimum(since, _CHANGE_TIME_S) / _CHANGE_TIME_S
+        p, v, a = self.first[0], self.first[1] * _CHANGE_TIME_S, self.first[2] * _CHANGE_TIME_S**2
         d = self.goal - p
         c3 = 10.0 * d - 6.0 * v - 1.5 * a
         c4 = -15.0 * d + 8.0 * v + 1.5 * a
         c5 = 6.0 * d - 3.0 * v - 0.5 * a
         angle = p + x * (v + x * (0.5 * a + x * (c3 + x * (c4 + x * c5))))
-        rate = (v + x * (a + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / CHANGE
-        change = (a + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / CHANGE**2
+        rate = (v + x * (a + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / _CHANGE_TIME_S
+        change = (a + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / _CHANGE_TIME_S**2
         w = 2.0 * np.pi * self.frequency
         swing, swung = self.amplitude * np.sin(w * since), self.amplitude * np.cos(w * since)
         return angle + swing, rate + w * swung, change - w * w * swing

@@ -13,7 +13,7 @@ from catenary.errors import ConfigError
 from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool, Record
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
-MOST = 1e12  # of any of its numbers
+_MAX_NUMBER = 1e12  # of any of its numbers
 # of the package's data: the robot that is simulated when nobody names another, and one of stiff cables, with the little
 # friction that Lewis and Hannaford tell of joint 1 (2014)
 RAVEN2, RAVEN2_STIFF = "raven2_friction.toml", "raven2.toml"
@@ -180,8 +180,8 @@ def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[
         for given in (entry.value, least, most):
             if len(given) != field.size:
                 raise ConfigError(f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(given)}")
-        if max(map(abs, entry.value), default=0.0) > MOST:
-            raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, expected numbers of at most {MOST:g}")
+        if max(map(abs, entry.value), default=0.0) > _MAX_NUMBER:
+            raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, expected numbers of at most {_MAX_NUMBER:g}")
         if not all(a <= x <= b for a, x, b in zip(least, entry.value, most, strict=True)):
             raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, plausible are {least} to {most}")
         field.flat[:] = entry.value

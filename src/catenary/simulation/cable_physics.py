@@ -26,7 +26,7 @@ from catenary.transmission.cable_friction import coulomb, coulomb_coupled, dragg
 
 _PerLink = Annotated[Floats, "f8", ("link",)]
 _Vectors = Annotated[Floats, "f8", ("node", 3)]
-FRICTION_SWEEPS = 4
+_FRICTION_SWEEPS = 4
 
 
 class ArmState(Record):
@@ -225,7 +225,7 @@ def move_joints(state: ArmState, step: float, work: Work) -> None:
         for i in range(len(q)):
             change += work.inverse[j, i] * work.push[i]
         qd[j] += step * change
-    coulomb_coupled(work.inverse, work.impulse, qd, state.friction, FRICTION_SWEEPS)
+    coulomb_coupled(work.inverse, work.impulse, qd, state.friction, _FRICTION_SWEEPS)
     for j in range(len(q)):
         q[j] += step * qd[j]
 

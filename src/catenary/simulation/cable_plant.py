@@ -26,22 +26,22 @@ from catenary.simulation.firmware import (
     read_encoders,
     run_ticks,
 )
-from catenary.simulation.firmware_plant import OF_AXES, FirmwarePlant, columns_of
+from catenary.simulation.firmware_plant import AXIS_FIELDS, FirmwarePlant, columns_of
 from catenary.simulation.homing import ExternalEncoders, home
 from catenary.simulation.records import OFF, POSITIONING, TOOLS
 from catenary.transmission.cable_coupling import winding_of
 from catenary.transmission.cable_elasticity import LARGEST_LOSS
 
-REPORTED = {  # name in telemetry: field of the firmware's state, unit
-    **OF_AXES,
+_REPORTED_FIELDS = {  # name in telemetry: field of the firmware's state, unit
+    **AXIS_FIELDS,
     "mpos_d": ("motor_setpoint", "rad"),
     "tau": ("torque", "Nm at the gearbox's output"),
     "dac_val": ("dac", "DAC"),
     "encoffsets": ("offset", "counts"),
 }
 # between which an arm stands at power-on [rad, rad, m]
-STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
-PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
+_START_ENDS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
+_PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
 
 
 class CablePlant(FirmwarePlant[TickLog]):
@@ -98,9 +98,9 @@ class CablePlant(FirmwarePlant[TickLog]):
 
     joint_names: tuple[str, ...] = JOINTS
     joint_units: tuple[str, ...] = UNITS
-    reported = REPORTED
+    reported = _REPORTED_FIELDS
     columns = columns_of(
-        REPORTED,
+        _REPORTED_FIELDS,
         Column("joint_enc", "counts", POSITIONING),
         Column("ext_jpos", "rad|m", POSITIONING),
         Column("q_true", "rad|m", POSITIONING),
@@ -150,7 +150,7 @@ class CablePlant(FirmwarePlant[TickLog]):
     def carry(self, payload: float) -> None:
         """Carry a mass [kg] at the tool's wrist from now on, in place of the last one."""
         self.payload = float(as_not_negative("payload [kg]", payload, ()))
-        self._tree = _writable(self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree)
+        self._tree = _writable(self._positioning.with_payload("insertion", payload, _PAYLOAD_PLACE).tree)
 
     def rub(self, factor: float) -> None:
         """Rub with so many times the arm's own Coulomb friction from now on, at rotors, idlers and joints."""
@@ -206,7 +206,7 @@ class CablePlant(FirmwarePlant[TickLog]):
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
         state = self.state
-        state.q = rng.uniform(*STARTS) if start is None else as_array("start", start, (POSITIONING,))
+        state.q = rng.uniform(*_START_ENDS) if start is None else as_array("start", start, (POSITIONING,))
         state.rotor[:POSITIONING] = unstretched_rotors(
             self.cable, state.q, np.array(winding_of(self.cable.coupling, state.q))
         )
@@ -271,11 +271,11 @@ def _first(state: JointState) -> JointState:
     return state._replace(q=state.q[:n], qd=state.qd[:n], tau=state.tau[:n], q_motor=state.q_motor[:n])
 
 
-RUNNING = 3  # run level: pedal down
+_RUNNING_LEVEL = 3  # run level: pedal down
 # name in telemetry: field of a tick's log, which has no offsets of the encoders
-PER_AXIS = {name: field for name, (field, _) in REPORTED.items() if name != "encoffsets"}
+_AXIS_FIELDS = {name: field for name, (field, _) in _REPORTED_FIELDS.items() if name != "encoffsets"}
 COLUMNS = (
-    *PER_AXIS, "encoffsets", "runlevel", "type", "dt", "pos", "ori", "ext_jpos", "joint_enc",
+    *_AXIS_FIELDS, "encoffsets", "runlevel", "type", "dt", "pos", "ori", "ext_jpos", "joint_enc",
     "measured_js", "measured_js_velocity", "measured_js_effort",
 )  # fmt: skip
 
@@ -292,7 +292,7 @@ def of_both_arms(
     columns = telemetry_of(plant, log)
     if beside is not None and log_beside is not None:
         others = telemetry_of(beside, log_beside)
-        columns |= {name: columns[name] + others[name] for name in (*PER_AXIS, "encoffsets", "pos", "ori")}
+        columns |= {name: columns[name] + others[name] for name in (*_AXIS_FIELDS, "encoffsets", "pos", "ori")}
     return columns
 
 
@@ -303,9 +303,9 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     """
     ticks = len(log.joint)
     side = ARM_OF_SIDE[plant.side]
-    columns = {name: in_channels(side, as_reported(plant, getattr(log, field))) for name, field in PER_AXIS.items()}
+    columns = {name: in_channels(side, as_reported(plant, getattr(log, field))) for name, field in _AXIS_FIELDS.items()}
     columns["encoffsets"] = in_channels(side, np.tile(plant.control.offset, (ticks, 1)))
-    columns["runlevel"] = np.full((ticks, 1), float(RUNNING))
+    columns["runlevel"] = np.full((ticks, 1), float(_RUNNING_LEVEL))
     columns["type"] = np.zeros((ticks, 2))
     columns["dt"] = np.full((ticks, 1), plant.period)
     arm = tuple(ARM_OF_SIDE).index(plant.side)

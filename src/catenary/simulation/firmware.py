@@ -25,11 +25,11 @@ from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_coupling import joint_forces, joints_of, tensions_for, winding_of
 
 SEEKING, FOUND = 1, 2
-STOP_DAC = 20_000.0  # beyond: software e-stop
-DAC_RANGE = (-32_768.0, 32_767.0)  # the board takes 16 bits
+_STOP_DAC = 20_000.0  # beyond: software e-stop
+_DAC_RANGE = (-32_768.0, 32_767.0)  # the board takes 16 bits
 # how a joint under torques comes to its soft limit, ours: the robot takes torques from nobody and has no such law
-BRAKING = (2.5, 2.5, 0.15, 25.0, 25.0, 25.0, 25.0)  # [rad/s2, rad/s2, m/s2, rad/s2...] where the limit is far
-LEAST_DAMPING = 0.02  # [s] damping over stiffness, for axes whose PD has less
+_BRAKING = (2.5, 2.5, 0.15, 25.0, 25.0, 25.0, 25.0)  # [rad/s2, rad/s2, m/s2, rad/s2...] where the limit is far
+_MIN_DAMPING = 0.02  # [s] damping over stiffness, for axes whose PD has less
 
 
 class AxisControl(Record):
@@ -166,7 +166,7 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
         dac = float(math.trunc(firmware.dac_sign[j] * torque * per_torque))
         limit = firmware.dac_limit[j]
         control.torque[j] = torque
-        if limit > 0.0 and abs(dac) > STOP_DAC:
+        if limit > 0.0 and abs(dac) > _STOP_DAC:
             control.stopped = True
         if control.seek[j] == SEEKING and abs(dac) >= firmware.home_threshold[j]:
             control.seek[j] = FOUND  # no output for this cycle, then the PD holds where the axis stands
@@ -174,7 +174,7 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
             dac = 0.0
         if limit > 0.0:
             dac = min(max(dac, -limit), limit)
-        dac = min(max(dac, DAC_RANGE[0]), DAC_RANGE[1])
+        dac = min(max(dac, _DAC_RANGE[0]), _DAC_RANGE[1])
         if control.stopped:
             dac = 0.0
         control.dac[j] = dac
@@ -186,15 +186,15 @@ def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) ->
     """Write the joint torques (7,) as commanded, within the motors' limits and such that joints stay within theirs.
 
     tau <= D (v(upper - q) - qd) and tau >= -D (v(q - lower) + qd), with v(d) = min(sqrt(2 a d), d K / D) the speed at
-    which a joint may come to a limit d away: slowing down by a, the BRAKING, then as the PD would that holds it at the
-    limit. K and D are that PD's at the joint, D at least LEAST_DAMPING K. A limit that is passed pushes back, within
-    what the motors may give: the DAC's limit, or STOP_DAC where there is none.
+    which a joint may come to a limit d away: slowing down by a, the _BRAKING, then as the PD would that holds it at
+    the limit. K and D are that PD's at the joint, D at least _MIN_DAMPING K. A limit that is passed pushes back, within
+    what the motors may give: the DAC's limit, or _STOP_DAC where there is none.
     """
     velocity = np.empty(AXES)
     _joints_of(firmware, control.motor_velocity, velocity)  # linear, so it takes velocities too
     for j in range(AXES):
         per_motor = firmware.ratio[j] / firmware.gearbox[j]
-        limit = firmware.dac_limit[j] if firmware.dac_limit[j] > 0.0 else STOP_DAC
+        limit = firmware.dac_limit[j] if firmware.dac_limit[j] > 0.0 else _STOP_DAC
         strongest = limit * firmware.torque_constant[j] * firmware.gearbox[j] / firmware.dac_per_ampere[j] * per_motor
         bounded = bounded_torque(firmware, control, j, velocity[j], firmware.ratio[j], per_motor)
         torque[j] = min(max(bounded, -strongest), strongest)
@@ -208,10 +208,10 @@ def bounded_torque(
 
     The gains times per_joint per_motor are the joint's.
     """
-    slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
+    slowness = max(firmware.kd[j] / firmware.kp[j], _MIN_DAMPING)  # D / K [s]
     damping = slowness * firmware.kp[j] * per_joint * per_motor
-    most = damping * (_approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity)
-    least = -damping * (_approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity)
+    most = damping * (_approach_speed(firmware.upper[j] - control.joint[j], slowness, _BRAKING[j]) - velocity)
+    least = -damping * (_approach_speed(control.joint[j] - firmware.lower[j], slowness, _BRAKING[j]) + velocity)
     return float(min(max(control.torque_command[j], least), most))
 
 
@@ -256,8 +256,8 @@ def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
     return joint
 
 
-NOMINAL = (0, 0, 980)  # [cm/s2] grav_dir on a level base, z down; nothing public ever writes another
-MOST = 32_767  # [cm/s2] of a component
+NOMINAL_GRAV_DIR = (0, 0, 980)  # [cm/s2] grav_dir on a level base, z down; nothing public ever writes another
+_MAX_GRAV_DIR = 32_767  # [cm/s2] of a component
 # grav_dir's axes in the base's, whose z points up: turned by 180 deg about y
 _AXES = np.array([-1.0, 1.0, -1.0])
 
@@ -272,8 +272,8 @@ class OwnGravity(TreeWork):
 def gravity_of(grav_dir: Sequence[float]) -> Floats:
     """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], whose z points down."""
     given = np.asarray(grav_dir, dtype=float)
-    if given.shape != (3,) or not (np.abs(given) <= MOST).all() or (given != np.round(given)).any():
-        raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {MOST}, got {grav_dir}")
+    if given.shape != (3,) or not (np.abs(given) <= _MAX_GRAV_DIR).all() or (given != np.round(given)).any():
+        raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {_MAX_GRAV_DIR}, got {grav_dir}")
     return np.asarray(_AXES * given / 100.0)
 
 

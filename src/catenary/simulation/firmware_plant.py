@@ -18,7 +18,7 @@ from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 from catenary.transmission.cable_elasticity import SPREAD
 
 Log = TypeVar("Log", bound=AxisLog)
-OF_AXES = {  # name in telemetry: field of the firmware's state, unit
+AXIS_FIELDS = {  # name in telemetry: field of the firmware's state, unit
     "encVals": ("counts", "counts"),
     "mpos": ("motor", "rad"),
     "mvel": ("motor_velocity", "rad/s"),

@@ -19,16 +19,16 @@ from catenary.simulation.records import OFF, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 
 # [rad/s, rad/s, m/s, rad/s...] towards the stops: shoulder down, elbow up, insertion out, tools up
-SEEK_SPEED = np.array([-np.deg2rad(10.0), np.deg2rad(10.0), 0.02, *np.deg2rad([80.0, 40.0, 40.0, 40.0])])
-RAMP = 0.5  # [s] in which the speed rises as v (1 - cos 2 pi t)
-AMPLIFIER_WAIT = 1.0  # [s]
-REGISTER_WAIT = 0.2  # [s] from the last stop to the registration
-HOME_TIME = 2.5  # [s] of the half cosine to the home position
-LONGEST_SEEK = 60.0  # [s]
-POSITIONING_AXES = np.array([True] * 3 + [False] * 4)
-TOOL_AXES = ~POSITIONING_AXES
+_SEEK_SPEEDS = np.array([-np.deg2rad(10.0), np.deg2rad(10.0), 0.02, *np.deg2rad([80.0, 40.0, 40.0, 40.0])])
+_RAMP_S = 0.5  # [s] in which the speed rises as v (1 - cos 2 pi t)
+_AMPLIFIER_WAIT_S = 1.0  # [s]
+_REGISTER_WAIT_S = 0.2  # [s] from the last stop to the registration
+_HOME_TIME_S = 2.5  # [s] of the half cosine to the home position
+_MAX_SEEK_S = 60.0  # [s]
+_POSITIONING_AXES = np.array([True] * 3 + [False] * 4)
+_TOOL_AXES = ~_POSITIONING_AXES
 Booleans = NDArray[np.bool_]
-WAITED_FOR = np.array([False] * 3 + [True, True, True, False])  # the last jaw is not waited for
+_AWAITED_AXES = np.array([False] * 3 + [True, True, True, False])  # the last jaw is not waited for
 
 
 class ExternalEncoders:
@@ -67,19 +67,19 @@ def home(
     control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION
     hold = control.joint.copy()
-    for _ in range(round(AMPLIFIER_WAIT / PERIOD)):
+    for _ in range(round(_AMPLIFIER_WAIT_S / PERIOD)):
         yield hold
-    yield from _seek(control, TOOL_AXES, WAITED_FOR, joint_names)
-    register(firmware, control, np.where(TOOL_AXES, firmware.stop_value, firmware.home_value))
-    yield from half_cosine(control.joint.copy(), np.where(TOOL_AXES, firmware.home_value, control.joint), HOME_TIME)
+    yield from _seek(control, _TOOL_AXES, _AWAITED_AXES, joint_names)
+    register(firmware, control, np.where(_TOOL_AXES, firmware.stop_value, firmware.home_value))
+    yield from half_cosine(control.joint.copy(), np.where(_TOOL_AXES, firmware.home_value, control.joint), _HOME_TIME_S)
     seen = []
-    for wanted in _seek(control, POSITIONING_AXES, POSITIONING_AXES, joint_names):
+    for wanted in _seek(control, _POSITIONING_AXES, _POSITIONING_AXES, joint_names):
         yield wanted
         seen.append(encoders.counts(arm.q))
     encoders.zero = mean_near_peak(np.array(seen), stop_side, encoders.rig.window)
-    register(firmware, control, np.where(POSITIONING_AXES, firmware.stop_value, control.joint))
+    register(firmware, control, np.where(_POSITIONING_AXES, firmware.stop_value, control.joint))
     yield from half_cosine(
-        control.joint.copy(), np.where(POSITIONING_AXES, firmware.home_value, control.joint), HOME_TIME
+        control.joint.copy(), np.where(_POSITIONING_AXES, firmware.home_value, control.joint), _HOME_TIME_S
     )
 
 
@@ -88,16 +88,16 @@ def _seek(control: ControlState, axes: Booleans, waited_for: Booleans, joint_nam
     wanted, seek, setpoint = control.joint.copy(), control.seek, control.setpoint
     seek[axes] = SEEKING
     t, since = 0.0, 0.0
-    while since < REGISTER_WAIT:
-        ramp = 1.0 - np.cos(2.0 * np.pi * t) if t < RAMP else 1.0
+    while since < _REGISTER_WAIT_S:
+        ramp = 1.0 - np.cos(2.0 * np.pi * t) if t < _RAMP_S else 1.0
         found = seek == FOUND
         moving = axes & ~found
-        wanted = np.where(moving, wanted + SEEK_SPEED * ramp * PERIOD, np.where(found, setpoint, wanted))
+        wanted = np.where(moving, wanted + _SEEK_SPEEDS * ramp * PERIOD, np.where(found, setpoint, wanted))
         yield wanted
         t += PERIOD
         if (found | ~waited_for).all():
             since += PERIOD
-        if t > LONGEST_SEEK:
+        if t > _MAX_SEEK_S:
             lost = [joint_names[int(j)] for j in np.flatnonzero(waited_for & ~found)]
-            raise NotReadyError(f"homing: {', '.join(lost)} met no stop in {LONGEST_SEEK:g} s")
+            raise NotReadyError(f"homing: {', '.join(lost)} met no stop in {_MAX_SEEK_S:g} s")
     seek[:] = OFF

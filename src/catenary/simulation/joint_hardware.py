@@ -83,14 +83,16 @@ def drive_parameters(model: RobotModel, hardware: JointHardware, dof: Integers, 
     )  # fmt: skip
 
 
-MOST = 2.0  # of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1
-LEAST_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links are given 1e-12 kg
+_MAX_EIGENVALUE_STEP = (
+    2.0  # of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1
+)
+_MIN_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links are given 1e-12 kg
 
 
 def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Sequence[str]) -> None:
     """Refuse joints that move no mass (nz, nz), where the arm stands, and a step [s] that is too long."""
     n, nz = len(joints.drive), len(mass)
-    bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < LEAST_INERTIA]
+    bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < _MIN_INERTIA]
     if bare:
         raise InputError(
             f"joint(s) {', '.join(bare)} move no mass: their motion is not determined; "
@@ -110,10 +112,10 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
         [[np.zeros((nz, nz)), np.eye(nz)], [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]]
     )
     fastest = float(np.abs(np.linalg.eigvals(motion)).max())
-    if fastest * step > MOST:
+    if fastest * step > _MAX_EIGENVALUE_STEP:
         raise InputError(
             f"springs or dampers act within {1e3 / fastest:.3g} ms, too stiff for steps of {1e3 * step:.3g} ms; "
-            f"take at least {math.ceil(fastest * step / MOST)} times as many substeps"
+            f"take at least {math.ceil(fastest * step / _MAX_EIGENVALUE_STEP)} times as many substeps"
         )
 
 
@@ -273,8 +275,8 @@ def solve_factored(L: Floats, b: Floats) -> None:
         b[i] = total / L[i, i]
 
 
-SWEEPS = 1000  # of projected Gauss-Seidel, at most
-SETTLED = 1e-13  # [rad/s|m/s] change in a sweep below which impulses are found
+_MAX_SWEEPS = 1000  # of projected Gauss-Seidel, at most
+_SETTLED_CHANGE = 1e-13  # [rad/s|m/s] change in a sweep below which impulses are found
 
 
 @compiled
@@ -317,7 +319,7 @@ def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, s
         response[k, k] = 1.0 / joints.inertia[k]
     rate, free = motion.rate, motion.rate.copy()
     friction_impulse, stop_impulse = np.zeros(nz), np.zeros(nz)
-    for _ in range(SWEEPS):
+    for _ in range(_MAX_SWEEPS):
         change = 0.0
         for k in range(nz):
             most = joints.friction[k] * step
@@ -331,7 +333,7 @@ def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, s
                 wanted = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
                 change = max(change, _apply(response, k, wanted - stop_impulse[k], rate))
                 stop_impulse[k] = wanted
-        if change < SETTLED:
+        if change < _SETTLED_CHANGE:
             break
     for k in range(nz):
         motion.position[k] += 0.5 * step * (rate[k] - free[k])  # a constant force over the step

@@ -153,16 +153,16 @@ def _mass_writer(mujoco: Any, model: Any, data: Any, mass: Floats) -> Any:
     return lambda: mujoco.mj_fullM(model, data, mass)
 
 
-BANDWIDTH = 200.0  # [rad/s] a steady motion lags by 2 / BANDWIDTH, 10 ms
-SLIP = 1e-4  # [rad|m] from its setpoint within which the servo lets a joint stick
+_BANDWIDTH = 200.0  # [rad/s] a steady motion lags by 2 / _BANDWIDTH, 10 ms
+_STICTION_BAND = 1e-4  # [rad|m] from its setpoint within which the servo lets a joint stick
 
 
 def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, wanted: Floats) -> Floats:
     """Return the torques (n,) [Nm|N] of an ideal position servo: computed torque on what the motors move.
 
-    a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the BANDWIDTH and friction fed
-    forward as F clip(error / SLIP, -1, 1): within SLIP of where it should be, a joint may stick. The motion is as a
-    step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
+    a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the _BANDWIDTH and friction fed
+    forward as F clip(error / _STICTION_BAND, -1, 1): within it of where it should be, a joint may stick. The motion is
+    as a step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
     """
     n, dof, drive, elastic = len(joints.drive), joints.dof, joints.drive, joints.elastic
     position, rate = motion.start, motion.start_rate
@@ -172,14 +172,14 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     pull += joints.spring_damping * (rate[n:] - rate[elastic])
     error = wanted - position[drive]
     a = np.zeros(len(position))
-    a[drive] = BANDWIDTH * (BANDWIDTH * error - 2.0 * rate[drive])
+    a[drive] = _BANDWIDTH * (_BANDWIDTH * error - 2.0 * rate[drive])
     # what hangs on springs accelerates as it must, and loads the rigid joints: M_ee a_e = pull - h_e - M_er a_r
     load = pull - bias[elastic] - mass[elastic] @ a[:n]
     a[elastic] = np.linalg.solve(mass[np.ix_(elastic, elastic)], load)
     torque: Floats = bias + mass @ a[:n]
     torque[elastic] = joints.inertia[n:] * a[n:] + pull
     torque += joints.damping[drive] * rate[drive]
-    torque += joints.friction[drive] * np.clip(error / SLIP, -1.0, 1.0)
+    torque += joints.friction[drive] * np.clip(error / _STICTION_BAND, -1.0, 1.0)
     return torque
 
 

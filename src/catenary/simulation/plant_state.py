@@ -14,9 +14,9 @@ from catenary.files import written_whole
 from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.records import Record
 
-FORMAT = "catenary.cable_plant.1"
-LARGEST = 1e10  # of counts, random numbers, radians, metres, newtons and newton metres in an arm
-UNSAVED = "gravity_torque"  # of the firmware: zero while disabled
+STATE_FORMAT = "catenary.cable_plant.1"
+_MAX_MAGNITUDE = 1e10  # of counts, random numbers, radians, metres, newtons and newton metres in an arm
+_UNSAVED_FIELD = "gravity_torque"  # of the firmware: zero while disabled
 AnyArm = FirmwarePlant[Any]
 
 
@@ -61,7 +61,7 @@ def _saved(plant: AnyArm) -> list[tuple[str, Record, str]]:
         (f"{part}.{name}", record, name)
         for part, record in records.items()
         for name in record.fields
-        if name != UNSAVED
+        if name != _UNSAVED_FIELD
     ]
 
 
@@ -77,14 +77,14 @@ def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
     """Return values of the shape of those of now, NaN only where these are, no larger than anything in an arm."""
     if values.dtype.kind not in "biuf" or values.shape != np.shape(now):
         raise ValueError(f"{name}: {values.dtype} of shape {values.shape}, expected numbers of {np.shape(now)}")
-    is_right = np.abs(values) < LARGEST
+    is_right = np.abs(values) < _MAX_MAGNITUDE
     if np.asarray(now).dtype.kind == "f":
         is_right |= np.isnan(values) & np.isnan(now)
     if not is_right.all():
-        raise ValueError(f"{name}: {cut(str(values))}, expected numbers below {LARGEST:g}")
+        raise ValueError(f"{name}: {cut(str(values))}, expected numbers below {_MAX_MAGNITUDE:g}")
     return values
 
 
 def _robot(plant: AnyArm) -> dict[str, object]:
     """Return everything that makes an arm another one, or makes it stand elsewhere."""
-    return {"format": FORMAT, **plant.identity, "base": repr(plant.base)}
+    return {"format": STATE_FORMAT, **plant.identity, "base": repr(plant.base)}

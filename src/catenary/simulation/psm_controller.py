@@ -140,7 +140,7 @@ def unstretched_motors(drive: PsmDrive, q: Floats) -> Floats:
     return unstretched_rotors(drive, q, winding)
 
 
-TURN = 2.0 * math.pi
+_FULL_TURN = 2.0 * math.pi
 
 
 class PsmControlState(AxisControl):
@@ -164,8 +164,8 @@ def read_psm_encoders(controller: PsmController, arm: PsmState, control: PsmCont
     """Read the encoders and derive motor and joint positions and velocities."""
     actuator, velocity = np.empty(AXES), np.empty(AXES)
     for j in range(7):
-        control.counts[j] = math.floor(arm.rotor[j] / TURN * controller.counts[j])
-        motor = (control.counts[j] - control.offset[j]) / controller.counts[j] * TURN
+        control.counts[j] = math.floor(arm.rotor[j] / _FULL_TURN * controller.counts[j])
+        motor = (control.counts[j] - control.offset[j]) / controller.counts[j] * _FULL_TURN
         control.motor_velocity[j] = (motor - control.motor[j]) / PERIOD
         control.motor[j] = motor
         actuator[j] = motor / controller.ratio[j]
@@ -227,8 +227,8 @@ def register_psm(controller: PsmController, control: PsmControlState, drive: Psm
     """Write encoder offsets from what the potentiometers say of the actuators: true but for `registration`."""
     actuator = rotor / (drive.ratio * (1.0 + drive.ratio_error)) + controller.registration
     motor = actuator * controller.ratio
-    control.offset = np.trunc(control.counts - motor * controller.counts / TURN)
-    control.motor = (control.counts - control.offset) * TURN / controller.counts
+    control.offset = np.trunc(control.counts - motor * controller.counts / _FULL_TURN)
+    control.motor = (control.counts - control.offset) * _FULL_TURN / controller.counts
     through(control.motor / controller.ratio, controller.joints, control.joint, False)
     control.setpoint = control.joint
 

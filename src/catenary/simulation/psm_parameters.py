@@ -15,9 +15,9 @@ from catenary.simulation.cable_parameters import AxisFirmware, CableDrive, Entry
 from catenary.simulation.records import AXES, POSITIONING, SIZES, PerAxis, PerTool, Record
 
 ARM_JOINTS = AXES - 1  # all but the jaw
-LINKS = 8  # that turn or slide, of the parallelogram and the insertion
+_LINKS = 8  # that turn or slide, of the parallelogram and the insertion
 # seven joints behind cables, in place of a RAVEN-II's three
-PSM_SIZES = {**SIZES, "joint": AXES, "link": LINKS, "node": LINKS + 1}
+PSM_SIZES = {**SIZES, "joint": AXES, "link": _LINKS, "node": _LINKS + 1}
 
 _PerArmJoint = Annotated[Floats, "f8", (ARM_JOINTS,)]
 _ToolMatrix = Annotated[Floats, "f8", ("tool", "tool")]
@@ -95,7 +95,7 @@ class PsmArm(NamedTuple):
     controller: PsmController
     tracker: Tracker
     links: Tree  # of robot dvrk_psm_motors, in its own coordinates, with masses
-    coupling: Floats  # (LINKS, 3) the links' coordinates per yaw, pitch, insertion
+    coupling: Floats  # (_LINKS, 3) the links' coordinates per yaw, pitch, insertion
     file: PsmFile
 
     def loaded_model(self) -> RobotModel:

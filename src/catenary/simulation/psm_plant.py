@@ -11,7 +11,7 @@ from catenary.plant import Column
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, MovingBase
-from catenary.simulation.firmware_plant import OF_AXES, FirmwarePlant, columns_of, half_cosine
+from catenary.simulation.firmware_plant import AXIS_FIELDS, FirmwarePlant, columns_of, half_cosine
 from catenary.simulation.psm_controller import (
     PsmControlState,
     PsmLog,
@@ -26,17 +26,17 @@ from catenary.simulation.psm_parameters import ARM_JOINTS, PsmArm, load_psm, var
 from catenary.simulation.records import AXES, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 
-PSM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
-POWER_WAIT = 0.5  # [s] until the amplifiers hold the arm
-NOISE_ROWS = 8191  # of the tracker, after which they come again
-HOME_TIME = 3.0  # [s] of the half cosine to the home position
+_PSM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
+_POWER_WAIT_S = 0.5  # [s] until the amplifiers hold the arm
+_NOISE_ROWS = 8191  # of the tracker, after which they come again
+_HOME_TIME_S = 3.0  # [s] of the half cosine to the home position
 # between which an arm stands at power-on [rad, rad, m, rad...]
-STARTS = (
+_START_ENDS = (
     np.array([*np.deg2rad([-20.0, -20.0]), 0.06, *np.deg2rad([-30.0, -10.0, -10.0, 0.0])]),
     np.array([*np.deg2rad([20.0, 20.0]), 0.18, *np.deg2rad([30.0, 10.0, 10.0, 10.0])]),
 )
-REPORTED = {  # name in telemetry: field of the controller's state, unit
-    **OF_AXES,
+_REPORTED_FIELDS = {  # name in telemetry: field of the controller's state, unit
+    **AXIS_FIELDS,
     "effort": ("torque", "Nm|N"),
     "current": ("current", "A"),
 }
@@ -47,9 +47,9 @@ class PsmPlant(FirmwarePlant[PsmLog]):
     """One PSM with its instrument. Shafts are held while it is not enabled; the real one is balanced instead."""
 
     joint_names = (*PSM_JOINTS, "jaw")
-    joint_units = PSM_UNITS
-    reported = REPORTED
-    columns = columns_of(REPORTED, Column("ext_jpos", "rad|m", ARM_JOINTS), Column("q_true", "rad|m", AXES))
+    joint_units = _PSM_UNITS
+    reported = _REPORTED_FIELDS
+    columns = columns_of(_REPORTED_FIELDS, Column("ext_jpos", "rad|m", ARM_JOINTS), Column("q_true", "rad|m", AXES))
     log = PsmLog
     state: PsmState
     stops_when = "the controller stopped at {time}: a joint was farther from its setpoint than the PID tolerates"
@@ -75,7 +75,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         self.state = PsmState()
         self.control = PsmControlState(braked=True, guarded=True)
         self._work = PsmWork()
-        self._noise = np.random.default_rng([0 if seed is None else seed, 1]).normal(size=(NOISE_ROWS, ARM_JOINTS))
+        self._noise = np.random.default_rng([0 if seed is None else seed, 1]).normal(size=(_NOISE_ROWS, ARM_JOINTS))
         self._power_on(rng, start)
 
     def telemetry(self) -> Mapping[str, Floats]:
@@ -92,7 +92,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         Its noise depends on the tick alone, whoever asks and how often.
         """
         tracker = self.arm.tracker
-        noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % NOISE_ROWS]
+        noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % _NOISE_ROWS]
         return np.asarray(np.round(noisy / tracker.resolution) * tracker.resolution)
 
     @property
@@ -116,13 +116,13 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         control.guarded = False  # it may stand beyond the joint limits
         control.mode[:] = POSITION
         start = control.joint.copy()
-        for _ in range(round(POWER_WAIT / PERIOD)):
+        for _ in range(round(_POWER_WAIT_S / PERIOD)):
             yield start
-        yield from half_cosine(start, home, HOME_TIME)
+        yield from half_cosine(start, home, _HOME_TIME_S)
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
         state = self.state
-        state.q = rng.uniform(*STARTS) if start is None else as_array("start", start, (AXES,))
+        state.q = rng.uniform(*_START_ENDS) if start is None else as_array("start", start, (AXES,))
         state.rotor = unstretched_motors(self.drive, state.q)
         self._wake_encoders(rng, 2e4, lambda: read_psm_encoders(self.firmware, state, self.control))
 

@@ -17,7 +17,7 @@ from catenary.spatial import STANDARD_GRAVITY, cross, rotation_about_x, rotation
 _G = 9.80665  # [m/s2] of a datasheet
 # of a sensor that came loose: no order of axes explains it
 _KNOCKED = rotation_about_z(0.5) @ rotation_about_x(0.4)
-SPIKE_EVERY = 10  # samples
+_SPIKE_SAMPLES = 10  # samples
 Sample = tuple[float, Floats]  # stamp [s], vector (3,)
 # what a fault makes of a sample: (stamp, vector, the sample sent before, end of the range); None when it is lost
 _EFFECTS: dict[str, Callable[[float, Floats, Sample, float], Sample | None]] = {
@@ -60,7 +60,7 @@ class InjectedFault:
         """Return whether sample `number` of a kind, taken at `stamp` [s], is wrong."""
         of_both = self.kind == "drop_out" or self.kind.startswith("stamp_")
         concerned = of_both or self.kind.startswith("rates_") is (kind is Kind.ANGULAR_RATE)
-        skipped = self.kind == "spikes" and number % SPIKE_EVERY != 0
+        skipped = self.kind == "spikes" and number % _SPIKE_SAMPLES != 0
         return concerned and not skipped and self.start <= stamp < self.start + self.duration
 
 

@@ -24,10 +24,10 @@ from catenary.spatial import Pose
 from catenary.trajectories.reference import SampledTrajectory
 from catenary.trajectories.smoothed_path import SmoothedPath
 
-AMPLITUDE = 3.1 * 0.0254  # [m] dynamic-gravity-compensation paper, section IV
-PERIOD = 4.0  # [s] the same
+AMPLITUDE_M = 3.1 * 0.0254  # [m] dynamic-gravity-compensation paper, section IV
+_PERIOD_S = 4.0  # [s] the same
 CYCLES = 2  # the same
-RAMP = 0.25  # of the period, ours
+_RAMP_PERIODS = 0.25  # of the period, ours
 
 # Where a model states no velocity limit: near a singularity joints would have to move faster than any robot
 _FASTEST = {"rad": 10.0, "m": 1.0}  # [rad/s], [m/s], ours
@@ -46,8 +46,8 @@ class CartesianSinusoids(SampledTrajectory):
         model: RobotModel,
         q_start: ArrayLike,
         *,
-        amplitude: float = AMPLITUDE,
-        period: float = PERIOD,
+        amplitude: float = AMPLITUDE_M,
+        period: float = _PERIOD_S,
         cycles: int = CYCLES,
         axes: Sequence[str] = ("x", "y", "z"),
         step: float = 0.01,
@@ -66,7 +66,7 @@ class CartesianSinusoids(SampledTrajectory):
         if not axes or any(axis not in ("x", "y", "z") for axis in axes):
             raise InputError(f"axes: expected some of x, y, z, got {list(axes)}")
         self.axes = tuple(axes)
-        self._phases = _phases(len(self.axes), seconds, cycles, RAMP * seconds)
+        self._phases = _phases(len(self.axes), seconds, cycles, _RAMP_PERIODS * seconds)
         self.duration = self._phases.duration
         self._swing = swing * np.array([[name == axis for name in "xyz"] for axis in self.axes], float)
         self._start = forward_kinematics(model, start)

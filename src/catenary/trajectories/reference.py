@@ -52,7 +52,7 @@ class SampledTrajectory(ABC):
         """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
 
 
-LEAD = 1.0  # [s] from rest to a motion's own pace
+_LEAD_S = 1.0  # [s] from rest to a motion's own pace
 
 
 class GoneOn(SampledTrajectory):
@@ -66,7 +66,7 @@ class GoneOn(SampledTrajectory):
         if not 0.0 <= begin <= motion.duration:
             raise InputError(f"begin: expected 0 to {motion.duration:g} s, got {begin:g}")
         self._motion, self.begin = motion, begin
-        self.lead = min(LEAD, 2.0 * begin)  # [s] until it is at `begin`
+        self.lead = min(_LEAD_S, 2.0 * begin)  # [s] until it is at `begin`
         self.duration = self.lead + motion.duration - begin
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:

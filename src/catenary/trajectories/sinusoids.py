@@ -14,11 +14,11 @@ from catenary.errors import InputError
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 
-TURNING_BAND = frozen(np.array([np.deg2rad(5.0), np.deg2rad(10.0), 0.02]))  # [rad, rad, m]
-SLOWEST = frozen(np.array([np.deg2rad(1.1), np.deg2rad(1.5), 0.0025]))  # [rad/s, rad/s, m/s]
-FASTEST = frozen(np.array([np.deg2rad(3.0), np.deg2rad(4.0), 0.007]))
-LONGEST = 1e8  # [s], three years: longer is a wrong unit, and its swings fill the memory
-TURN_TIME = 1.0  # [s], ours: the paper says that joints slow down, not how
+_TURNING_BANDS = frozen(np.array([np.deg2rad(5.0), np.deg2rad(10.0), 0.02]))  # [rad, rad, m]
+SLOWEST_SPEEDS = frozen(np.array([np.deg2rad(1.1), np.deg2rad(1.5), 0.0025]))  # [rad/s, rad/s, m/s]
+FASTEST_SPEEDS = frozen(np.array([np.deg2rad(3.0), np.deg2rad(4.0), 0.007]))
+_MAX_TIME_S = 1e8  # [s], three years: longer is a wrong unit, and its swings fill the memory
+TURN_TIME_S = 1.0  # [s], ours: the paper says that joints slow down, not how
 
 
 def random_sinusoids(
@@ -27,10 +27,10 @@ def random_sinusoids(
     *,
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
-    turning_band: ArrayLike = TURNING_BAND,
-    slowest: ArrayLike = SLOWEST,
-    fastest: ArrayLike = FASTEST,
-    turn_time: float = TURN_TIME,
+    turning_band: ArrayLike = _TURNING_BANDS,
+    slowest: ArrayLike = SLOWEST_SPEEDS,
+    fastest: ArrayLike = FASTEST_SPEEDS,
+    turn_time: float = TURN_TIME_S,
 ) -> SmoothedPath:
     """Return an independent random motion of each joint, turning near the ends of its range.
 
@@ -39,7 +39,7 @@ def random_sinusoids(
     Its last swing ends early, so that all joints come to rest at `duration`.
 
     Args:
-        duration: [s], from twice `turn_time` [s], positive, to LONGEST.
+        duration: [s], from twice `turn_time` [s], positive, to _MAX_TIME_S.
         lower: (n,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default; upper:
             likewise.
         turning_band: (n,) how far from the ends a joint may turn [rad or m]; 0 to half of its range.
@@ -58,8 +58,8 @@ def random_sinusoids(
         raise InputError(f"turning_band: expected 0 to less than half of {high - low}, got {band}")
     if not ((0.0 < slow) & (slow <= fast)).all():
         raise InputError(f"slowest, fastest: expected 0 < slowest <= fastest, got {slow} and {fast}")
-    if not 2.0 * turn <= total <= LONGEST:
-        raise InputError(f"duration: expected two turn times, {2.0 * turn:g} s, to {LONGEST:g} s, got {total:g}")
+    if not 2.0 * turn <= total <= _MAX_TIME_S:
+        raise InputError(f"duration: expected two turn times, {2.0 * turn:g} s, to {_MAX_TIME_S:g} s, got {total:g}")
     return SmoothedPath([_swings(rng, total, (low[j], high[j]), band[j], (slow[j], fast[j]), turn) for j in range(n)])
 
 

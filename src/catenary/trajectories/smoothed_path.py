@@ -25,8 +25,8 @@ from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.trajectories.reference import SampledTrajectory
 
-PEAK = 1.5  # largest value of w: acceleration / (velocity change / blend)
-BLEND = 0.5  # [s] of waypoints
+_PEAK_WEIGHT = 1.5  # largest value of w: acceleration / (velocity change / blend)
+_BLEND_S = 0.5  # [s] of waypoints
 
 
 class BrokenLine(NamedTuple):
@@ -155,8 +155,8 @@ def go_to(
     # as one coordinate from 0 to 1, bounded by the joint that needs the most time
     v, a = (float((bound[moving] / way[moving]).min()) for bound in (velocity, acceleration))
     # at this speed or below, the line takes at least a blend: only then does the motion reach its speed
-    speed = min(v, np.sqrt(a / PEAK))
-    time, blend = 1.0 / speed, min(PEAK * speed / a, 1.0 / speed)
+    speed = min(v, np.sqrt(a / _PEAK_WEIGHT))
+    time, blend = 1.0 / speed, min(_PEAK_WEIGHT * speed / a, 1.0 / speed)
     return SmoothedPath(
         [
             BrokenLine([0.0, time], [start[j], goal[j]], blend) if moving[j] else BrokenLine([0.0], [start[j]], 1.0)
@@ -169,9 +169,9 @@ def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:
     """Return a motion along rows of joint positions, the joint that has farthest to go moving at its speed.
 
     It passes near the rows, not through them: its velocity is that of the straight way from row to row,
-    averaged over `BLEND` seconds; `corner_distance` says how near. No joint moves faster than its `speed` (n,)
-    [rad/s or m/s], nor accelerates by more than 3 speed / BLEND. Of the points (N, n) [rad or m] those equal to the one
-    before are left out.
+    averaged over `_BLEND_S` seconds; `corner_distance` says how near. No joint moves faster than its `speed` (n,)
+    [rad/s or m/s], nor accelerates by more than 3 speed / _BLEND_S. Of the points (N, n) [rad or m] those
+    equal to the one before are left out.
     """
     rows = as_array("points", points, (None, None))
     if len(rows) == 0 or rows.shape[1] == 0:
@@ -179,4 +179,4 @@ def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:
     fastest = as_positive("speed", speed, (rows.shape[1],))
     rows = rows[np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))]
     steps = (np.abs(np.diff(rows, axis=0)) / fastest).max(axis=1, initial=0.0)
-    return SmoothedPath.through(np.append(0.0, np.cumsum(steps)), rows, BLEND)
+    return SmoothedPath.through(np.append(0.0, np.cumsum(steps)), rows, _BLEND_S)

@@ -33,15 +33,15 @@ DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
 # of J1-J2-J3: generator, the newest, swept along all three joints, joint 3 least; files, the published CSVs, along all
 # three; paper, its equation 3, along joints 1 and 3, while joint 2 moves between sweeps only
 Form = Literal["generator", "files", "paper"]
-FORMS: tuple[Form, ...] = get_args(Form)
+_FORMS: tuple[Form, ...] = get_args(Form)
 
 # the RAVEN-II's calibration box: limits of joints 1 to 3 in the published trajectories [rad, rad, m]
 CALIBRATION_LOWER = frozen(np.array([np.deg2rad(20.0), np.deg2rad(55.0), 0.33]))
 CALIBRATION_UPPER = frozen(np.array([np.deg2rad(60.0), np.deg2rad(110.0), 0.42]))
 
 ROWS_PER_SECOND = 64.3  # 65,164 rows of J2-J3 at 1/2 + 1/3 + 1/4 take the paper's 1013 s
-BLEND = 0.5  # [s], ours: the paper asks for smooth velocity and states no number
-LEAST_SPARSITY = 0.01  # eleven million rows
+CORNER_BLEND_S = 0.5  # [s], ours: the paper asks for smooth velocity and states no number
+MIN_SPARSITY = 0.01  # eleven million rows
 
 _STEP = 0.001  # of the unit cube, from row to row
 _END = 1.05  # of z: beyond it the path stops, wherever it is
@@ -92,7 +92,7 @@ def zigzag(
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
     rows_per_second: float = ROWS_PER_SECOND,
-    blend: float = BLEND,
+    blend: float = CORNER_BLEND_S,
 ) -> SmoothedPath:
     """Return zig-zag paths one after the other, with continuous position, velocity and acceleration.
 
@@ -135,8 +135,8 @@ def check_direction(direction: str, form: str = "generator") -> None:
     """Refuse a direction that does not exist, or a form that it does not have."""
     if direction not in DIRECTIONS:
         raise InputError(f"direction: expected one of {', '.join(DIRECTIONS)}, got {direction!r}")
-    if form not in FORMS:
-        raise InputError(f"form of J1-J2-J3: expected one of {', '.join(FORMS)}, got {form!r}")
+    if form not in _FORMS:
+        raise InputError(f"form of J1-J2-J3: expected one of {', '.join(_FORMS)}, got {form!r}")
     if form != "generator" and direction != "J1-J2-J3":
         raise InputError(f"direction {direction} has one form, generator; got {form!r}, a form of J1-J2-J3")
 
@@ -162,8 +162,8 @@ def _unit_moves(sparsity: float) -> NDArray[np.int64]:
     0.001 is added up in floating point, as the published generator does: it decides the number of rows.
     """
     s = float(as_array("sparsity", sparsity, ()))
-    if not LEAST_SPARSITY <= s <= 1.0:
-        raise InputError(f"sparsity: expected {LEAST_SPARSITY} to 1, got {s}")
+    if not MIN_SPARSITY <= s <= 1.0:
+        raise InputError(f"sparsity: expected {MIN_SPARSITY} to 1, got {s}")
     sums = np.cumsum(np.append(0.0, np.full(3000, _STEP)))
     sweep, aside = (int(np.argmax(sums >= way)) for way in (1.0, s))
     rows_of_sweeps = int(np.argmax(sums[::aside] >= 1.0))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.plant import UNUSED, MotionLog
+from catenary.plant import UNUSED_CHANNEL, MotionLog
 from catenary.raven2.topics import ARM_OF_SIDE, JOINTS, RAVENSTATE, UNITS, further_columns
 from catenary.simulation.cable_plant import CablePlant, as_reported, of_both_arms
 from catenary.simulation.firmware import joint_torques
@@ -79,7 +79,7 @@ def record_simulated(
         tau=tau[:, :CALIBRATED],
         signals={f"q:{tool}": q[:, CALIBRATED + t] for t, tool in enumerate(tools)}
         | {f"tau:{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)}
-        | {f"q:{UNUSED}": nothing, f"tau:{UNUSED}": nothing}
+        | {f"q:{UNUSED_CHANNEL}": nothing, f"tau:{UNUSED_CHANNEL}": nothing}
         | {name: np.concatenate([part[name] for part in further]) for name in units},
         signal_units={f"q:{tool}": "rad" for tool in tools} | {f"tau:{tool}": "Nm" for tool in tools} | units,
         robot=plant.arm.name,

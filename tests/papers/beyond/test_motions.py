@@ -12,7 +12,7 @@ from catenary.plant import AT_REST
 from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.trajectories.sinusoids import FASTEST, SLOWEST
+from catenary.trajectories.sinusoids import FASTEST_SPEEDS, SLOWEST_SPEEDS
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.gravity.simulated_arm import rigid_arm
 from papers.beyond.calibration_and_gravity import CalibratedGravity
@@ -34,7 +34,7 @@ def sampled(path) -> np.ndarray:
 
 def test_a_designed_motion_crosses_the_range_as_often_as_told_and_as_random_motion_does() -> None:
     q = sampled(designed(SECONDS))
-    counts = crossings(SECONDS, WIDTH, (SLOWEST + FASTEST) / 2.0)
+    counts = crossings(SECONDS, WIDTH, (SLOWEST_SPEEDS + FASTEST_SPEEDS) / 2.0)
     assert [reversals(column) + 1 for column in q.T] == counts
     assert all(gcd(a, b) == 1 for k, a in enumerate(counts) for b in counts[:k])
     drawn = sampled(random_sinusoids(np.random.default_rng(0), SECONDS))

@@ -14,7 +14,7 @@ from catenary.dvrk_psm import PSM as ROBOT
 from catenary.dvrk_psm import PSM_JOINTS, psm_topics
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
-from catenary.raven2.topics import AXES, EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
+from catenary.raven2.topics import _GOLD_MEASURED_JS, AXES, EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
 from catenary.recording.import_formats.importer import Synchronisation
 from catenary.recording.import_formats.known_layouts import read_commands, read_psm, read_raven
 from catenary.recording.journal import About, JournalTopic, JournalWriter
@@ -282,7 +282,7 @@ def test_a_robots_clock_that_is_set_costs_no_row_and_no_order(tmp_path: Path, by
     """The clock of state and encoder, by seconds, in the middle; arrivals are by a clock that nobody sets."""
     columns = raven_recording.telemetry(STATE_TIME, np.random.default_rng(0))
     rig = {"ext_jpos": raven_recording.encoder(RIG_TIME)}
-    streams = [(topic, STATE_TIME, columns) for topic in (RAVENSTATE, GOLD_MEASURED_JS)]
+    streams = [(topic, STATE_TIME, columns) for topic in (RAVENSTATE, _GOLD_MEASURED_JS)]
     streams.append((EXT_JPOS, RIG_TIME, rig))
     with JournalWriter(tmp_path / "r", [JournalTopic(t.name, t.type) for t, *_ in streams]) as journal:
         for topic, time, content in streams:
@@ -299,7 +299,7 @@ def test_a_robots_clock_that_is_set_costs_no_row_and_no_order(tmp_path: Path, by
 def test_a_state_at_100_hz_is_found_and_two_are_one_too_many(tmp_path: Path) -> None:
     raven_recording.record(tmp_path / "r", 2.0, topics=raven_topics(state_rate=100.0))
     assert len(read_raven([tmp_path / "r"]).log) > 180
-    raven_recording.record(tmp_path / "s", 2.0, topics=(RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS, GOLD_MEASURED_JS))
+    raven_recording.record(tmp_path / "s", 2.0, topics=(RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS, _GOLD_MEASURED_JS))
     with pytest.raises(FileFormatError, match="expected one"):
         read_raven([tmp_path / "s"])
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.archives import MOST, MOST_ARRAYS, RATIO
+from catenary.archives import MAX_ARRAYS, MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO
 from catenary.documents import DEEPEST, MOST_JSON, cut, json_table, read_bounded, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, arrays_of, listed, natural
@@ -54,7 +54,7 @@ class _Content:
     def __init__(self, path: Path, file: "h5py.File") -> None:
         self._path, self._file, self._left = path, file, list[str]()
         self._nodes, self._seen = 0, set[int]()
-        self._most = max(MOST, RATIO * path.stat().st_size)  # [B] that are still read
+        self._most = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size)  # [B] that are still read
         self._found: dict[str, h5py.Dataset] = {}
         self._units: dict[str, list[str]] = {}
         self._walk(file)
@@ -111,8 +111,8 @@ class _Content:
                 self._found[path] = node
 
     def _arrays(self, paths: Mapping[str, str]) -> dict[str, NDArray[Any]]:
-        if len(paths) > MOST_ARRAYS:
-            raise FileFormatError(f"{self._path}: {len(paths)} arrays, expected {MOST_ARRAYS} at most")
+        if len(paths) > MAX_ARRAYS:
+            raise FileFormatError(f"{self._path}: {len(paths)} arrays, expected {MAX_ARRAYS} at most")
         read = {name: self._array(path, self._found[path]) for name, path in paths.items()}
         join = "." if self._is_matlab else "/"
         there = {name.replace("/", join): name for name, array in read.items() if array is not None}

@@ -23,7 +23,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
+from catenary.archives import MAX_ARRAYS, MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO, read_array, read_arrays
 from catenary.arrays import Floats
 from catenary.documents import cut, reading
 from catenary.errors import FileFormatError, InputError
@@ -89,7 +89,7 @@ def unpacked(path: Path) -> list[Stream]:
     """Read a table that gzip packed, as .csv.gz, within the bounds of any packed file."""
     if format_named(Path(path.stem)).holds != "columns":
         raise FileFormatError(f"{path}: is packed, and no table; `gzip -d {path.name}` unpacks it")
-    most = max(MOST, RATIO * path.stat().st_size)
+    most = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size)
     with TemporaryDirectory() as folder:
         plain = Path(folder) / path.stem
         try:
@@ -231,7 +231,7 @@ def read_matlab(path: Path) -> list[Stream]:
     with reading(path, "a MATLAB file", (Exception,)):  # scipy raises of any kind over bytes that are no such file
         data = path.read_bytes()
         for _, shape, _ in whosmat(path):  # scipy makes room for as many cells as the file states
-            if 8 * prod(shape) > max(MOST, RATIO * len(data)):
+            if 8 * prod(shape) > max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * len(data)):
                 raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
         content = loadmat(path, simplify_cells=True, verify_compressed_data_integrity=True)
     arrays: dict[str, NDArray[Any]] = {}
@@ -244,7 +244,7 @@ def _collect(content: dict[str, Any], prefix: str, arrays: dict[str, NDArray[Any
         if isinstance(value, dict) and depth < DEEPEST:
             _collect(value, f"{prefix}{key}.", arrays, depth + 1)
             continue
-        if len(arrays) < MOST_ARRAYS:
+        if len(arrays) < MAX_ARRAYS:
             arrays[prefix + key] = np.asarray(value)
 
 

@@ -16,7 +16,7 @@ from pydantic import AfterValidator
 from catenary.arrays import Integers
 from catenary.documents import cut
 from catenary.errors import InputError
-from catenary.plant import FIRST_DATE
+from catenary.plant import FIRST_DATE_S
 from catenary.recording.import_formats.columns import Stream, places_of
 from catenary.topics import SECOND
 
@@ -281,7 +281,7 @@ def _stamps(values: NDArray[np.generic], unit: str, clocks: Sequence[_Clock]) ->
     if lost.all():
         return stamp, ""
     first = values[~lost][0].item()
-    if len(clocks) != 1 and abs(first / count) >= FIRST_DATE:
+    if len(clocks) != 1 and abs(first / count) >= FIRST_DATE_S:
         zero = -(int(first / count) // _UNDATED * _UNDATED)
     begin, size = round((Fraction(first) / count + zero) * SECOND), SECOND / count
     ahead = values[~lost] - values[~lost][0]

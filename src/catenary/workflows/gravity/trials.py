@@ -20,7 +20,7 @@ from catenary.control.pd import Controller, SplitController
 from catenary.errors import InputError
 from catenary.plant import Bounded, JointState
 from catenary.robots.model import RobotModel
-from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
+from catenary.trajectories.cartesian import AMPLITUDE_M, CartesianSinusoids
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
 from catenary.workflows.robot.motion import check_motion, gentle_way, random_within, range_of
@@ -50,7 +50,7 @@ def make_motion(
     rng: np.random.Generator,
     *,
     q_start: ArrayLike | None = None,
-    amplitude: float = AMPLITUDE,
+    amplitude: float = AMPLITUDE_M,
     axes: Sequence[str] = ("x", "y", "z"),
     seconds: float = 20.0,
 ) -> Motion:

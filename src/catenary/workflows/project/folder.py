@@ -27,8 +27,8 @@ from catenary.dvrk_psm import psm_topic
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sha256_of, sweep_partial, write_atomically
 from catenary.raven2.topics import further_columns
-from catenary.trajectories.sinusoids import TURN_TIME
-from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
+from catenary.trajectories.sinusoids import TURN_TIME_S
+from catenary.trajectories.zigzag import DIRECTIONS, MIN_SPARSITY, check_direction
 
 LOCK = ".lock"
 _MAX_HOLDER_BYTES = 10_000  # of what the lock's file says
@@ -187,7 +187,7 @@ def _files(output: Path) -> Iterator[Path]:
 SETTINGS, STEPS = "settings.json", "steps.json"
 _ROBOTS = ("raven2", "dvrk_psm")
 _CONNECTIONS = ("simulation", "ros1", "ros2")
-_MIN_MOTION_MIN = 2.0 * TURN_TIME / 60.0  # of any random motion
+_MIN_MOTION_MIN = 2.0 * TURN_TIME_S / 60.0  # of any random motion
 _MAX_MOTION_MIN = 48.0 * 60.0
 
 
@@ -216,7 +216,7 @@ class ProjectSettings:
         """Refuse settings that no robot or motion can have, before anything is written or moves."""
         tilt, sparsities = self.base_tilt_deg, self.sparsities
         level = len(tilt) == 2 and all(abs(angle) <= 180.0 for angle in tilt)
-        sparse = len(sparsities) > 0 and all(LEAST_SPARSITY <= s <= 1.0 for s in sparsities)
+        sparse = len(sparsities) > 0 and all(MIN_SPARSITY <= s <= 1.0 for s in sparsities)
         long = _MIN_MOTION_MIN <= self.test_minutes <= _MAX_MOTION_MIN
         training = _MIN_MOTION_MIN <= self.train_minutes <= _MAX_MOTION_MIN
         minutes = f"{_MIN_MOTION_MIN:.3g} to {_MAX_MOTION_MIN:g} min"
@@ -229,7 +229,7 @@ class ProjectSettings:
                 ("base tilt", level, "roll and pitch of at most 180 deg", tilt),
                 ("payload", 0.0 <= self.payload_kg < math.inf, "zero or more kg", self.payload_kg),
                 ("direction", self.direction in DIRECTIONS, ", ".join(DIRECTIONS), self.direction),
-                ("sparsity", sparse, f"numbers from {LEAST_SPARSITY} to 1", sparsities),
+                ("sparsity", sparse, f"numbers from {MIN_SPARSITY} to 1", sparsities),
                 ("test motion", long, minutes, self.test_minutes),
                 ("training motion", training, minutes, self.train_minutes),
                 ("connection", self.connection in _CONNECTIONS, ", ".join(_CONNECTIONS), self.connection),

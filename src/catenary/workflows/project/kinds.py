@@ -24,7 +24,7 @@ from catenary.simulation.psm_parameters import load_psm
 from catenary.simulation.psm_plant import PSM_COLUMNS, psm_telemetry
 from catenary.topics import Topic
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.sinusoids import FASTEST, TURN_TIME, random_sinusoids
+from catenary.trajectories.sinusoids import FASTEST_SPEEDS, TURN_TIME_S, random_sinusoids
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, zigzag
 from catenary.workflows.project.folder import ProjectSettings
 
@@ -82,7 +82,7 @@ def kind_of(settings: ProjectSettings) -> ProjectKind:
 def _full_reversals(lower: Floats, upper: Floats, fastest: Floats) -> Motion:
     """Return a motion in which each joint sweeps its whole range, as often as a refresh asks, at speeds of its own."""
     slowest = 0.85 * fastest  # so that joints fall out of step
-    seconds = (MIN_SWEEPS - 0.5) * (TURN_TIME + float(np.max((upper - lower) / slowest)))
+    seconds = (MIN_SWEEPS - 0.5) * (TURN_TIME_S + float(np.max((upper - lower) / slowest)))
     motion = random_sinusoids(
         np.random.default_rng(0), seconds, lower=lower, upper=upper,
         turning_band=np.zeros_like(lower), slowest=slowest, fastest=fastest,
@@ -126,7 +126,7 @@ def _raven(settings: ProjectSettings) -> ProjectKind:
             random_sinusoids(np.random.default_rng(seed), seconds),
             {"random": seconds, "rng": list(seed)},
         ),
-        refresh_motion=lambda: _full_reversals(CALIBRATION_LOWER, CALIBRATION_UPPER, FASTEST),
+        refresh_motion=lambda: _full_reversals(CALIBRATION_LOWER, CALIBRATION_UPPER, FASTEST_SPEEDS),
         synchronise=lambda folder: read_raven([folder], arm=arm, columns=settings.columns),
     )
 

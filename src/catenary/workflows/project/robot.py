@@ -29,7 +29,7 @@ from catenary.recording.journal import About, LeftOff
 from catenary.recording.recorder import Recorder
 from catenary.side_by_side import Progress, silent
 from catenary.simulation.firmware_plant import FirmwarePlant
-from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
+from catenary.simulation.plant_state import STATE_FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Embedded, GoneOn, Trajectory

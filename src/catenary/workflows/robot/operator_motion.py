@@ -30,7 +30,7 @@ from catenary.spatial import Pose
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import SmoothedPath
-from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
+from catenary.trajectories.zigzag import CORNER_BLEND_S, ROWS_PER_SECOND
 from catenary.units import TO_SI, in_words
 from catenary.workflows.robot.motion import (
     GENTLE_VELOCITY,
@@ -49,14 +49,14 @@ PUBLISHED_UNITS = ("rad", "rad", "m")  # of the zig-zags that RAVEN-II's group p
 _HEAD = re.compile(r"^(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]+)\]$")
 
 
-def along_rows(motion: MotionLog, blend: float = BLEND) -> SmoothedPath:
+def along_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> SmoothedPath:
     """Return the motion along a file's rows, at rest at both ends; velocities are averaged over `blend` seconds."""
     if not 0.0 < blend < np.inf:
         raise InputError(f"blend: expected more than 0 s, got {blend}")
     return SmoothedPath.through(cast(Floats, motion.time), motion.q_nominal, blend)
 
 
-def leaves_rows(motion: MotionLog, blend: float = BLEND) -> Floats:
+def leaves_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> Floats:
     """Return the largest distance of `along_rows` from the rows at their times, (k,) [rad|m]."""
     q, _, _ = along_rows(motion, blend).sample(cast(Floats, motion.time) + 0.5 * blend)
     return np.asarray(np.abs(q - motion.q_nominal).max(axis=0))
@@ -258,7 +258,7 @@ def follow(
     robot: OperatedRobot,
     file: MotionLog,
     *,
-    blend: float = BLEND,
+    blend: float = CORNER_BLEND_S,
     largest_velocity: dict[str, float] | None = None,
     from_afar: bool = False,
     progress: Progress = silent,
