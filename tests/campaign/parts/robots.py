@@ -39,7 +39,7 @@ def loop(seed: int, folder: Path) -> None:
 
     from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
     from catenary.control.loop import Tick, run_loop
-    from catenary.control.motion_guard import LEAP
+    from catenary.control.motion_guard import MAX_STEP
     from catenary.errors import CatenaryError
     from catenary.trajectories.reference import Reference
     from catenary.workflows.gravity.simulated_arm import simulated_arm
@@ -94,7 +94,7 @@ def loop(seed: int, folder: Path) -> None:
     _hold_speeds(
         seen,
         np.asarray(getattr(plant, "velocity_limit", np.zeros(n))),
-        np.array([LEAP[each] for each in plant.joint_units]),
+        np.array([MAX_STEP[each] for each in plant.joint_units]),
         why,
     )
 
