@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from catenary.documents import (
-    DEEPEST,
+    MAX_LEVELS,
     MOST_TOML,
     json_table,
     json_value,
@@ -33,7 +33,7 @@ from catenary.errors import CatenaryError, FileFormatError
         ("[1e999]", "1e999"),
         ("[1,\n" + "7" * 5_000 + "]", "4300 digits"),
         ("[" + "7" * 50 + "]", "less than 2^128"),
-        ("[" * (DEEPEST + 1) + "]" * (DEEPEST + 1), "nested more than 64"),
+        ("[" * (MAX_LEVELS + 1) + "]" * (MAX_LEVELS + 1), "nested more than 64"),
         ("[" * 1_000_000, "nested more than 64"),
         ('{"a":' * 500_000, "nested more than 64"),
         ('["\\ud800"]', "surrogates not allowed"),
@@ -118,7 +118,7 @@ def test_what_others_read_is_read_alike():
     }
     assert json_value(b'\xef\xbb\xbf{"a": 1}', "f") == {"a": 1}
     assert json_value("[Infinity, -Infinity]", "f", finite=False) == [float("inf"), float("-inf")]
-    assert json_value("[" * DEEPEST + "]" * DEEPEST, "f") is not None
+    assert json_value("[" * MAX_LEVELS + "]" * MAX_LEVELS, "f") is not None
     assert toml_table(b"\xef\xbb\xbfa = 1\nb.c = [1_000.5, inf]", "f") == {"a": 1, "b": {"c": [1000.5, float("inf")]}}
     with pytest.raises(FileFormatError, match="holds 3, expected a table"):
         json_table("3", "f")

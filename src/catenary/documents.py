@@ -22,10 +22,10 @@ from catenary.file_formats import copied_as_text
 MOST_JSON = 8 * 2**20  # [B]; the longest that is written, the steps of a large project, has some 100 kB
 MOST_TOML = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
 MOST_XML = 16 * 2**20  # [B]; published humanoids have less than 1 MB
-DEEPEST = 64  # tables within lists within tables; what is written here goes 8 deep
-MOST_ELEMENTS = 100_000  # of an XML file
-LARGEST = 2**128  # of integers: seeds of NumPy have up to 128 bits
-SHOWN = 200  # characters of a value or a message that an error repeats
+MAX_LEVELS = 64  # tables within lists within tables; what is written here goes 8 deep
+_MAX_ELEMENTS = 100_000  # of an XML file
+_MAX_INTEGER = 2**128  # of integers: seeds of NumPy have up to 128 bits
+_MAX_CHARACTERS = 200  # characters of a value or a message that an error repeats
 
 # a text of JSON, which may hold // and /*, or a comment; one that does not end goes to the end of the file
 _TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*+(?:"|\\?\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
@@ -33,8 +33,8 @@ XML_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)  # MuJoCo allows "--" within
 _ROOT_TAG = re.compile(rb"<([^\s<>/?!][^\s<>/]*)")
 # words between more dots than levels, in a key of TOML; each is looked at from its beginning alone
 _WORD = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_DEEP_KEY = re.compile(rf"(?<![\w-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{DEEPEST}}}")
-_CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
+_DEEP_KEY = re.compile(rf"(?<![\w-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{MAX_LEVELS}}}")
+_CHUNK_BYTES = 65_536  # bytes of XML, after each of which a refusal ends the reading
 
 
 def no_file(path: Path) -> str:
@@ -50,7 +50,7 @@ def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]
     except FileFormatError:
         raise
     except RecursionError as error:
-        raise FileFormatError(f"{path}: is nested more than {DEEPEST} levels deep") from error
+        raise FileFormatError(f"{path}: is nested more than {MAX_LEVELS} levels deep") from error
     except unreadable as error:
         said = f"{cut(str(error) or repr(error))}{copied_as_text(path)}"
         raise FileFormatError(f"{path}: cannot be read as {kind}: {said}") from error
@@ -70,9 +70,9 @@ def read_bounded(path: Path, most: int) -> bytes:
 
 
 def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
-    """Return what JSON text, or its bytes in UTF-8, holds as plain data: at most `MOST_JSON` bytes, `DEEPEST` levels.
+    """Return what JSON text, or its bytes in UTF-8, holds as plain data, within `MOST_JSON` and `MAX_LEVELS`.
 
-    Refused are a key twice in a table, a number beyond a float64, an integer beyond `LARGEST`, and if `finite` NaN and
+    Refused are a key twice in a table, a number beyond a float64, an integer beyond 2^128, and if `finite` NaN and
     infinity, which JSON does not know and Python writes.
     """
     text = _text_of(data, where, "JSON", MOST_JSON)
@@ -120,10 +120,10 @@ def without_comments(data: bytes) -> bytes:
 
 
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
-    """Return what TOML text holds, as plain data: at most `MOST_TOML` bytes, `DEEPEST` levels."""
+    """Return what TOML text holds, as plain data: at most `MOST_TOML` bytes, `MAX_LEVELS` levels."""
     text = _text_of(data, where, "TOML", MOST_TOML)
     if _DEEP_KEY.search(text):  # of which tomllib makes every part that a key begins with
-        raise FileFormatError(f"{where}: is nested more than {DEEPEST} levels deep")
+        raise FileFormatError(f"{where}: is nested more than {MAX_LEVELS} levels deep")
     with reading(where, "TOML", (ValueError,)):
         content = tomllib.loads(text, parse_float=lambda digits: _real(digits, text, where))
     _refuse_depth(content, where)
@@ -131,7 +131,7 @@ def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
 
 
 def xml_tree(data: str | bytes, where: str) -> Element:
-    """Return the root element of XML text: at most `MOST_XML` bytes and `MOST_ELEMENTS` elements.
+    """Return the root element of XML text: at most `MOST_XML` bytes and `_MAX_ELEMENTS` elements.
 
     Names are as they stand there, prefix and all, and `xmlns` is an attribute like any other, as in TinyXML, by which
     others read URDF and MJCF: a prefix need not be declared. Entities of its own, which
@@ -144,8 +144,8 @@ def xml_tree(data: str | bytes, where: str) -> Element:
         raise FileFormatError(f"{where}: line {parser.CurrentLineNumber}: {what}")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        if next(numbers) > MOST_ELEMENTS:
-            refuse(f"more than {MOST_ELEMENTS} elements, the most that are read of such a file")
+        if next(numbers) > _MAX_ELEMENTS:
+            refuse(f"more than {_MAX_ELEMENTS} elements, the most that are read of such a file")
         builder.start(tag, attributes)
 
     def entity(name: str, *_: object) -> None:
@@ -156,8 +156,8 @@ def xml_tree(data: str | bytes, where: str) -> Element:
     parser.CharacterDataHandler = builder.data
     parser.EntityDeclHandler = parser.SkippedEntityHandler = entity
     with reading(where, "XML", (expat.ExpatError, LookupError, ValueError)):  # LookupError: no such encoding
-        for begin in range(0, len(data), _CHUNK):
-            parser.Parse(data[begin : begin + _CHUNK], False)
+        for begin in range(0, len(data), _CHUNK_BYTES):
+            parser.Parse(data[begin : begin + _CHUNK_BYTES], False)
         parser.Parse(b"", True)
     return builder.close()
 
@@ -177,15 +177,15 @@ def xml_root_tag(data: str | bytes, where: str) -> str:
 
 
 def shortened(value: Any) -> str:
-    """Return a value as an error repeats it, at most `SHOWN` characters."""
-    if isinstance(value, int) and abs(value) >= LARGEST:
+    """Return a value as an error repeats it, at most `_MAX_CHARACTERS` characters."""
+    if isinstance(value, int) and abs(value) >= _MAX_INTEGER:
         return "a huge integer"  # Python refuses to print what has more than 4300 digits
     return cut(repr(value))
 
 
 def cut(text: str) -> str:
-    """Return a text of at most `SHOWN` characters, its beginning."""
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}... ({len(text)} characters)"
+    """Return a text of at most `_MAX_CHARACTERS` characters, its beginning."""
+    return text if len(text) <= _MAX_CHARACTERS else f"{text[:_MAX_CHARACTERS]}... ({len(text)} characters)"
 
 
 def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:
@@ -209,14 +209,14 @@ def _refuse_length(data: str | bytes, where: str, most: int) -> None:
 def _refuse_depth(content: Any, where: str) -> None:
     """Refuse what is nested too deep, level by level, and integers that tomllib took however long they are."""
     level = [content]
-    for _ in range(DEEPEST + 1):
+    for _ in range(MAX_LEVELS + 1):
         inner = [one for one in level if isinstance(one, dict | list)]
         if not inner:
             return
         level = [value for one in inner for value in (one.values() if isinstance(one, dict) else one)]
-        if any(type(value) is int and abs(value) >= LARGEST for value in level):
+        if any(type(value) is int and abs(value) >= _MAX_INTEGER for value in level):
             raise FileFormatError(f"{where}: holds a huge integer, expected less than 2^128")
-    raise FileFormatError(f"{where}: is nested more than {DEEPEST} levels deep")
+    raise FileFormatError(f"{where}: is nested more than {MAX_LEVELS} levels deep")
 
 
 def _real(digits: str, text: str, where: str) -> float:

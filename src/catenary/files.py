@@ -19,7 +19,7 @@ from catenary.errors import FileFormatError
 
 PARTIAL = ".partial"  # how the names of files end that are being written
 _OURS = re.compile(rf"\.[0-9a-f]{{16}}\{PARTIAL}")
-_NEWBORN = 60.0  # [s] for which what is empty may be locked yet
+_NEWBORN_S = 60.0  # [s] for which what is empty may be locked yet
 
 
 @contextlib.contextmanager
@@ -80,7 +80,7 @@ def sweep_partial(folder: Path) -> None:
                 try:
                     fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     state, is_folder = os.fstat(descriptor), (folder / name).is_dir()
-                    if (state.st_size > 0 and not is_folder) or time.time() - state.st_mtime > _NEWBORN:
+                    if (state.st_size > 0 and not is_folder) or time.time() - state.st_mtime > _NEWBORN_S:
                         (shutil.rmtree if is_folder else os.unlink)(folder / name)
                 finally:
                     os.close(descriptor)

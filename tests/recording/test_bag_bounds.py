@@ -11,7 +11,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from catenary.errors import CatenaryError, FileFormatError
 from catenary.recording.bag_reader import open_recording
-from catenary.recording.bag_records import MOST_TOPICS, MOST_UNPACKED
+from catenary.recording.bag_records import _MAX_UNPACKED_BYTES, MAX_TOPICS
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.messages import typestore
 
@@ -68,7 +68,7 @@ def _chunk(stated: int, name: bytes, data: bytes, taken: int | None = None) -> b
     return _record(6, head + struct.pack("<Q", len(data) if taken is None else taken) + data)
 
 
-BOMB = pa.compress(bytes(MOST_UNPACKED + 1), "zstd", asbytes=True)
+BOMB = pa.compress(bytes(_MAX_UNPACKED_BYTES + 1), "zstd", asbytes=True)
 CLAIMS = {
     "a record beyond the file": (struct.pack("<BQ", 5, 2**62), "is cut off"),
     "a length beyond 63 bits": (struct.pack("<BQ", 5, 2**64 - 1), "is cut off"),
@@ -83,9 +83,9 @@ CLAIMS = {
         _record(3, struct.pack("<H", 1) + _text("a/B") + _text("ros2msg") + _text("int8 a"))
         + b"".join(
             _record(4, struct.pack("<HH", i, 1) + _text(f"/{i}") + _text("cdr") + bytes(4))
-            for i in range(MOST_TOPICS + 1)
+            for i in range(MAX_TOPICS + 1)
         ),
-        f"more than {MOST_TOPICS} topics",
+        f"more than {MAX_TOPICS} topics",
     ),
 }
 

@@ -21,7 +21,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.plant import JOINT_ARRAYS, MotionLog
 from catenary.recording import parquet_files
-from catenary.recording.logs import FORMAT, on_disk, read_log, read_torque_log, write_parquet
+from catenary.recording.logs import _FORMAT, on_disk, read_log, read_torque_log, write_parquet
 from catenary.recording.parquet_files import open_parquet
 from catenary.robots.catalog import load_robot
 from catenary.side_by_side import on_workers
@@ -130,7 +130,7 @@ def of_a_later_version(table: pa.Table) -> pa.Table:
 
 
 def stating(**changes: Any) -> bytes:
-    return json.dumps({"format": FORMAT, "joint_names": ["a", "b"], "joint_units": ["rad", "rad"]} | changes).encode()
+    return json.dumps({"format": _FORMAT, "joint_names": ["a", "b"], "joint_units": ["rad", "rad"]} | changes).encode()
 
 
 @pytest.mark.parametrize(
@@ -216,7 +216,7 @@ def test_flipped_bits_are_noticed_unless_the_numbers_are_the_same(path: Path, ro
         assert_array_equal(back.q_encoder, log.q_encoder)
 
 
-ABOUT = {"format": FORMAT, "joint_names": ["a"], "joint_units": ["rad"]}
+ABOUT = {"format": _FORMAT, "joint_names": ["a"], "joint_units": ["rad"]}
 
 
 def _written(path: Path, columns: dict[str, object], about: object = ABOUT, **options: object) -> Path:

@@ -122,8 +122,8 @@ def test_rows_of_other_sensors_are_no_readings_and_one_that_is_no_number_is_a_fa
     assert "20 rows have no reading" in found.notes[0]
     with monkeypatch.context() as long:  # a text that is not held whole, of which only the first rows are looked at
         long.setattr(sources, "_LONG_FILE_BYTES", 100)
-        long.setattr("catenary.recording.import_formats.csv_files.SAMPLED_NUMBERS", 50)
-        long.setattr("catenary.recording.import_formats.csv_files._BLOCK", 200)
+        long.setattr("catenary.recording.import_formats.csv_files._SAMPLED_NUMBERS", 50)
+        long.setattr("catenary.recording.import_formats.csv_files._BLOCK_BYTES", 200)
         assert_allclose(read_imu(tmp_path / "a.csv").time, found.time)
     assert check_file(str(tmp_path / "a.csv")).facts["mean_force"] == pytest.approx([0.1, 0.2, 9.8])
     rows[1] = "0.01,0.1,,9.8,"

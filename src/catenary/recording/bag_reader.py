@@ -27,8 +27,8 @@ from catenary.recording.journal import LIBRARY, MAGIC, LeftOff, is_journal_name
 from catenary.recording.layout import ABOUT_TOPIC
 from catenary.topics import SECOND
 
-AT_ONCE = 2048  # messages that are in memory at once
-_ROW = 40  # [B] that a row takes beside its message, with its entry in the index of times
+_MESSAGES_AT_ONCE = 2048  # messages that are in memory at once
+_ROW_BYTES = 40  # [B] that a row takes beside its message, with its entry in the index of times
 _ROWS = "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id"
 
 
@@ -71,7 +71,7 @@ class SqliteBag(Source):
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
         """Yield topic, arrival stamps [ns] (N,) and messages, some of every topic before more of one."""
         messages = self.messages(topics)
-        while some := list(islice(messages, AT_ONCE)):
+        while some := list(islice(messages, _MESSAGES_AT_ONCE)):
             for name in dict.fromkeys(name for name, _, _ in some):
                 own = [(stamp, data) for topic, stamp, data in some if topic == name]
                 yield name, np.array([stamp for stamp, _ in own]), Block.of([data for _, data in own])
@@ -100,7 +100,7 @@ class SqliteBag(Source):
             why = str(error)
         if why:
             self.holes, self.ends_early = [(self.last, None)], True
-            self._lose(left - _ROW * count, self._size - left + _ROW * count)
+            self._lose(left - _ROW_BYTES * count, self._size - left + _ROW_BYTES * count)
             why = f"cannot be read as SQLite to its end: {why}; what is before that was read"
             self.damage.append(f"{self.path}: {why}{copied_as_text(self.path)}")
             return
@@ -129,8 +129,8 @@ def _opened(path: Path, reader: SqliteBag) -> tuple[sqlite3.Connection, int]:
 
 METADATA = "metadata.yaml"
 _PARTS = (".mcap", ".db3")  # files of a ROS 2 bag, by their endings
-_TOLD_GAP = 0.05  # [s] without messages
-_MOST_YAML = 2**18  # [B] of metadata.yaml; that of 500 topics has 200 kB
+_TOLD_GAP_S = 0.05  # [s] without messages
+_MAX_YAML_BYTES = 2**18  # [B] of metadata.yaml; that of 500 topics has 200 kB
 _LISTED = re.compile(r"""(?m)^\s*-\s+(?:&\w+\s+)?["']?([^\s"']+\.(?:mcap|db3)(?:\.zstd)?)["']?\s*$""")
 _COUNTED = re.compile(r"(?m)^  message_count:\s*(\d+)\s*$")
 
@@ -194,7 +194,9 @@ class Rescue(NamedTuple):
 
     def stretches(self) -> list[str]:
         """Return in words which stretches of time have no messages."""
-        said = [f"no message for {b - a:.1f} s, from {a:.1f} to {b:.1f} s" for a, b in self.gaps if b - a >= _TOLD_GAP]
+        said = [
+            f"no message for {b - a:.1f} s, from {a:.1f} to {b:.1f} s" for a, b in self.gaps if b - a >= _TOLD_GAP_S
+        ]
         return said + [f"nothing behind {self.seconds:.1f} s: its end is missing or damaged"] * self.ends_early
 
 
@@ -371,7 +373,7 @@ def _start(source: Source) -> int:
 def _metadata(path: Path) -> str:
     try:
         with (path / METADATA).open("rb") as file:
-            return file.read(_MOST_YAML).decode(errors="replace")
+            return file.read(_MAX_YAML_BYTES).decode(errors="replace")
     except OSError:
         return ""
 

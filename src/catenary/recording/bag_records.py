@@ -14,12 +14,12 @@ from catenary.arrays import Integers
 from catenary.errors import FileFormatError
 from catenary.kernels.compiled import compiled
 
-MOST_UNPACKED = 64 * 2**20  # [B] of any bag; of a long one MAX_UNPACKED_RATIO times its length
-MOST_TOPICS = 1000
-PACKINGS = ("bz2", "lz4", "zstd")
+_MAX_UNPACKED_BYTES = 64 * 2**20  # [B] of all chunks and messages of any bag; of a long one a ratio times its length
+MAX_TOPICS = 1000
+_PACKINGS = ("bz2", "lz4", "zstd")
 _U32, _U64 = Struct("<I"), Struct("<Q")
-_BLOCK = 2**20  # [B] looked through at once
-_REACH = 128  # [B] of a chunk's head; more than any has
+_BLOCK_BYTES = 2**20  # [B] looked through at once
+_REACH_BYTES = 128  # [B] of a chunk's head; more than any has
 _ROS1_CHUNK = re.compile(rb"op=\x05")
 # op 6, length, times, size, checksum, then the name of the compression [mcap.dev/spec]
 _MCAP_CHUNK = re.compile(rb"\x06(?=.{36}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd))", re.DOTALL)
@@ -35,20 +35,20 @@ def next_chunk(file: BinaryIO, position: int, size: int, *, is_ros1: bool) -> in
     sign, begin_of = (_ROS1_CHUNK, _ros1_chunk) if is_ros1 else (_MCAP_CHUNK, _mcap_chunk)
     while position < size:
         file.seek(position)
-        block = file.read(_BLOCK + _REACH)
+        block = file.read(_BLOCK_BYTES + _REACH_BYTES)
         for match in sign.finditer(block):
             begin = begin_of(block, match.start())
-            if begin is not None and match.start() < _BLOCK:
+            if begin is not None and match.start() < _BLOCK_BYTES:
                 return position + begin
-        position += _BLOCK
+        position += _BLOCK_BYTES
     return None
 
 
 def _ros1_chunk(block: bytes, sign: int) -> int | None:
     """Return where the chunk begins whose header has its op at `sign`."""
-    for begin in range(max(0, sign - _REACH // 2), sign - 7):
+    for begin in range(max(0, sign - _REACH_BYTES // 2), sign - 7):
         length = _U32.unpack_from(block, begin)[0]
-        if sign < begin + 4 + length <= begin + _REACH:
+        if sign < begin + 4 + length <= begin + _REACH_BYTES:
             head = whole_fields(block[begin + 4 : begin + 4 + length])
             if head.keys() == {b"op", b"compression", b"size"} and len(head[b"size"]) == 4:
                 return begin
@@ -112,13 +112,13 @@ class Unpacking:
 
     def __init__(self, path: Path) -> None:
         """Begin, with the bounds that a file of this length has."""
-        self._path, self._left = path, max(MOST_UNPACKED, MAX_UNPACKED_RATIO * path.stat().st_size)
+        self._path, self._left = path, max(_MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size)
 
     def chunk(self, data: bytes, kind: str, stated: int) -> bytes:
         """Return a chunk, unpacked to the size that its bag states."""
         if kind in ("", "none"):
             return data
-        if kind not in PACKINGS:
+        if kind not in _PACKINGS:
             raise ValueError(f"unknown compression {kind}")
         if stated > self._left:
             raise ValueError(f"a chunk would unpack to {stated} bytes; {self._left} are left of what is read")

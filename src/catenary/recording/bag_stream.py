@@ -22,7 +22,7 @@ from catenary.recording.bag_records import (
     END,
     HEADER,
     KIND,
-    MOST_TOPICS,
+    MAX_TOPICS,
     TIME,
     Block,
     Records,
@@ -40,24 +40,24 @@ from catenary.recording.journal import ABOUT, ENDED, LIBRARY, MAGIC, NOTE, PASS,
 from catenary.recording.layout import ABOUT_TOPIC, Encoding, decodable, fields_by_definition
 from catenary.recording.messages import current_name
 
-ROS1_MAGIC = b"#ROSBAG V2.0\n"
+_ROS1_MAGIC = b"#ROSBAG V2.0\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 # of MCAP [mcap.dev/spec]
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _METADATA, _DATA_END = (1, 2, 3, 4, 5, 6, 12, 15)
-LONGEST_REMARK = 500  # characters
+_MAX_REMARK_CHARACTERS = 500  # characters
 _LAST_KIND = 15  # of MCAP's records
-_MOST_PROBLEMS = 1000  # that are told one by one
-_AT_ONCE = 8192  # records that are Python's numbers at a time
-_CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
+_MAX_PROBLEMS = 1000  # that are told one by one
+_RECORDS_AT_ONCE = 8192  # records that are Python's numbers at a time
+_CHUNK_HEAD_BYTES = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _IN_CHUNKS = ((_MESSAGE, _CONNECTION), (_SCHEMA, _CHANNEL, _MCAP_MESSAGE))  # kinds of records, of a ROS 1 bag and MCAP
 # kinds of records that may stand behind a chunk; in a ROS 1 bag 4 is its index
 _BEHIND_CHUNKS, _BEHIND_MCAP_CHUNKS = (4, _CHUNK, _CHUNK_INFO, _CONNECTION), (_SCHEMA, _CHANNEL, *range(6, 16))
 _ANY_RECORD = b"\3" + bytes(8)  # stands behind messages for whichever record did
 _SPAN = Struct("<QQ")  # [ns] of a chunk
-_LONGEST_CHUNK = 3600 * 10**9  # [ns]; a longer one is damaged
-_PADDING = 2**20  # [B] behind a torn chunk, so that the head of its last record is read
-_RUN = 2**16  # [B] of messages outside of chunks that are read at a time
+_MAX_CHUNK_NS = 3600 * 10**9  # [ns]; a longer one is damaged
+_PADDING_BYTES = 2**20  # [B] behind a torn chunk, so that the head of its last record is read
+_RUN_BYTES = 2**16  # [B] of messages outside of chunks that are read at a time
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
 
 Read = TypeVar("Read")
@@ -136,8 +136,8 @@ class Source:
         """Keep a topic and its type."""
         name, kind = connection.topic, current_name(connection.type)
         known = current_name(self.connections.setdefault(name, connection).type)
-        if len(self.connections) > MOST_TOPICS:
-            raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
+        if len(self.connections) > MAX_TOPICS:
+            raise FileFormatError(f"{self.path}: more than {MAX_TOPICS} topics")
         if known != kind:
             raise FileFormatError(f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(kind)}")
         self._names[number] = name
@@ -152,7 +152,7 @@ class BagStream(Source):
         self._unread: set[int] = set()  # channels in another encoding than ROS's
         try:
             with path.open("rb") as file:
-                begin = file.read(len(ROS1_MAGIC))
+                begin = file.read(len(_ROS1_MAGIC))
         except OSError as problem:
             raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
         self.is_journal = self.is_last = False  # messages are numbered; it is the last file of its recording
@@ -161,7 +161,7 @@ class BagStream(Source):
         self._following: dict[str, int] = {}  # number of the next message, by topic
         self._shared: dict[str, int] | None = None  # the same of all files of a journal
         self._before: int | None = None  # [ns] arrival of the last message of the file before
-        self.is_ros1 = begin == ROS1_MAGIC
+        self.is_ros1 = begin == _ROS1_MAGIC
         self._is_closed = False  # MCAP's own mark is its end
         as_text = "" if self.is_ros1 or begin.startswith(MAGIC) else copied_as_text(path)
         if as_text or not (self.is_ros1 or begin.startswith(MAGIC) or is_journal_name(path)):
@@ -209,7 +209,7 @@ class BagStream(Source):
             self._unpacking = Unpacking(self.path)
             file.seek(max(0, size - len(MAGIC)))
             self._is_closed = file.read() == MAGIC
-            file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MAGIC))
+            file.seek(len(_ROS1_MAGIC) if self.is_ros1 else len(MAGIC))
             try:
                 yield from read(file, size)
             except DAMAGE as problem:
@@ -225,7 +225,7 @@ class BagStream(Source):
 
     def _damaged(self, where: object) -> None:
         """Keep what is damaged, and that messages are missing there."""
-        if len(self.damage) < _MOST_PROBLEMS:
+        if len(self.damage) < _MAX_PROBLEMS:
             self.damage.append(f"{self.path}: damaged {where}")
         self._hole()
 
@@ -253,7 +253,7 @@ class BagStream(Source):
         A tail of zeros or old bytes may begin within a message, whose own head then is sound. So a record is proven by
         the head of the next one: of a known kind and whole length, in `span` [ns], later than all of its topic before.
         """
-        records = chunk_records(chunk + bytes(_PADDING), is_ros1=self.is_ros1)
+        records = chunk_records(chunk + bytes(_PADDING_BYTES), is_ros1=self.is_ros1)
         kinds = _IN_CHUNKS[not self.is_ros1]
         times, message = records[:, TIME], _MESSAGE if self.is_ros1 else _MCAP_MESSAGE
         good = np.isin(records[:, KIND], kinds)
@@ -378,8 +378,8 @@ class BagStream(Source):
 
     def _messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records in self._chunks(file, size):
-            for begin in range(0, len(records), _AT_ONCE):
-                for row in records[begin : begin + _AT_ONCE].tolist():
+            for begin in range(0, len(records), _RECORDS_AT_ONCE):
+                for row in records[begin : begin + _RECORDS_AT_ONCE].tolist():
                     yield self._names[row[CONNECTION]], row[TIME], self._plain(chunk[row[DATA] : row[END]])
 
     def _plain(self, message: bytes) -> bytes:
@@ -419,11 +419,11 @@ class BagStream(Source):
             is_over |= kind == _DATA_END
             is_closed |= kind == _FOOTER and is_whole
             is_single = kind == _MCAP_MESSAGE and is_whole and not is_over
-            if run and (not is_single or len(run) > _RUN):
+            if run and (not is_single or len(run) > _RUN_BYTES):
                 is_record = is_whole and 0 < kind <= _LAST_KIND
                 yield from self._run(run, head + data if is_single else _ANY_RECORD if is_record else b"")
                 run = b""
-            if kind == _MCAP_CHUNK and (is_whole or len(data) > _CHUNK_HEAD):
+            if kind == _MCAP_CHUNK and (is_whole or len(data) > _CHUNK_HEAD_BYTES):
                 span, is_sound = _SPAN.unpack_from(data.ljust(_SPAN.size, b"\0")), False
                 with self._damage_told(here):
                     is_followed = is_whole and self._is_followed(file, size, _BEHIND_MCAP_CHUNKS)
@@ -435,7 +435,7 @@ class BagStream(Source):
                     yield inside, records[records[:, KIND] == _MCAP_MESSAGE], is_sound
                     if is_whole and len(inside) != (records[-1, END] if len(records) else 0):
                         raise ValueError("its records do not fill it")
-                if not is_sound and self.last is not None and self.last <= span[1] < self.last + _LONGEST_CHUNK:
+                if not is_sound and self.last is not None and self.last <= span[1] < self.last + _MAX_CHUNK_NS:
                     self.until = span[1]
             elif is_single:
                 run += head + data
@@ -517,7 +517,7 @@ class BagStream(Source):
                     f"{self.path}: {name} is in {cut(encoding)}, which is left out; cdr and ros1 are read, and a CSV "
                     "that PlotJuggler exports"
                 )
-                if said not in self.warnings and len(self.warnings) < _MOST_PROBLEMS:
+                if said not in self.warnings and len(self.warnings) < _MAX_PROBLEMS:
                     self.warnings.append(said)
                 return
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
@@ -535,8 +535,8 @@ class BagStream(Source):
             value = text_at(data, position)[0]
             if (name, key) == (ABOUT, "about") and self.about is None:
                 self.about = About.from_json(value.encode(), f"{self.path}: what it is of")
-            elif name == NOTE and len(self.remarks) < _MOST_PROBLEMS:
-                self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
+            elif name == NOTE and len(self.remarks) < _MAX_PROBLEMS:
+                self.remarks.append(f"{self.path}: {value[:_MAX_REMARK_CHARACTERS]}")
             elif name == ENDED:
                 self.is_last = value == "true"
             elif name == PASS:

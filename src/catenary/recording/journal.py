@@ -33,14 +33,14 @@ MAGIC = b"\x89MCAP0\r\n"
 # kinds of records [mcap.dev/spec]
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
 _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA, _DATA_END = 7, 8, 11, 12, 15
-FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
-CHUNK = 2**16  # [B] from which on the next message begins another chunk: damage costs one
-MAX_BYTES = 64 * 2**20  # of a file
-MAX_PENDING = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
-MAX_RECORD = 64 * 2**20  # [B]; a longer message is refused
+_FLUSH_INTERVAL_S = 0.5  # [s] a crash loses at most this and what the disk takes to write it
+_CHUNK_BYTES = 2**16  # [B] from which on the next message begins another chunk: damage costs one
+MAX_FILE_BYTES = 64 * 2**20  # of a file
+_MAX_PENDING_BYTES = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
+_MAX_MESSAGE_BYTES = 64 * 2**20  # [B]; a longer message is refused
 _RECORD, _U32, _TIMES = Struct("<BQ"), Struct("<I"), Struct("<QQ")
 _MESSAGE_HEAD = Struct("<BQHIQQ")  # kind, length, channel, number, arrival, publication
-_PROOF = 23  # [B] of a message's head, to its arrival: what proves the message before it in a chunk that is cut off
+_PROOF_BYTES = 23  # of a message's head, to its arrival: what proves the message before it in a torn chunk
 
 log = logging.getLogger(__name__)
 
@@ -161,8 +161,8 @@ class JournalWriter:
         about: About | None = None,
         *,
         after: LeftOff | None = None,
-        max_bytes: int = MAX_BYTES,
-        flush_interval: float = FLUSH_INTERVAL,
+        max_bytes: int = MAX_FILE_BYTES,
+        flush_interval: float = _FLUSH_INTERVAL_S,
     ) -> None:
         """Begin a recording, or go on with one of the same topics that was cut off."""
         if not 0 < len(topics) < 2**16 or len({t.name for t in topics}) != len(topics):
@@ -210,19 +210,20 @@ class JournalWriter:
         channel = self._index.get(topic)
         if channel is None:
             raise InputError(f'topic "{topic}": not in this recording, which has {", ".join(self._index)}')
-        if len(data) > MAX_RECORD or not 0 <= stamp < 2**63:
+        if len(data) > _MAX_MESSAGE_BYTES or not 0 <= stamp < 2**63:
             raise InputError(
-                f'topic "{topic}": {len(data)} bytes at {stamp} ns, expected {MAX_RECORD} bytes at most, since 1970'
+                f'topic "{topic}": {len(data)} bytes at {stamp} ns, '
+                f"expected {_MAX_MESSAGE_BYTES} bytes at most, since 1970"
             )
         with self._append_lock:
-            if not self._waiting or len(self._waiting[-1].data) > CHUNK:
+            if not self._waiting or len(self._waiting[-1].data) > _CHUNK_BYTES:
                 self._waiting.append(_Chunk(self._topics))
             self._waiting[-1].append(channel, self._numbers[channel] % 2**32, stamp, data)
             self._numbers[channel] += 1
             self._messages += 1
             self._pending += len(data) + _MESSAGE_HEAD.size
             waiting = self._pending
-        if waiting > min(MAX_PENDING, self._max_bytes // 4):
+        if waiting > min(_MAX_PENDING_BYTES, self._max_bytes // 4):
             self.flush()
 
     def note(self, text: str) -> None:
@@ -351,7 +352,7 @@ class JournalWriter:
                 self._counts[channel] += len(places)
         written = self._write(block) if block else 0
         for begin, chunk in zip(begins, chunks, strict=True):
-            there = written - begin - (_PROOF if written - begin < len(chunk.data) else 0)
+            there = written - begin - (_PROOF_BYTES if written - begin < len(chunk.data) else 0)
             self._safe_messages += bisect_right(chunk.ends, there)
 
     def _write(self, block: bytes | bytearray) -> int:

@@ -23,10 +23,10 @@ from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fie
 from catenary.topics import SECOND, Topic
 
 Encoding = Literal["ros1", "cdr"]
-CDR_HEADER = 4  # bytes before the message; alignment counts from behind them
+_CDR_HEADER_BYTES = 4  # bytes before the message; alignment counts from behind them
 COUNT = "#"  # before the name of a string or a sequence: the field that holds its length
-DEEPEST = 32  # messages within each other
-MAX_ELEMENTS = 100_000  # of one sequence, and parts of one message; more is taken for damage
+_MAX_DEPTH = 32  # messages within each other
+_MAX_ELEMENTS = 100_000  # of one sequence, and parts of one message; more is taken for damage
 _SAME = {"octet": "uint8"}  # ROS 2's words for ROS 1's
 FieldsOf = Callable[[str], tuple[Field, ...]]  # name of a message type -> its fields
 _INT32 = np.iinfo(np.int32)
@@ -51,10 +51,10 @@ class _Walk:
 
     def message(self, name: str, prefix: str = "") -> None:
         self.parts += 1
-        if self.parts > MAX_ELEMENTS:
-            raise FileFormatError(f"message: more than {MAX_ELEMENTS} messages within one")
-        if self.depth > DEEPEST:
-            raise FileFormatError(f"{cut(name)} holds itself, or is more than {DEEPEST} messages deep")
+        if self.parts > _MAX_ELEMENTS:
+            raise FileFormatError(f"message: more than {_MAX_ELEMENTS} messages within one")
+        if self.depth > _MAX_DEPTH:
+            raise FileFormatError(f"{cut(name)} holds itself, or is more than {_MAX_DEPTH} messages deep")
         for item in self.fields_of(name):
             if self.encoding == "cdr" and current_name(name) == "std_msgs/Header" and item.name == "seq":
                 continue  # ROS 2 has none
@@ -87,13 +87,13 @@ class _Walk:
     def _length(self, path: str) -> int:
         self._place(COUNT + path, "<u4", 4)
         size = self.size_of(path, self.offsets[-1])
-        if not 0 <= size <= MAX_ELEMENTS:
-            raise FileFormatError(f'message: "{path}" claims {size} elements, expected {MAX_ELEMENTS} at most')
+        if not 0 <= size <= _MAX_ELEMENTS:
+            raise FileFormatError(f'message: "{path}" claims {size} elements, expected {_MAX_ELEMENTS} at most')
         return size
 
     def _place(self, path: str, kind: Any, alignment: int) -> None:
         if self.encoding == "cdr":
-            self.offset += -(self.offset - CDR_HEADER) % alignment
+            self.offset += -(self.offset - _CDR_HEADER_BYTES) % alignment
         self.names.append(path)
         self.formats.append(kind)
         self.offsets.append(self.offset)
@@ -118,7 +118,7 @@ def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = 
 
     if encoding == "cdr" and data[:2] != b"\x00\x01":
         raise FileFormatError(f"{name}: expected little-endian CDR, whose first bytes are 0, 1; got {list(data[:2])}")
-    walk = _Walk(encoding, size_of, CDR_HEADER if encoding == "cdr" else 0, fields_of)
+    walk = _Walk(encoding, size_of, _CDR_HEADER_BYTES if encoding == "cdr" else 0, fields_of)
     walk.message(name)
     padding = len(data) - walk.offset
     if not 0 <= padding <= (3 if encoding == "cdr" else 0):

@@ -28,7 +28,7 @@ from catenary.verdict.turns import turned_back
 if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log alone does without
     from catenary.recording.import_formats.mapping import RecordingMapping
 
-FORMAT = "catenary.motion_log.1"
+_FORMAT = "catenary.motion_log.1"
 
 
 class _Stated(Recorded):
@@ -185,7 +185,7 @@ def write_pieces(logs: Iterable[MotionLog], path: str | Path) -> None:
 
 
 def _stated_by(log: MotionLog) -> str:
-    stated = _Stated(format=FORMAT, **{key: getattr(log, key) for key in _Stated.model_fields if key != "format"})
+    stated = _Stated(format=_FORMAT, **{key: getattr(log, key) for key in _Stated.model_fields if key != "format"})
     return json.dumps(stated.model_dump(mode="json"))
 
 
@@ -274,8 +274,8 @@ def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
         stated = parse_json(metadata[b"catenary"], _Stated, "schema")
     except FileFormatError as error:
         raise FileFormatError(f"{none}; {error}") from error
-    if stated.format != FORMAT:
-        expected = f"expected {FORMAT!r}: another version wrote it; make it again"
+    if stated.format != _FORMAT:
+        expected = f"expected {_FORMAT!r}: another version wrote it; make it again"
         raise FileFormatError(f"{path}: log format {shortened(stated.format)}, {expected}")
     return stated
 

@@ -22,10 +22,10 @@ from catenary.errors import FileFormatError
 _DATA: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "messages.toml").read_text("utf-8"))
 _OWN: Mapping[str, str] = _DATA["own"]
 _STANDARD = tuple(f"{package}/{name}" for package, names in _DATA["standard"].items() for name in names.split())
-MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000
+_MAX_DEFINITION_CHARACTERS = 60_000  # characters of a definition without comments; moveit's longest has 20,000
 MESSAGES = (*_STANDARD, *_OWN)  # types that catenary knows
 SERVICES: Mapping[str, tuple[str, str]] = {name: (both[0], both[1]) for name, both in _DATA["services"].items()}
-OLD_NAMES: Mapping[str, str] = {"crtk_msgs/operating_state": "crtk_msgs/OperatingState"}
+_OLD_NAMES: Mapping[str, str] = {"crtk_msgs/operating_state": "crtk_msgs/OperatingState"}
 
 # ROS 1 type -> NumPy type, for numbers; `time` and `duration` are two of them, `string` is none
 NUMBERS: Mapping[str, str] = {
@@ -53,7 +53,7 @@ class Field(NamedTuple):
 def current_name(name: str) -> str:
     """Return the name that catenary uses for a type: ROS 1's, without ROS 2's `/msg/`, in its present spelling."""
     plain = name.replace("/msg/", "/")
-    return OLD_NAMES.get(plain, plain)
+    return _OLD_NAMES.get(plain, plain)
 
 
 @cache
@@ -105,7 +105,7 @@ def typestore(ros: int = 1) -> Typestore:
         types[ros2_name(_HEADER)] = constants, [part for part in parts if part[0] != "seq"]
     for name, text in _OWN.items():
         types |= get_types_from_msg(text, name)
-    for old, new in OLD_NAMES.items():
+    for old, new in _OLD_NAMES.items():
         types |= get_types_from_msg(_OWN[new], old)
     for name, (request, response) in SERVICES.items():
         types |= get_types_from_msg(request, f"{name}Request") | get_types_from_msg(response, f"{name}Response")
@@ -136,8 +136,10 @@ def types_of(where: str, name: str, definition: str) -> Typesdict:
     is_idl = definition.lstrip("= \n").startswith("IDL:")
     lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in definition.split("\n"))
     plain = definition if is_idl else "\n".join(line for line in lines if line.strip())
-    if len(plain) > MAX_TEXT:
-        raise FileFormatError(f"{where}: its definition has {len(plain)} characters, expected {MAX_TEXT} at most")
+    if len(plain) > _MAX_DEFINITION_CHARACTERS:
+        raise FileFormatError(
+            f"{where}: its definition has {len(plain)} characters, expected {_MAX_DEFINITION_CHARACTERS} at most"
+        )
     try:
         return get_types_from_idl(plain) if is_idl else get_types_from_msg(plain, name)
     except _NO_TYPES as error:

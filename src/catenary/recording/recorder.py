@@ -14,19 +14,19 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers, as_array
 from catenary.errors import InputError
-from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
+from catenary.recording.journal import MAX_FILE_BYTES, About, JournalTopic, JournalWriter
 from catenary.recording.layout import encode
 from catenary.topics import SECOND, Topic
 
-JITTER = 0.05  # of a topic's period, standard deviation; simulated recordings only
-SHORTEST = 0.25  # of a topic's period between two messages
-BLOCK = 16384  # ticks that are made into messages at once
+_JITTER_PERIODS = 0.05  # of a topic's period, standard deviation; simulated recordings only
+_MIN_PERIODS = 0.25  # of a topic's period between two messages
+_BLOCK_TICKS = 16384  # ticks that are made into messages at once
 
 
 class Throttle:
     """Chooses the ticks at which a topic's messages are due: about one a period, with jitter as over ROS.
 
-    Intervals are period (1 + JITTER N(0, 1)), a quarter of it at least, drawn in blocks: in ticks or at once the same.
+    Intervals are period (1 + 0.05 N(0, 1)), a quarter of it at least, drawn in blocks: in ticks or at once the same.
     """
 
     def __init__(self, rate: float, rng: np.random.Generator) -> None:
@@ -41,7 +41,7 @@ class Throttle:
             self._last = float(time[0])  # the first tick is recorded
             self._due = np.array([self._last])
         while self._last <= time[-1]:
-            steps = np.maximum(SHORTEST, 1.0 + JITTER * self._rng.standard_normal(256)) * self._period
+            steps = np.maximum(_MIN_PERIODS, 1.0 + _JITTER_PERIODS * self._rng.standard_normal(256)) * self._period
             instants = self._last + np.cumsum(steps)
             self._due = np.concatenate([self._due, instants])
             self._last = float(instants[-1])
@@ -63,7 +63,7 @@ class Recorder:
         *,
         about: About | None = None,
         start_ns: int = 0,
-        max_bytes: int = MAX_BYTES,
+        max_bytes: int = MAX_FILE_BYTES,
     ) -> None:
         """Begin a journal of topics whose columns are `available`; `rng` draws the instants of their messages."""
         have = frozenset(available)
@@ -99,14 +99,14 @@ class Recorder:
                 raise InputError(f'telemetry "{name}": {len(values)} rows, but {len(time)} ticks')
         self._last_time = float(time[-1])
         picked = [throttle.pick(time) for throttle in self._throttles]
-        for first in range(0, len(time), BLOCK):
+        for first in range(0, len(time), _BLOCK_TICKS):
             self._write(time, telemetry, picked, first)
 
     def _write(self, time: Floats, telemetry: Mapping[str, Floats], picked: list[Integers], first: int) -> None:
         """Write the messages of the ticks from `first` on, in the order of ticks, within one of topics."""
         ticks, owners, parts = [], [], []
         for i, (topic, all_ticks) in enumerate(zip(self.topics, picked, strict=True)):
-            chosen = all_ticks[slice(*np.searchsorted(all_ticks, (first, first + BLOCK)))]
+            chosen = all_ticks[slice(*np.searchsorted(all_ticks, (first, first + _BLOCK_TICKS)))]
             if len(chosen) == 0:
                 continue
             columns = {c.name: telemetry[c.name][chosen] for c in topic.columns if c.name in telemetry}

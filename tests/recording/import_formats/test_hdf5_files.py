@@ -190,7 +190,7 @@ def test_a_file_that_asks_for_more_than_it_holds_is_refused(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make, words = HARMFUL[name]
-    monkeypatch.setattr("catenary.recording.import_formats.episode_files.MOST_NODES", 50)
+    monkeypatch.setattr("catenary.recording.import_formats.episode_files._MAX_NODES", 50)
     with h5py.File(tmp_path / "lab.h5", "w") as file:
         make(file)
     with pytest.raises((FileFormatError, InputError), match=words):

@@ -29,10 +29,10 @@ MAPPING = ["q_nominal=cmd1,cmd2", "q_encoder=enc1,enc2"]
 @pytest.fixture
 def pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources, "_LONG_FILE_BYTES", 1000)
-    monkeypatch.setattr(csv_files, "SAMPLED_NUMBERS", 10_000)
+    monkeypatch.setattr(csv_files, "_SAMPLED_NUMBERS", 10_000)
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 5 * 700)
     monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 200)
-    monkeypatch.setattr(csv_files, "_BLOCK", 1 << 14)
+    monkeypatch.setattr(csv_files, "_BLOCK_BYTES", 1 << 14)
 
 
 def written(path: Path, rows: np.ndarray, stamps: list[str] | None = None) -> Path:
@@ -159,8 +159,8 @@ def test_a_bags_log_does_not_depend_on_the_pieces(
     whole = import_recording(paths, mapping)
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 12 * 40)
     monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 15)
-    monkeypatch.setattr(message_columns, "_BATCH", 20)
-    monkeypatch.setattr(bag_reader, "AT_ONCE", 20)
+    monkeypatch.setattr(message_columns, "_BATCH_MESSAGES", 20)
+    monkeypatch.setattr(bag_reader, "_MESSAGES_AT_ONCE", 20)
     done = import_to_file(tmp_path / "log.parquet", paths, mapping)
     log = read_log(tmp_path / "log.parquet")
     assert (done.rows, done.measured) == (len(whole), int(whole.ok.sum()))

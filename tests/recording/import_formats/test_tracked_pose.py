@@ -352,6 +352,6 @@ def test_a_tip_that_is_elsewhere_is_named_with_its_distance(tmp_path: Path, monk
         assert not words or re.search(words, told[0]), told
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 13 * 100)
     monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 20)
-    monkeypatch.setattr(message_columns, "_BATCH", 50)
+    monkeypatch.setattr(message_columns, "_BATCH_MESSAGES", 50)
     done = import_to_file(tmp_path / "log.parquet", [tmp_path / "another_tool.bag"], mapping)
     assert len([note for note in done.notes if "from the tip of" in note]) == 1

@@ -37,14 +37,14 @@ _UNIT = re.compile(  # behind a name: q1 [deg], dq_rad_s, "tau3 (N m)", elbow_de
 )
 _UNIT_WORDS = {"degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad", "meters": "m"}
 _PARTS = {"": 1.0, "m": 1e-3, "c": 1e-2, "k": 1e3}  # of a newton, of a metre
-MOST_JOINTS = 64
-_FOLLOWS = 0.8  # correlation of a measured joint with its command: a hysteretic wrist's is 0.82
-_WHOLE = 0.95  # share of rows that a quantity is taken from, at least: the others are lost with it
-MOST_ROWS = 100_000  # that are looked at
-LEAST_ROWS = 30
-_WINDOWS = (3, 10, 30, 100, 300)  # rows over which positions change, and velocities add up to that
-_LIKE = 0.95  # correlation of the two, over one of these windows; noise and delay cost the short ones theirs
-_SAME = 1.25  # factor within which they are the same in size
+_MAX_JOINTS = 64
+_FOLLOWING_CORRELATION = 0.8  # correlation of a measured joint with its command: a hysteretic wrist's is 0.82
+_WHOLE_SHARE = 0.95  # share of rows that a quantity is taken from, at least: the others are lost with it
+_MAX_ROWS = 100_000  # that are looked at
+_MIN_ROWS = 30
+_WINDOW_ROWS = (3, 10, 30, 100, 300)  # rows over which positions change, and velocities add up to that
+_DERIVATIVE_CORRELATION = 0.95  # over one of these windows; noise and delay cost the short ones theirs
+_SAME_SIZE_FACTOR = 1.25  # factor within which they are the same in size
 
 
 class MovingColumns(NamedTuple):
@@ -116,7 +116,7 @@ class Candidate:
     @property
     def is_whole(self) -> bool:
         """Whether nearly every row has a number in each column."""
-        return all(np.isfinite(self.stream.numbers(column)).mean() > _WHOLE for column in self.columns)
+        return all(np.isfinite(self.stream.numbers(column)).mean() > _WHOLE_SHARE for column in self.columns)
 
     @property
     def rate(self) -> float:
@@ -143,7 +143,7 @@ class Candidate:
             pair = np.array([self.stream.numbers(mine), other.stream.numbers(its)])
             pair = pair[:, np.isfinite(pair).all(axis=0)]
             with np.errstate(invalid="ignore", divide="ignore"):
-                if pair.shape[1] < 3 or not np.asarray(np.corrcoef(pair))[0, 1] > _FOLLOWS:
+                if pair.shape[1] < 3 or not np.asarray(np.corrcoef(pair))[0, 1] > _FOLLOWING_CORRELATION:
                     return False
         return True
 
@@ -185,7 +185,7 @@ def _of_topic(stream: Stream) -> list[Candidate]:
         columns = [column for column in columns if column in stream.columns]
         words = _words(base)
         inside = "." in base.rpartition("[")[2] and stream.type != "table"
-        if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _SETS["no_joints"] or inside:
+        if not 2 <= len(columns) <= _MAX_JOINTS or set(words) & _SETS["no_joints"] or inside:
             continue
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
         own = words if stream.type == "table" else [*_words(stream.name), *words]
@@ -256,7 +256,7 @@ def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candi
         for part in _by_shared_number(columns):
             is_numbered = _joint_number(part[0]) != ""
             ordered = sorted(part, key=natural) if is_numbered else part
-            if not 1 <= len(ordered) <= MOST_JOINTS:
+            if not 1 <= len(ordered) <= _MAX_JOINTS:
                 continue
             words = _words(ordered[0])
             named = _own_parts(ordered)
@@ -351,14 +351,14 @@ def _words_and_numbers(name: str) -> list[str]:
 
 def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None) -> MovingColumns | None:
     """Return positions, velocities and torques, by each velocity as far behind its position; None without any."""
-    names, rows = list(columns), slice(0, MOST_ROWS)
+    names, rows = list(columns), slice(0, _MAX_ROWS)
     if len(names) < 2:
         return None
     values = np.column_stack([np.asarray(without_missing(columns[name][rows]), np.float64) for name in names])
     time = np.arange(len(values), dtype=np.float64) if seconds is None else seconds[rows]
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     values, time = values[whole], time[whole]
-    if len(values) < LEAST_ROWS or not (np.diff(time) > 0.0).all():
+    if len(values) < _MIN_ROWS or not (np.diff(time) > 0.0).all():
         return None
     is_derivative = _derivatives(values, time, any_size=seconds is None)
     m = len(names)
@@ -386,7 +386,7 @@ def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> Flags:
     middle = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, np.newaxis]
     sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(middle - middle.mean(axis=0), axis=0)])
     best, size = np.zeros((2, values.shape[1], values.shape[1]))
-    for window in _WINDOWS:
+    for window in _WINDOW_ROWS:
         if window > len(values) // 5:
             break
         moved, added = (each[window:] - each[:-window] for each in (values, sums))
@@ -396,21 +396,21 @@ def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> Flags:
             like = np.nan_to_num(both / np.sqrt(np.outer(own, its)))
             larger = like > best
             best, size = np.where(larger, like, best), np.where(larger, np.sqrt(np.divide.outer(own, its)), size)
-    found = best > _LIKE
+    found = best > _DERIVATIVE_CORRELATION
     np.fill_diagonal(found, False)
     if any_size and found.any():
         size = size / float(np.median(size[found]))
-    return np.asarray(found & (size > 1.0 / _SAME) & (size < _SAME))
+    return np.asarray(found & (size > 1.0 / _SAME_SIZE_FACTOR) & (size < _SAME_SIZE_FACTOR))
 
 
 # of geometry_msgs/Pose and Transform, and of what trackers' exports are read as
-PARTS = (("position", "orientation"), ("translation", "rotation"))
+POSE_PARTS = (("position", "orientation"), ("translation", "rotation"))
 _POINTS = ("position", "translation", "point")
 _TRACKERS = re.compile(r"marker|track|ndi|polaris|aurora|atracsys|optitrack|motive|vicon|mocap|rigid", re.IGNORECASE)
 _ARM = re.compile(r"/(PSM|MTM|ECM|SUJ)\w*|/arm\d", re.IGNORECASE)  # of the dVRK and the RAVEN-II
 _POSE_UNIT = re.compile(r"(?:[ _]|(?=[\[(]))[\[(]?(mm|cm|m|deg|rad)[\])]?\Z")  # behind the name of a table's column
-_FAR = 20.0  # beyond which a position is in mm, no tracker seeing so far in m
-_LARGEST_ANGLE = 7.0  # beyond which an angle is in deg
+_MAX_POSITION_M = 20.0  # beyond which a position is in mm, no tracker seeing so far in m
+_MAX_ANGLE_RAD = 7.0  # beyond which an angle is in deg
 
 
 class PoseColumns(NamedTuple):
@@ -459,7 +459,7 @@ def _units(stream: Stream, pose: PoseColumns) -> tuple[str, str]:
         sizes = np.abs([stream.numbers(column) for column in columns])
         return named[1] if named else large if (sizes > most).any() else small
 
-    return unit(pose.taken[:3], _FAR, "m", "mm"), unit(pose.taken[3:], _LARGEST_ANGLE, "rad", "deg")
+    return unit(pose.taken[:3], _MAX_POSITION_M, "m", "mm"), unit(pose.taken[3:], _MAX_ANGLE_RAD, "rad", "deg")
 
 
 def poses_by_parts(stream: Stream) -> list[PoseColumns]:
@@ -470,7 +470,10 @@ def poses_by_parts(stream: Stream) -> list[PoseColumns]:
         base, _, part = f".{point}".rpartition(".")
         if part not in _POINTS:
             continue
-        positions, turn = tuple(f"{point}.{axis}" for axis in "xyz"), f"{base[1:]}.{dict(PARTS).get(part)}".lstrip(".")
+        positions, turn = (
+            tuple(f"{point}.{axis}" for axis in "xyz"),
+            f"{base[1:]}.{dict(POSE_PARTS).get(part)}".lstrip("."),
+        )
         turns = tuple(f"{turn}.{axis}" for axis in "xyzw")
         if turns[-1] in stream.columns:
             found.append(PoseColumns((f"{front}{base[1:]}".rstrip("."),), positions + turns))

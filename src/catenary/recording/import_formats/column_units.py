@@ -21,11 +21,11 @@ Units = tuple[str, ...]
 Value = TypeVar("Value")
 # messages of ROS whose joints are in rad and m by definition [REP 103]
 _TYPES_IN_SI = ("JointState", "JointTrajectoryControllerState")
-_LARGEST_TURN = 7.0  # [rad]: more than a turn; joints of arms stay within
-_LARGEST_SLIDE = 1.0  # [m]; what moves farther is in mm
-_BEYOND = 0.25  # of a joint's range, by which a recording may leave its limits
-_END = 0.05  # [rad] by which a range that is one whole turn may miss its ends
-_NEAR = 1.25  # factor within which ranges are taken for the same
+_MAX_TURN_RAD = 7.0  # [rad]: more than a turn; joints of arms stay within
+_MAX_SLIDE_M = 1.0  # [m]; what moves farther is in mm
+_BEYOND_RANGE_SHARE = 0.25  # of a joint's range, by which a recording may leave its limits
+_TURN_END_RAD = 0.05  # [rad] by which a range that is one whole turn may miss its ends
+_SAME_RANGE_FACTOR = 1.25  # factor within which ranges are taken for the same
 _SLIDING, _TURNING = (WORDS["words"][key].split() for key in ("sliding", "turning"))
 _IN_WORDS = {"rad": ("rad", "deg"), "m": ("m", "mm")}
 
@@ -43,7 +43,7 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     if all(joint.endswith(".pos") for joint in one.joints) or (n > 1 and 2 * sum(ends) > n):
         return ("rad",) * n, "its numbers look like shares of each joint's range, whose ends nobody states", False
     sizes = [max(abs(low), abs(high)) for low, high in one.ranges]
-    large = [size > _LARGEST_TURN for size in sizes]
+    large = [size > _MAX_TURN_RAD for size in sizes]
     is_ros = _is_in_si(one)
     if model is not None and n <= model.n:
         meant = joints_meant(one.joints if all(one.joints) else one.columns, model)
@@ -56,7 +56,7 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
             within = list(its) if is_ros else within
         told = all(unit is not None for unit in within)
         units = tuple(
-            fits or _IN_WORDS[unit][is_large if unit == "rad" else size > _LARGEST_SLIDE]
+            fits or _IN_WORDS[unit][is_large if unit == "rad" else size > _MAX_SLIDE_M]
             for fits, unit, size, is_large in zip(within, its, sizes, large, strict=True)
         )
         by = "its limits" if told else "the range"
@@ -64,7 +64,7 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         return units, f"by the robot {model.name} and {by}", is_sure
     names = map(str.lower, one.joints)
     slides = [any(word in n for word in _SLIDING) and not any(word in n for word in _TURNING) for n in names]
-    large = [size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)]
+    large = [size > (_MAX_SLIDE_M if slide else _MAX_TURN_RAD) for size, slide in zip(sizes, slides, strict=True)]
     if not any(large):
         told_by = "ROS's JointState is in rad and m" if is_ros else "nothing says them: rad"
         by_name = "; which slide, by their names" if is_ros else ", unless a name sounds as if it slides"
@@ -88,10 +88,11 @@ def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> st
     if not (math.isfinite(lower) and math.isfinite(upper)):
         return None
     if model.joint_units[joint] == "rad" and (
-        max(abs(low + math.pi), abs(high - math.pi)) < _END or max(abs(low), abs(high - 2.0 * math.pi)) < _END
+        max(abs(low + math.pi), abs(high - math.pi)) < _TURN_END_RAD
+        or max(abs(low), abs(high - 2.0 * math.pi)) < _TURN_END_RAD
     ):
         return "rad"  # recorded within one turn, whatever the limits are
-    margin = _BEYOND * (upper - lower)
+    margin = _BEYOND_RANGE_SHARE * (upper - lower)
     for unit in _IN_WORDS[model.joint_units[joint]]:
         scale = SI[unit][1]
         if scale < 1.0 and max(abs(low), abs(high)) < MAX_LIMIT_RATIO * max(abs(lower), abs(upper)):
@@ -113,7 +114,7 @@ def encoder_units(
     for own, other, unit in zip(one.ranges, nominal.ranges, nominal_in, strict=True):
         base, scale = SI.get(unit, ("", 1.0))
         ratio = (own[1] - own[0]) / ((other[1] - other[0]) * scale) if other[1] > other[0] else math.nan
-        fits = [u for u in _IN_WORDS.get(base, ()) if 1 / _NEAR < ratio * SI[u][1] < _NEAR]
+        fits = [u for u in _IN_WORDS.get(base, ()) if 1 / _SAME_RANGE_FACTOR < ratio * SI[u][1] < _SAME_RANGE_FACTOR]
         sure &= len(fits) == 1
         loose = [u for u in _IN_WORDS.get(base, (unit,)) if u == unit or np.isclose(ratio * SI[u][1], 1.0, rtol=0.8)]
         units.append((fits or loose or [unit])[0])

@@ -15,7 +15,7 @@ from catenary.arrays import Floats, Integers, without_missing
 from catenary.documents import cut
 from catenary.errors import InputError
 
-MOST_SHOWN = 12  # names that an error lists
+_MAX_NAMES_SHOWN = 12  # names that an error lists
 # in names of columns
 WORDS: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "words.toml").read_text("utf-8"))
 _INDEXED = re.compile(r"(?P<base>.*)\[(?P<part>[^\[\]]*)\]\Z", re.DOTALL)
@@ -210,5 +210,5 @@ def ends(names: Sequence[str]) -> str:
 
 def listed(names: Sequence[str]) -> str:
     """Return names in a line; of many the first, and how many more there are."""
-    more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
-    return ", ".join(map(cut, names[:MOST_SHOWN])) + more if names else "none"
+    more = f" and {len(names) - _MAX_NAMES_SHOWN} more" if len(names) > _MAX_NAMES_SHOWN else ""
+    return ", ".join(map(cut, names[:_MAX_NAMES_SHOWN])) + more if names else "none"

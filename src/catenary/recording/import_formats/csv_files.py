@@ -26,7 +26,7 @@ from catenary.recording.journal import About
 from catenary.recording.parquet_files import ARROW, MOST_COLUMNS
 from catenary.topics import SECOND
 
-_DAY = 86_400 * SECOND  # [ns]
+_DAY_NS = 86_400 * SECOND  # [ns]
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _WRITTEN = re.compile(
     r"(?P<date>(?P<a>\d{1,4})(?P<between>[-/.])(?P<b>\d{1,2}|[A-Za-z]{3,9})(?P=between)(?P<c>\d{4}|\d\d?))?"
@@ -70,7 +70,7 @@ class DateFormat:
         else:
             text = pc.binary_join_element_wise("1970-01-01", text, " ")
         half = [pc.match_substring_regex(text, each) for each in ("pm", r" 12:.*[ap]m")]
-        later = pc.subtract(*(pc.if_else(each, _DAY // 2, 0) for each in half))
+        later = pc.subtract(*(pc.if_else(each, _DAY_NS // 2, 0) for each in half))
         text = pc.replace_substring_regex(pc.replace_substring_regex(text, r" ?[ap]m", ""), r" (\d):", r" 0\1:")
         text = pc.utf8_trim_whitespace(pc.replace_substring(text, "z", "Z"))
         stamp = text.cast(pa.timestamp("ns", tz="UTC" if self.has_zone else None))
@@ -124,28 +124,31 @@ def since_midnight(stamp: pa.Array, form: DateFormat, carried: Carried) -> tuple
     shift, last = carried
     last = values[0] if last is None else last
     if form.doubt:
-        shift = shift or -(int(last) // _DAY) * _DAY
+        shift = shift or -(int(last) // _DAY_NS) * _DAY_NS
         return pa.array(values + shift), (shift, int(values[-1]))
-    turned = shift + _DAY * np.cumsum(np.diff(values, prepend=last) < -_DAY // 2)
+    turned = shift + _DAY_NS * np.cumsum(np.diff(values, prepend=last) < -_DAY_NS // 2)
     return pa.array(values + turned), (int(turned[-1]), int(values[-1]))
 
 
 # cells without a number: as MATLAB and spreadsheets write them, and C by Microsoft (1.#QNAN, -1.#IND00, -nan(ind))
 _OF_C = [f"1{point}#{name}{'0' * k}" for point in ".," for name in ("QNAN", "SNAN", "IND", "INF") for k in range(13)]
 _OF_C += ["1.#J", "1.#R", "1.#IO", "1.#QO", "nan", "nan(ind)", "nan(snan)"]  # the first ones rounded to few decimals
-NOTHING = frozenset(["", "NaN", "NAN", "NA", "N/A", "null", "None", "none", "Missing", "MISSING", "missing", "#N/A",
-                     "#DIV/0!", "#NUM!", "#VALUE!", "#REF!", *_OF_C, *(f"-{cell}" for cell in _OF_C)])  # fmt: skip
-TRUTHS = {"true", "false"}
-ARRAY = "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
+_MISSING_CELLS = frozenset(["", "NaN", "NAN", "NA", "N/A", "null", "None", "none", "Missing", "MISSING", "missing",
+                            "#N/A", "#DIV/0!", "#NUM!", "#VALUE!", "#REF!", *_OF_C,
+                            *(f"-{cell}" for cell in _OF_C)])  # fmt: skip
+_TRUTH_CELLS = {"true", "false"}
+NAMELESS_ARRAY = (
+    "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
+)
 _EXACT = 2.0**53  # from which on a float64 has not every whole number
-COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
+_COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
 _UNIT = re.compile(
     r"[\[(]?\s*(|-|1|s|sec|ms|us|µs|ns|rad|deg|°|m|mm|cm|um|nm|n|a|ma|v|hz|counts?|ticks?"
     r"|(rad|deg|m|mm|n\*?m|°)(/|\*)s(\^?[23]|²)?|[mck]?n([*.·]?[mc]?m)?)\s*[\])]?",
     re.IGNORECASE,
 )
-_FEWEST = 20  # numbers that tell with how many digits a column is written
-_SECONDS = (946_684_800, 4_200_000_000)  # [s] since 1970 that a stamp of ROS has: the years 2000 to 2100
+_MIN_NUMBERS = 20  # numbers that tell with how many digits a column is written
+_ROS_SECONDS = (946_684_800, 4_200_000_000)  # [s] since 1970 that a stamp of ROS has: the years 2000 to 2100
 
 Kind = Literal["number", "whole", "truth", "date", "text"]
 
@@ -167,7 +170,7 @@ class TextDialect(NamedTuple):
         with suppress(ValueError):
             plain_number(cell.replace(",", ".") if self.decimal == "," else cell)
             return True
-        return cell in NOTHING
+        return cell in _MISSING_CELLS
 
 
 class TextColumn(NamedTuple):
@@ -203,10 +206,10 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
     """
     lines = [*lines, unended] if len(lines) < 2 and unended else lines  # a head and one row
     lines = [lines[0].lstrip("\ufeff"), *lines[1:]] if lines else []
-    plain = [k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
+    plain = [k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)]
     if not plain:
         raise FileFormatError(f"{where}: expected a line of names, if any, and lines of numbers, got no line")
-    body = [*(lines[k] for k in plain[len(plain) // 2 :]), *(line for line in last if not COMMENT.match(line))]
+    body = [*(lines[k] for k in plain[len(plain) // 2 :]), *(line for line in last if not _COMMENT.match(line))]
     dialect = _dialect(body)
     widths = Counter(len(dialect.split(line)) for line in body)
     width = max(widths, key=lambda each: (widths[each], each))
@@ -220,15 +223,15 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
     counted = [*map(str, range(width))]
     if not heads and width > 2 and dialect.split(lines[begins]) in (counted, ["", *counted[:-1]]):
         begins += 1  # pandas' names of columns that have none
-    names_above = tuple(line.strip() for line in heads if not COMMENT.match(line))
+    names_above = tuple(line.strip() for line in heads if not _COMMENT.match(line))
     rows = [(k + 1, dialect.split(lines[k])) for k in plain if k >= begins and lines[k].strip() not in names_above]
-    rows += [(0, dialect.split(line)) for line in last if not COMMENT.match(line) and line.strip() not in names_above]
+    rows += [(0, dialect.split(line)) for line in last if not _COMMENT.match(line) and line.strip() not in names_above]
     used = width
     named = {len(cells) for line in heads if (cells := dialect.split(line))[-1:] != [""]}
     while used > 1 and used not in named and all(len(row) < used or not row[used - 1] for _, row in rows):
         used -= 1  # a separator at the end of each line
     names, notes = _names(heads, used, rows, dialect)
-    unique, twice = _unique(names or [f"{ARRAY}[{i}]" for i in range(used)])
+    unique, twice = _unique(names or [f"{NAMELESS_ARRAY}[{i}]" for i in range(used)])
     columns = [_column(unique[i], (i,), [(k, row[i]) for k, row in rows if i < len(row)], dialect) for i in range(used)]
     joints: dict[str, tuple[str, ...]] = {}
     if not names:
@@ -275,7 +278,9 @@ def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDi
         return False
 
     def is_value(cell: str) -> bool:
-        return bool(cell) and (dialect.is_value(cell) or date_format([cell]) is not None or cell.lower() in TRUTHS)
+        return bool(cell) and (
+            dialect.is_value(cell) or date_format([cell]) is not None or cell.lower() in _TRUTH_CELLS
+        )
 
     below = [sum(is_value(row[i]) for row in tail) > len(tail) / 2 for i in range(len(cells))]
     return any(below) and all(is_value(cell) or not cell for cell, number in zip(cells, below, strict=True) if number)
@@ -292,9 +297,9 @@ def _is_torn(
     def digits(cell: str) -> int:
         return sum(map(str.isdigit, cell.partition(dialect.decimal)[2] or cell))
 
-    written = [digits(row[-1]) for row in above if row[-1] not in NOTHING]
-    is_number = len(cells) - 1 in numbers and cells[-1] not in NOTHING
-    return is_number and len(written) >= _FEWEST and digits(cells[-1]) < min(written)
+    written = [digits(row[-1]) for row in above if row[-1] not in _MISSING_CELLS]
+    is_number = len(cells) - 1 in numbers and cells[-1] not in _MISSING_CELLS
+    return is_number and len(written) >= _MIN_NUMBERS and digits(cells[-1]) < min(written)
 
 
 def _names(
@@ -302,7 +307,7 @@ def _names(
 ) -> tuple[list[str], list[str]]:
     """Return a name for each column, and what there is to say; no names where no line has one for each."""
     said = [line for line in heads if re.search(r"\w", line)][-2:]
-    told = [_words(COMMENT.sub("", line, count=1), used, dialect) for line in said]
+    told = [_words(_COMMENT.sub("", line, count=1), used, dialect) for line in said]
     if not told:
         return [], []
     *above, cells = told
@@ -319,7 +324,7 @@ def _names(
         return [f"{cells[a]}[{i}]" if b > a + 1 else cells[a] for a, b in pairwise(begins) for i in range(b - a)], []
     cells = [cell for cell in cells if cell]
     few = f"{len(cells)} names for {used} columns ({', '.join(map(cut, cells[:5]))}, ...): none was taken"
-    is_prose = COMMENT.match(said[-1]) and len(cells) < used / 2
+    is_prose = _COMMENT.match(said[-1]) and len(cells) < used / 2
     return [], [few] * (len(cells) > 1 and len(texts) == len(cells) and not is_prose)
 
 
@@ -349,9 +354,9 @@ def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]], dialect: TextDialect) -> TextColumn:
     """Return how a column is read, by some of its cells and their lines."""
-    values = [(line, text) for line, cell in cells if (text := cell.strip('"')) not in NOTHING]
+    values = [(line, text) for line, cell in cells if (text := cell.strip('"')) not in _MISSING_CELLS]
     texts = [text for _, text in values]
-    if texts and {text.lower() for text in texts} <= TRUTHS:
+    if texts and {text.lower() for text in texts} <= _TRUTH_CELLS:
         return TextColumn(name, "truth", places)
     form = date_format(texts)
     if form is not None:
@@ -391,7 +396,7 @@ def _as_echoed(
     first = [row for _, row in rows if len(row) >= len(columns)]
     stamps = [row[:2] for row in first]
     if len(columns) < 4 or not all(
-        a.isdigit() and b.isdigit() and _SECONDS[0] < int(a) < _SECONDS[1] and int(b) < 10**9 for a, b in stamps
+        a.isdigit() and b.isdigit() and _ROS_SECONDS[0] < int(a) < _ROS_SECONDS[1] and int(b) < 10**9 for a, b in stamps
     ):
         return list(columns), {}
     stamp = TextColumn("stamp", "whole", (0, 1))
@@ -409,11 +414,11 @@ def _as_echoed(
     return found, dict.fromkeys(arrays, joints)
 
 
-MOST_LINE = 1_000_000  # characters
-SAMPLED_NUMBERS = 4_000_000  # of a table that is not held whole that are looked at
-_LOOKED_AT = 200  # lines by which separator, decimal sign and kinds of columns are told
-_END = 65_536  # [B] at the end of a file that are looked at, too
-_BLOCK = 4 << 20  # [B] that are read at a time
+_MAX_LINE_BYTES = 1_000_000  # characters
+_SAMPLED_NUMBERS = 4_000_000  # of a table that is not held whole that are looked at
+_LOOKED_AT_LINES = 200  # lines by which separator, decimal sign and kinds of columns are told
+_TAIL_BYTES = 65_536  # [B] at the end of a file that are looked at, too
+_BLOCK_BYTES = 4 << 20  # [B] that are read at a time
 _COMMENTS = "comment lines among the rows were passed over"
 _BEGINS = (b"#", b"%", b"//")  # of comments
 _TYPES: Mapping[str, Any] = {"number": pa.float64(), "whole": pa.int64(), "truth": pa.bool_()}
@@ -447,7 +452,7 @@ class TextTable:
         for part in self.streams():
             held.append(part)
             count += part.rows * len(part.columns)
-            if count >= SAMPLED_NUMBERS:
+            if count >= _SAMPLED_NUMBERS:
                 break
         stream = joined(held)
         notes = (*stream.notes, f"of about {self._about_rows} rows the first {stream.rows} were looked at")
@@ -468,11 +473,11 @@ class TextTable:
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
         names = [str(i) for i in range(self.head.width)]
         # Arrow's pool of threads aborts one process in a hundred as it ends
-        read = pa.csv.ReadOptions(use_threads=False, column_names=names, block_size=4 * _BLOCK)
+        read = pa.csv.ReadOptions(use_threads=False, column_names=names, block_size=4 * _BLOCK_BYTES)
         passed = Counter[str]()
         parse = pa.csv.ParseOptions(delimiter=self.head.dialect.separator)
         convert = pa.csv.ConvertOptions(
-            column_types=kinds, include_columns=list(kinds), null_values=list(NOTHING), strings_can_be_null=True,
+            column_types=kinds, include_columns=list(kinds), null_values=list(_MISSING_CELLS), strings_can_be_null=True,
             decimal_point=self.head.dialect.decimal,
             true_values=["true", "True", "TRUE"], false_values=["false", "False", "FALSE"],
         )  # fmt: skip
@@ -496,7 +501,7 @@ class TextTable:
         begins = [b"\n" + begin for begin in (*_BEGINS, *heads)]
         is_blank, left = self.head.dialect.separator == " ", b""
         while True:
-            block = file.read(_BLOCK)
+            block = file.read(_BLOCK_BYTES)
             data = left + block
             end = data.rfind(b"\n") + 1 if block or self.head.torn else len(data)
             data, left = data[:end], data[end:]
@@ -543,14 +548,14 @@ def _lines(path: Path) -> tuple[list[str], list[int], list[str], str]:
     """Return a file's first lines, where each ends [B], its last lines, and apart the very last if it has no end."""
     try:
         with path.open("rb") as file:
-            lines = [file.readline(MOST_LINE + 1) for _ in range(_LOOKED_AT)]
+            lines = [file.readline(_MAX_LINE_BYTES + 1) for _ in range(_LOOKED_AT_LINES)]
             end, size = file.tell(), path.stat().st_size
-            file.seek(max(end, size - _END))
+            file.seek(max(end, size - _TAIL_BYTES))
             behind = file.read()
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from error
-    if any(len(line) > MOST_LINE for line in lines):
-        raise FileFormatError(f"{path}: a line of more than {MOST_LINE} bytes; is this a CSV?")
+    if any(len(line) > _MAX_LINE_BYTES for line in lines):
+        raise FileFormatError(f"{path}: a line of more than {_MAX_LINE_BYTES} bytes; is this a CSV?")
     if lines[0][:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise FileFormatError(f"{path}: is UTF-16, expected UTF-8")
     if any(b"\0" in line for line in lines):
@@ -558,7 +563,7 @@ def _lines(path: Path) -> tuple[list[str], list[int], list[str], str]:
     if any(b"\r" in line.rstrip(b"\r\n") for line in lines):
         raise FileFormatError(f"{path}: its lines end in carriage returns alone, expected line feeds")
     ends = np.cumsum([len(line) for line in lines]).tolist()
-    last = behind.split(b"\n")[1 if size - _END > end else 0 :]
+    last = behind.split(b"\n")[1 if size - _TAIL_BYTES > end else 0 :]
     try:
         first = [line.decode().rstrip("\r\n") for line in lines if line]
         texts = [line.decode(errors="replace").rstrip("\r\n") for line in last]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MAX_ARRAYS, MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO
-from catenary.documents import DEEPEST, MOST_JSON, cut, json_table, read_bounded, reading
+from catenary.documents import MAX_LEVELS, MOST_JSON, cut, json_table, read_bounded, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, arrays_of, listed, natural
 from catenary.recording.import_formats.table_files import read_parquet_table, streams_of_arrays
@@ -27,13 +27,13 @@ from catenary.recording.import_formats.table_time import RATES
 if TYPE_CHECKING:
     import h5py
 
-MOST_NODES = 100_000  # groups and arrays of a file
-MOST_TEXTS = 1000  # of an array of texts, such as joints' names
+_MAX_NODES = 100_000  # groups and arrays of a file
+_MAX_TEXTS = 1000  # of an array of texts, such as joints' names
 _EPISODE = re.compile(
     r"(?:(?:demo|episode|ep|traj|trajectory|trial|run|rec|recording|session|take)[_ -]?)?\d{1,9}", re.I
 )
 _UNREADABLE = (OSError, LookupError, ValueError, TypeError, RuntimeError, MemoryError, OverflowError)
-INFO, INDEX = "meta/info.json", "episode_index"  # of LeRobot
+_INFO, _INDEX = "meta/info.json", "episode_index"  # of LeRobot
 # what says when an episode began: ISO 8601, seconds since 1970, or robosuite's month-day-year beside "time"
 _DATES = ("date", "recorded", "recorded_at", "created", "created_at", "start_time", "timestamp")
 _FORMATS = ("", "%m-%d-%Y %H:%M:%S", "%m-%d-%Y")
@@ -93,12 +93,12 @@ class _Content:
         import h5py
 
         self._seen.add(h5py.h5o.get_info(group.id).addr)
-        if depth > DEEPEST:
-            raise FileFormatError(f"{self._path}: is nested more than {DEEPEST} levels deep")
+        if depth > MAX_LEVELS:
+            raise FileFormatError(f"{self._path}: is nested more than {MAX_LEVELS} levels deep")
         for name in group:
             self._nodes += 1
-            if self._nodes > MOST_NODES:
-                raise FileFormatError(f"{self._path}: more than {MOST_NODES} groups and arrays")
+            if self._nodes > _MAX_NODES:
+                raise FileFormatError(f"{self._path}: more than {_MAX_NODES} groups and arrays")
             path, link = f"{outer}{name}", group.get(name, getlink=True)
             if isinstance(link, h5py.ExternalLink):
                 self._left.append(f"{cut(path)} (stands in {cut(link.filename)}, which is not read)")
@@ -131,7 +131,7 @@ class _Content:
             why = "its numbers stand in another file"
         elif not (is_text or data.dtype.kind in "biuf"):
             why = "neither numbers nor texts"
-        elif sum(length > 1 for length in shape) > 2 or (is_text and prod(shape) > MOST_TEXTS):
+        elif sum(length > 1 for length in shape) > 2 or (is_text and prod(shape) > _MAX_TEXTS):
             why = f"of shape {shape}, no rows of numbers"
         if why:
             self._left.append(f"{cut(path)} ({why})")
@@ -164,7 +164,7 @@ def _units_of(data: "h5py.Dataset") -> list[str]:
 
 def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
     """Read a dataset: all its episodes one behind the other, or the wanted one, with its features' names of joints."""
-    info = json_table(read_bounded(path / INFO, MOST_JSON), str(path / INFO))
+    info = json_table(read_bounded(path / _INFO, MOST_JSON), str(path / _INFO))
     files, version = sorted(path.glob("data/chunk-*/*.parquet")), str(info.get("codebase_version"))
     number = re.search(r"(\d{1,9})\Z", wanted)
     files = [file for file in files if number and file.stem == f"episode_{int(number[1]):06d}"] or files
@@ -178,10 +178,10 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
     shared = [name for name in every if all(name in part.columns for part in parts)]
     lost = [cut(name) for name in every if name not in shared]
     said = [f"left out, as not all files have them: {', '.join(lost[:10])}"] * bool(lost)
-    if INDEX not in shared:
-        raise FileFormatError(f"{path}: not all its files have the column {INDEX}")
+    if _INDEX not in shared:
+        raise FileFormatError(f"{path}: not all its files have the column {_INDEX}")
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in shared}
-    numbers = columns[INDEX].astype(np.int64)
+    numbers = columns[_INDEX].astype(np.int64)
     episodes = {f"episode_{number}": number for number in np.unique(numbers).tolist()}
     chosen = wanted_episodes(path, list(episodes), wanted)
     rows = np.isin(numbers, [episodes[name] for name in chosen])

@@ -34,7 +34,7 @@ from catenary.transmission.cable_coupling import joint_forces
 from catenary.verdict.turns import TURN, in_one_turn, unwrapped
 
 _SIGNED = "-"
-_BESIDE = 10_000_000  # [ns] before and after a pose, between which a speed is taken
+_BESIDE_NS = 10_000_000  # [ns] before and after a pose, between which a speed is taken
 
 
 class _Found(NamedTuple):
@@ -425,13 +425,13 @@ def _tracked(
     def poses_at(late: float) -> TrackedPoses:
         near, before, after = (
             interpolate(nominal, poses.stamp + round(late * SECOND) + by, clock.gap("q_nominal"))
-            for by in (0, -_BESIDE, _BESIDE)
+            for by in (0, -_BESIDE_NS, _BESIDE_NS)
         )
         start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
         speed = np.zeros_like(start)
         start[:, chosen] = near
         if clock.is_timed:  # rows without time tell no delay
-            speed[:, chosen] = np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
+            speed[:, chosen] = np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE_NS)))
         return TrackedPoses(*measured, start, speed)
 
     seen = poses_at(0.0)

@@ -19,12 +19,12 @@ from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_of, times_among
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
-IMU = "sensor_msgs/Imu"
+_IMU_TYPE = "sensor_msgs/Imu"
 _FORCE, _RATE, _STRIPPED = (WORDS["inertial"][key].split() for key in ("force", "rate", "stripped"))
 # a unit behind a name: "Accelerometer X (g)", "gyro_x [deg/s]", "accel_x_mg"
 _UNIT = re.compile(r"[ _]*[(\[]\s*(?P<unit>[^)\]]+?)\s*[)\]]\s*$|[_ ](?P<tail>m_s2|mps2|rad_s|radps|deg_s|dps|mg|g)$")
-_LEAST = 10  # readings
-_BURST = 0.2  # of the mean step: more than half of them shorter, and stamps are those of bursts that came together
+_MIN_READINGS = 10
+_BURST_STEPS = 0.2  # of the mean step: more than half of them shorter, and readings came in bursts
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,9 @@ def read_imu(
     there = np.isfinite(values).any(axis=1)  # a table may have rows of other sensors between
     missing += f"; {int((~there).sum())} rows have no reading" * (not there.all())
     known = (stamp > np.iinfo(np.int64).min) & measured & there
-    if known.sum() < _LEAST:
+    if known.sum() < _MIN_READINGS:
         raise FileFormatError(
-            f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}{missing}"
+            f"{path}: expected at least {_MIN_READINGS} readings with a time, got {int(known.sum())}{missing}"
         )
     seconds, spread = _spread((stamp[known] - stamp[known][0]) / 1e9)
     rows = values[known]
@@ -114,12 +114,12 @@ def _measured(stream: Stream, name: str, rows: int) -> Flags:
 def _spread(seconds: Floats) -> tuple[Floats, str]:
     """Return times with bursts spread: readings that came together were taken evenly since those before."""
     steps = np.diff(seconds)
-    if len(steps) < _LEAST or (steps < 0.0).any():
+    if len(steps) < _MIN_READINGS or (steps < 0.0).any():
         return seconds, ""
     mean = float(seconds[-1]) / len(steps)
-    if np.mean(steps < _BURST * mean) < 0.5:
+    if np.mean(steps < _BURST_STEPS * mean) < 0.5:
         return seconds, ""
-    last = np.append(steps >= _BURST * mean, True)  # of a burst, whose readings end at its stamp
+    last = np.append(steps >= _BURST_STEPS * mean, True)  # of a burst, whose readings end at its stamp
     ends = np.flatnonzero(last)
     known = np.append(0, ends[ends > 0])
     even: Floats = np.interp(np.arange(len(seconds)), known, seconds[known])
@@ -130,11 +130,11 @@ def _stream(path: Path, streams: Sequence[Stream], topic: str | None) -> Stream:
     if topic is not None:
         found = [stream for stream in streams if stream.name == topic]
     else:
-        found = [s for s in streams if s.type == "table" or s.type.replace("/msg/", "/") == IMU]
+        found = [s for s in streams if s.type == "table" or s.type.replace("/msg/", "/") == _IMU_TYPE]
     if len(found) == 1:
         return found[0]
     there = ", ".join(f"{cut(s.name)} ({s.type})" for s in streams)
-    wanted = f"topic {cut(topic)}" if topic is not None else f"one topic of {IMU}, or one table"
+    wanted = f"topic {cut(topic)}" if topic is not None else f"one topic of {_IMU_TYPE}, or one table"
     raise InputError(f"{path}: expected {wanted}, got {len(found)}; it has {there}")
 
 

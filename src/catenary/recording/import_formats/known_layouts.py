@@ -43,16 +43,16 @@ from catenary.robots.model import RobotModel
 from catenary.topics import SECOND
 
 # topics that stand one behind the other in a row of the published CSV, and `widths`
-RAVEN_TABLE: dict[str, Any] = tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text("utf-8"))
+_RAVEN_TABLE: dict[str, Any] = tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text("utf-8"))
 _STATE_ARRAYS = {"t", "jpos", "jpos_d", "pos", "pos_d"}
 
 
 MOTION_LOG = "catenary's motion log"
-RAVEN_CSV = "RAVEN-II's published CSV"
-COMMAND_LOG = "commanded and measured joints (q_des, q_act, ok)"
+_RAVEN_CSV = "RAVEN-II's published CSV"
+_COMMAND_LOG = "commanded and measured joints (q_des, q_act, ok)"
 TORQUE_LOG = "positions and torques (q, tau, and dq, fs or t)"  # whose joints' names and units the robot has
-RAVEN_BAG = "RAVEN-II's topics: raven_state and the external encoders"
-RAVEN_STATE = "RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)"
+_RAVEN_BAG = "RAVEN-II's topics: raven_state and the external encoders"
+_RAVEN_STATE = "RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)"
 
 
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
@@ -69,7 +69,7 @@ def layout_of_files(paths: Sequence[Path]) -> str | None:
         except FileFormatError:
             return None
         is_there = [(topic.name, topic.type) in topics for topic in (RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS)]
-        return RAVEN_BAG if is_there in ([True, False, True], [False, True, True]) else None
+        return _RAVEN_BAG if is_there in ([True, False, True], [False, True, True]) else None
     if len(paths) != 1 or not paths[0].is_file():
         return None
     path, ending = paths[0], format_of(paths[0]).ending
@@ -78,13 +78,13 @@ def layout_of_files(paths: Sequence[Path]) -> str | None:
     if ending == ".csv":
         with path.open("rb") as file:
             width = file.readline(100_000).count(b",") + 1
-        return RAVEN_CSV if width in RAVEN_TABLE["widths"] else None
+        return _RAVEN_CSV if width in _RAVEN_TABLE["widths"] else None
     names = set(read_arrays(path)) if ending == ".npz" else set[str]()
     if {"q_des", "q_act", "ok"} <= names:
-        return COMMAND_LOG
+        return _COMMAND_LOG
     if "q" in names and names & {"tau", "effort"}:
         return TORQUE_LOG
-    return RAVEN_STATE if names >= _STATE_ARRAYS else None
+    return _RAVEN_STATE if names >= _STATE_ARRAYS else None
 
 
 def read_layout(
@@ -92,12 +92,12 @@ def read_layout(
 ) -> MotionLog:
     """Read a recording of a known layout, but a motion log; `units` ("rad" or "m") are for files without."""
     path = paths[0]
-    if layout in (RAVEN_BAG, RAVEN_CSV):
+    if layout in (_RAVEN_BAG, _RAVEN_CSV):
         arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
         return read_raven(paths, arm=arm).log
     if layout == TORQUE_LOG and model is not None:
         return read_torques(path, model)
-    if layout == RAVEN_STATE:
+    if layout == _RAVEN_STATE:
         return synchronise(Sources(paths), layout_mapping("raven2/state")).log
     if model is not None:
         return read_commands(path, units=units or model.joint_units, joint_names=model.joint_names)
@@ -224,7 +224,7 @@ def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[st
 def raven_columns(path: Path) -> Sources:
     """Open RAVEN-II's published CSV as the topics that it was made from, in SI."""
     (read,) = read_table_file(path)
-    widths = RAVEN_TABLE["widths"]
+    widths = _RAVEN_TABLE["widths"]
     if len(read.columns) not in widths:
         raise FileFormatError(
             f"{path}: {len(read.columns)} columns of numbers, expected RAVEN-II's {widths[0]}, or {widths[1]} with "
@@ -232,7 +232,7 @@ def raven_columns(path: Path) -> Sources:
         )
     table = np.column_stack(list(read.columns.values())).astype(np.float64)
     parts, first = {}, 0
-    for topic in RAVEN_TABLE["topics"]:
+    for topic in _RAVEN_TABLE["topics"]:
         width = 1 + sum(count for _, count in topic["columns"])
         parts[topic["name"]] = topic, table[:, first : first + width]
         first += width

@@ -25,10 +25,10 @@ from catenary.recording.messages import current_name
 from catenary.recording.parquet_files import MOST_COLUMNS
 from catenary.topics import SECOND
 
-SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
-LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
-_BATCH = 4096
-_MOST_JOINTS = 1000
+_SAMPLED_MESSAGES = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
+_MAX_SAMPLED_BYTES = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
+_BATCH_MESSAGES = 4096
+_MAX_JOINTS = 1000
 _NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
 _Blocks = Iterator[tuple[str, Integers, Block]]
 
@@ -77,7 +77,7 @@ class Bag:
         for name, arrivals, block in self._reader.blocks(tuple(columns)):
             if name in in_chunk:
                 in_chunk.clear()
-                if max(each.waiting for each in columns.values()) >= _BATCH:
+                if max(each.waiting for each in columns.values()) >= _BATCH_MESSAGES:
                     yield [each.taken() for each in columns.values()]
             in_chunk.add(name)
             columns[name].add(arrivals, block)
@@ -86,15 +86,15 @@ class Bag:
         yield [each.taken() for each in columns.values()]
 
     def _evenly(self, topics: Collection[str]) -> _Blocks:
-        """Yield SAMPLED messages of each topic at most, and no long ones."""
+        """Yield _SAMPLED_MESSAGES messages of each topic at most, and no long ones."""
         seen, read = dict.fromkeys(topics, 0), 0
         for name, arrivals, block in self._reader.blocks(tuple(topics)) if topics else ():
-            every = -(-self.counts[name] // SAMPLED)
+            every = -(-self.counts[name] // _SAMPLED_MESSAGES)
             rows = np.flatnonzero((seen[name] + np.arange(len(block))) % every == 0)
             seen[name] += len(block)
             read += len(block)
             self._progress(min(1.0, read / sum(self.counts[each] for each in topics)))
-            rows = rows[block.lengths[rows] <= LONGEST]
+            rows = rows[block.lengths[rows] <= _MAX_SAMPLED_BYTES]
             if len(rows):
                 yield name, arrivals[rows], Block.of([block[row] for row in rows.tolist()])
 
@@ -214,7 +214,7 @@ class _TopicColumns:
             note = "joints change their order or number between messages; they were followed by name"
             self._notes[note] = None
             new = tuple(joint for joint in joints if joint not in known)
-            self._joints[array] = (known + new)[:_MOST_JOINTS]
+            self._joints[array] = (known + new)[:_MAX_JOINTS]
         return [f"{array}[{joint}]" for joint in joints]
 
 
@@ -262,7 +262,7 @@ def _named_arrays(kinds: Mapping[str, Any]) -> dict[str, str]:
 def _orders(records: NDArray[np.void], kinds: Mapping[str, Any], names: str) -> list[tuple[Integers, list[str]]]:
     """Return the orders of joints that occur, each with its rows."""
     fields: list[str] = []
-    while f"{names}.{len(fields)}" in kinds and len(fields) < _MOST_JOINTS:
+    while f"{names}.{len(fields)}" in kinds and len(fields) < _MAX_JOINTS:
         fields.append(f"{names}.{len(fields)}")
     texts = [bytes(records[0][one]) for one in fields]
     same = np.ones(len(records), dtype=bool)

@@ -22,14 +22,14 @@ from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.import_formats.table_time import TableTime, time_of
 from catenary.topics import SECOND
 
-WIDE = 3.0  # intervals that a gap is long, at least; a slow topic has no gaps merely for being slow
-OFFSET = 0.005  # [s] of a clock against the arrival of messages that is worth a note
-STEP = SECOND // 4  # [ns] the least; what is smaller costs no more than as many stamps that repeat
-SAME = SECOND // 50  # [ns] within which topics agree on one and the same step
-NEAR = 2 * SECOND  # [ns] within which they see it
-LEAST = 3  # messages that have to stay where the clock is
+_GAP_INTERVALS = 3.0  # intervals that a gap is long, at least; a slow topic has no gaps merely for being slow
+_NOTED_OFFSET_S = 0.005  # [s] of a clock against the arrival of messages that is worth a note
+_MIN_STEP_NS = SECOND // 4  # [ns] the least; what is smaller costs no more than as many stamps that repeat
+_SAME_STEP_NS = SECOND // 50  # [ns] within which topics agree on one and the same step
+_SAME_TIME_NS = 2 * SECOND  # [ns] within which they see it
+_MIN_MESSAGES = 3  # messages that have to stay where the clock is
 # [ns] stamps that creep on, to stay in order, while messages come further apart
-CRAWL, FURTHER = 1000, SECOND // 10_000
+_CRAWL_NS, _APART_NS = 1000, SECOND // 10_000
 
 
 class ClockStep(NamedTuple):
@@ -72,7 +72,8 @@ class TopicReport:
             f"{len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s": self.gaps,
             f"{self.repeated} repeated stamps were dropped": self.repeated,
             f"{self.shuffled} messages were out of order and sorted": self.shuffled,
-            f"stamps lie {self.clock_offset:.3f} s before arrival; not corrected": abs(self.clock_offset) > OFFSET,
+            f"stamps lie {self.clock_offset:.3f} s before arrival; not corrected": abs(self.clock_offset)
+            > _NOTED_OFFSET_S,
             "messages carry no stamps; their arrival was taken": self.stamped_by_arrival,
         }
         steps = [f"{step.note(self.start)}; stamps continue as before" for step in self.clock_steps]
@@ -118,7 +119,7 @@ def clean_series(
     start, end = (ordered[0], ordered[-1]) if span is None else span
     edges = np.concatenate([[min(start, ordered[0])], ordered, [max(end, ordered[-1])]])
     intervals = np.diff(ordered) / SECOND
-    limit = max(max_gap, WIDE * float(np.median(intervals))) if len(intervals) else max_gap
+    limit = max(max_gap, _GAP_INTERVALS * float(np.median(intervals))) if len(intervals) else max_gap
     regular = intervals[intervals <= limit]
     wide = np.flatnonzero(np.diff(edges) / SECOND > limit)
     gaps = tuple((float(edges[i] - start) / SECOND, float(edges[i + 1] - edges[i]) / SECOND) for i in wide)
@@ -151,18 +152,22 @@ def without_steps(
     `known` where another topic saw the same one: so topics stay as near to one another as they were stamped. Where
     arrivals go back too, and into stamps that were there, both clocks were set.
     """
-    if len(stamp) < 2 * LEAST:
+    if len(stamp) < 2 * _MIN_MESSAGES:
         return stamp, ()
     arrival = _steady(stamp, arrival)
     stamp, steps = _awake(stamp, arrival)
-    places = np.flatnonzero(np.abs(np.diff(stamp) - _elapsed(stamp, arrival)) > STEP) + 1
+    places = np.flatnonzero(np.abs(np.diff(stamp) - _elapsed(stamp, arrival)) > _MIN_STEP_NS) + 1
     ends = [0, *places.tolist(), len(stamp)]
-    stretches = [(b, e) for b, e in pairwise(ends) if e - b >= LEAST]
+    stretches = [(b, e) for b, e in pairwise(ends) if e - b >= _MIN_MESSAGES]
     usual = int(np.median((arrival - stamp)[slice(*stretches[0])])) if stretches else 0
     for begin, end in stretches[1:]:
         by = usual - int(np.median((arrival - stamp)[begin:end]))  # a clock that is ahead makes messages come early
-        if abs(by) > STEP:
-            shared = [one.by for one in known if abs(one.by - by) < SAME and abs(one.at - arrival[begin]) < NEAR]
+        if abs(by) > _MIN_STEP_NS:
+            shared = [
+                one.by
+                for one in known
+                if abs(one.by - by) < _SAME_STEP_NS and abs(one.at - arrival[begin]) < _SAME_TIME_NS
+            ]
             by = shared[0] if shared else by
             stamp = np.concatenate([stamp[:begin], stamp[begin:] - by])
             steps = (*steps, ClockStep(int(arrival[begin]), by))
@@ -179,13 +184,13 @@ def _elapsed(stamp: Integers, arrival: Integers) -> Integers:
 
 def _steady(stamp: Integers, arrival: Integers) -> Integers:
     """Return arrivals by a clock that was not set back; files read in another order never go into what was there."""
-    places = np.flatnonzero(np.diff(arrival) < -STEP) + 1
+    places = np.flatnonzero(np.diff(arrival) < -_MIN_STEP_NS) + 1
     if len(places) == 0:
         return arrival
     elapsed, ends = _elapsed(stamp, arrival), [0, *places.tolist(), len(stamp)]
     arrival = arrival.copy()
     for before, begin, end in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
-        both = stamp[begin] < stamp[begin - 1] - STEP
+        both = stamp[begin] < stamp[begin - 1] - _MIN_STEP_NS
         if not both or stamp[begin:end].max() >= stamp[before:begin].min():
             arrival[begin:] += arrival[begin - 1] + elapsed[begin - 1] - arrival[begin]
     return arrival
@@ -194,11 +199,11 @@ def _steady(stamp: Integers, arrival: Integers) -> Integers:
 def _awake(stamp: Integers, arrival: Integers) -> tuple[Integers, tuple[ClockStep, ...]]:
     """Return stamps that do not stand still, as those of a program do that never lets them go back."""
     ahead = np.diff(stamp)
-    creeps = (ahead > 0) & (ahead <= CRAWL) & (np.diff(arrival) > FURTHER)
+    creeps = (ahead > 0) & (ahead <= _CRAWL_NS) & (np.diff(arrival) > _APART_NS)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], creeps, [False]]).astype(np.int8)))
     steps: tuple[ClockStep, ...] = ()
     for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if last - first < LEAST or first == 0:
+        if last - first < _MIN_MESSAGES or first == 0:
             continue
         stamp = stamp.copy() if not steps else stamp
         rows = slice(first + 1, last + 1)
@@ -208,13 +213,13 @@ def _awake(stamp: Integers, arrival: Integers) -> tuple[Integers, tuple[ClockSte
     return stamp, steps
 
 
-APART = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
-APART_FROM_1970 = 10**9 * SECOND  # [ns] below which stamps count from a zero of their own
-BASE = "q_nominal"  # the quantity whose samples are the rows
+DIFFERENT_CLOCKS_S = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
+_FIRST_DATED_NS = 10**9 * SECOND  # [ns] below which stamps count from a zero of their own
+_BASE = "q_nominal"  # the quantity whose samples are the rows
 # of a quantity's rows, or of q_nominal's: a table that lacks more of them has the two at rates of their own
-OTHER_RATE = 0.5
+_OTHER_RATE_SHARE = 0.5
 _LOST = np.iinfo(np.int64).min  # stamp of a row without time
-_BETWEEN = 10 * 24 * 3600  # [s] between recordings that stand one behind the other in a table
+_BETWEEN_RECORDINGS_S = 10 * 24 * 3600  # [s] between recordings that stand one behind the other in a table
 
 
 class OneClock:
@@ -233,7 +238,7 @@ class OneClock:
     ) -> None:
         """Clean the streams, by name; those that no quantity has columns of are only reported on."""
         self._quantities, self._mapping, self._today = quantities, mapping, today
-        self.base = quantities[BASE][0].stream
+        self.base = quantities[_BASE][0].stream
         self._alone = len(streams) == 1 and streams[self.base].stamp is None
         self._tables, self.notes = dict[str, TableTime](), list[str]()
         stamps = {name: self._stamp_of(stream) for name, stream in streams.items()}
@@ -243,7 +248,7 @@ class OneClock:
         headed = headed & arrivals.keys() if mapping.stamps != "arrival" else set[str]()
         offsets = {name: found[name, ""].report.clock_offset for name in arrivals if name in headed}
         spread = [*offsets.values(), *([0.0] if offsets and headed < arrivals.keys() else [])]
-        if mapping.stamps == "auto" and spread and max(spread) - min(spread) > APART:
+        if mapping.stamps == "auto" and spread and max(spread) - min(spread) > DIFFERENT_CLOCKS_S:
             said = ", ".join(f"{name} {offset:.3f} s" for name, offset in offsets.items())
             self.notes.append(
                 f"stamps lie before arrival by {said}: clocks that differ; arrivals were taken for all topics"
@@ -302,7 +307,7 @@ class OneClock:
         if not self.is_timed:
             return None, 0.0
         stamp = self._own_stamp[whole]
-        began = int(stamp[0]) / SECOND + (self._began if stamp[0] < APART_FROM_1970 else 0.0)
+        began = int(stamp[0]) / SECOND + (self._began if stamp[0] < _FIRST_DATED_NS else 0.0)
         if self._seconds is None:
             return (stamp - stamp[0]) / SECOND, began
         seconds = self._seconds[whole]
@@ -333,7 +338,7 @@ class OneClock:
     def _gap(self, series: Series) -> float:
         steps = np.diff(series.stamp)
         most = self._mapping.max_gap_s
-        return max(most, WIDE * float(np.median(steps)) / SECOND) if len(steps) else most
+        return max(most, _GAP_INTERVALS * float(np.median(steps)) / SECOND) if len(steps) else most
 
     def _clean(self, streams: Mapping[str, Stream], stamps: Mapping[str, Integers]) -> dict[tuple[str, str], Series]:
         """Return the samples of each stream, or part of a table with rows of its own, the base first."""
@@ -359,7 +364,7 @@ class OneClock:
                 came = None if arrival is None else arrival[index]
                 known: dict[str, Any] = {"max_gap": self._mapping.max_gap_s, "span": span, "clock_steps": steps}
                 series = clean_series(called, stamp[index], numbers, arrival=came, **known)
-                gaps = tuple(gap for gap in series.report.gaps if gap[1] < 0.9 * _BETWEEN)
+                gaps = tuple(gap for gap in series.report.gaps if gap[1] < 0.9 * _BETWEEN_RECORDINGS_S)
                 found[name, part] = replace(series, report=replace(series.report, gaps=gaps))
                 self._columns[name, part] = columns
                 if name == self.base and not part:
@@ -381,13 +386,13 @@ class OneClock:
             key: np.logical_or.reduce([np.isfinite(stream.columns[c].astype(np.float64)) for c in columns])
             for key, columns in of.items()
         }
-        if BASE not in of:
+        if _BASE not in of:
             parts = {key: (columns, there[key] if there[key].any() else every) for key, columns in of.items()}
             return parts or {"": (together, every)}
-        base = there[BASE]
+        base = there[_BASE]
 
         def lacks(some: Flags, others: Flags) -> bool:
-            return bool((some & ~others).sum() > OTHER_RATE * some.sum())
+            return bool((some & ~others).sum() > _OTHER_RATE_SHARE * some.sum())
 
         apart = [key for key, rows in there.items() if rows.any() and (lacks(base, rows) or lacks(rows, base))]
         if not apart or not base.any():
@@ -415,7 +420,7 @@ class OneClock:
         if not len(back):
             return stamp
         later = np.zeros(len(known), dtype=np.int64)
-        later[back] = known[back - 1] - known[back] + min(_BETWEEN, 4 * 10**9 // len(back)) * SECOND
+        later[back] = known[back - 1] - known[back] + min(_BETWEEN_RECORDINGS_S, 4 * 10**9 // len(back)) * SECOND
         moved = stamp.copy()
         moved[timed] = known + np.cumsum(later)
         return moved

@@ -28,7 +28,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.visible import visible
 
-_JOINTS_SHOWN = 8
+_MAX_JOINTS_SHOWN = 8
 
 
 class Proposal(NamedTuple):
@@ -423,7 +423,7 @@ def _write(
     draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], why: str, scale: Sequence[float] = ()
 ) -> None:
     draft.used.setdefault(one.stream.name, set()).update(one.columns)
-    ranges = [f"{low:.3g} to {high:.3g}" for low, high in one.ranges[:_JOINTS_SHOWN]]
+    ranges = [f"{low:.3g} to {high:.3g}" for low, high in one.ranges[:_MAX_JOINTS_SHOWN]]
     rate = f"{one.rate:.4g} Hz, " if np.isfinite(one.rate) else ""
     draft.tables += [
         "",

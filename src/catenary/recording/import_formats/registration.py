@@ -24,18 +24,22 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, identity_pose, quaternion_from_rotation, rotation_from_vector
 from catenary.units import DISPLAY
 
-FEWEST_POSES, MOST_POSES = 12, 3_000  # the most evenly over the recording
-FINEST = np.array([5e-5, 5e-4])  # [m], [rad] that no tracker is better than over a workspace, nor an arm's geometry
-USUAL = np.array([2e-4, 3e-3])  # [m], [rad] of a tracker
-FAR = 5.0  # standard deviations of an axis at which an outlier begins: one of 70,000 good poses lies there
-FEWEST, BLOCKS = 6, 30  # stretches of time whose errors are taken as independent
-OPEN = 0.05  # [rad] half-width at which a direction is not told: a usual tracker sees 1.4 mm of a motion then
-SETTLES = {"rad": 0.5, "m": 0.05}  # to either side: a motion that may settle it
-DOUBTFUL = 0.05  # of the motion, left by a fit: more than joints' own errors
-STRAIGHT, _RETIMED = 1e-3, 5  # [s] for which a speed goes on; how often poses are read at another time
-STRUCTURAL = 1e-9  # of the largest eigenvalue: what no motion of the robot shows
-_LOOKS, _TRIED, _COARSE = 4_000, 6, 300  # directions of a tracker, those followed up, and with how many poses
-_MEDIAN = 1.538  # of the length of three normal numbers of standard deviation 1
+MIN_POSES, _MAX_POSES = 12, 3_000  # the most evenly over the recording
+_MIN_NOISE = np.array([5e-5, 5e-4])  # [m], [rad] that no tracker is better than over a workspace, nor an arm's geometry
+TRACKER_NOISE = np.array([2e-4, 3e-3])  # [m], [rad] of a tracker
+_OUTLIER_SIGMAS = 5.0  # standard deviations of an axis at which an outlier begins: one of 70,000 good poses lies there
+_MIN_STRETCHES, _MAX_STRETCHES = 6, 30  # stretches of time whose errors are taken as independent
+_OPEN_HALF_WIDTH_RAD = 0.05  # at which a direction is not told: a usual tracker sees 1.4 mm of a motion then
+_SETTLING_MOTION = {"rad": 0.5, "m": 0.05}  # to either side: a motion that may settle it
+_DOUBTFUL_SHARE = 0.05  # of the motion, left by a fit: more than joints' own errors
+_STRAIGHT_S, _MAX_RETIMINGS = 1e-3, 5  # [s] for which a speed goes on; how often poses are read at another time
+_BLIND_EIGENVALUE_SHARE = 1e-9  # of the largest eigenvalue: what no motion of the robot shows
+_LOOKS, _FOLLOWED_LOOKS, _COARSE_POSES = (
+    4_000,
+    6,
+    300,
+)  # directions of a tracker, those followed up, and with how many poses
+_MEDIAN_SIGMAS = 1.538  # of the length of three normal numbers of standard deviation 1
 _OFFSETS = 12  # the first of them among the parameters
 
 
@@ -100,7 +104,7 @@ class TrackerRegistration:
         said += [
             f"doubt: what is left is {self.left[0] / self.reach:.0%} of the motion, {1e3 * self.reach:.0f} mm: clocks "
             "far apart, joints in another order or unit, a marker on another frame? The errors stated here may not hold"
-        ] * bool(self.left[0] > DOUBTFUL * self.reach)
+        ] * bool(self.left[0] > _DOUBTFUL_SHARE * self.reach)
         middle = f" at {np.round(self.middle, 3).tolist()} m"
         for name, pose, error, where in (
             ("T_base_tracker", found.base, self.base_error, middle),
@@ -145,11 +149,11 @@ def register(
     `base` T_base_tracker and `marker` T_frame_marker. Rows that are not finite are left out.
     """
     numbers = np.hstack([a.reshape(len(tracked.q), -1) for a in tracked if a is not None])
-    seen = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1))).evenly(MOST_POSES)
-    if len(seen.q) < FEWEST_POSES:
+    seen = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1))).evenly(_MAX_POSES)
+    if len(seen.q) < MIN_POSES:
         raise InputError(
             f"registration: {len(seen.q)} of {len(tracked.q)} poses are finite, near enough (is their unit right?) and "
-            f"beside joints, expected {FEWEST_POSES} at least"
+            f"beside joints, expected {MIN_POSES} at least"
         )
     middle = np.median(seen.position, axis=0)
     reach = max(float(np.median(np.linalg.norm(seen.position - middle, axis=1))), 0.02)
@@ -159,8 +163,8 @@ def register(
     units = np.concatenate([turns, np.ones(3), turns, np.ones(3), joints, [1.0 / max(speed, 1e-6)]])
     free = [base is None] * 6 + [marker is None and seen.rotation is not None] * 3 + [marker is None] * 3
     basis = np.eye(len(units))[:, [*free, *[zeros == "free"] * len(joints), speed > 1e-6]]
-    every = _Problem(model, seen, list(chosen), frame, middle, reach, units, basis, USUAL)
-    coarse = replace(every, tracked=seen.evenly(_COARSE), noise=np.array([0.1 * reach, 0.1]))
+    every = _Problem(model, seen, list(chosen), frame, middle, reach, units, basis, TRACKER_NOISE)
+    coarse = replace(every, tracked=seen.evenly(_COARSE_POSES), noise=np.array([0.1 * reach, 0.1]))
     starts = [coarse.solved(start, robust=True, steps=20) for start in coarse.starts(base, marker)]
     found = min(starts, key=lambda at: float(np.log(np.median(coarse.lengths(at), axis=0)).sum()))
     held, is_told = every.without_what_no_motion_tells(coarse.solved(found, robust=True))
@@ -169,7 +173,9 @@ def register(
         found = replace(held, noise=held.noise_of(found)).solved(found, robust=True)
     for _ in range(3):
         noise = held.noise_of(found)
-        near = np.asarray((held.lengths(found) < FAR * noise[: 1 + (seen.rotation is not None)]).all(axis=1))
+        near = np.asarray(
+            (held.lengths(found) < _OUTLIER_SIGMAS * noise[: 1 + (seen.rotation is not None)]).all(axis=1)
+        )
         kept = replace(held, tracked=seen.part(near), noise=noise)
         found = kept.solved(found, robust=False)
     kept.refuse_what_is_open(found)
@@ -179,10 +185,10 @@ def register(
 def register_in_time(model: RobotModel, poses_at: PosesAt, chosen: Sequence[int], **given: Any) -> TrackerRegistration:
     """Register with the joints at the time that fits the poses best: one speed goes on for some milliseconds only."""
     late = 0.0
-    for _ in range(_RETIMED):
+    for _ in range(_MAX_RETIMINGS):
         made = register(model, poses_at(late), chosen, **given)
         late += made.found.late
-        if abs(made.found.late) < max(STRAIGHT, 2.0 * made.late_error):
+        if abs(made.found.late) < max(_STRAIGHT_S, 2.0 * made.late_error):
             break
     return replace(made, found=made.found._replace(late=late))
 
@@ -250,8 +256,8 @@ class _Problem:
 
     def noise_of(self, at: Estimate) -> Floats:
         """Return the standard deviation of an axis, (2,) [m], [rad], by the median."""
-        usual = np.median(self.lengths(at), axis=0) / _MEDIAN
-        return np.asarray(np.maximum(FINEST, np.append(usual, 1.0)[:2]), dtype=np.float64)
+        usual = np.median(self.lengths(at), axis=0) / _MEDIAN_SIGMAS
+        return np.asarray(np.maximum(_MIN_NOISE, np.append(usual, 1.0)[:2]), dtype=np.float64)
 
     def solved(self, at: Estimate, *, robust: bool, steps: int = 200) -> Estimate:
         """Return the least squares fit, by Levenberg and Marquardt; robust by Cauchy's weights."""
@@ -299,13 +305,13 @@ class _Problem:
                 at = Pose(look, x[:3] if base is None else X.position)
                 z = Pose(turn, x[-3:] if marker is None else Z.position)
                 found.append(Estimate(at, z, np.zeros(len(self.chosen))))
-            if len(found) == _TRIED:
+            if len(found) == _FOLLOWED_LOOKS:
                 break
         return found
 
     def information(self, at: Estimate, q: Floats | None = None) -> Floats:
         """Return the mean information of a usual tracker's pose about what is sought (m, m); at joints q if given."""
-        one = replace(self, noise=USUAL)
+        one = replace(self, noise=TRACKER_NOISE)
         if q is not None:
             moved = q.copy()
             moved[:, self.chosen] += at.offsets
@@ -333,7 +339,7 @@ class _Problem:
 
         def blind(problem: _Problem) -> Floats:
             sizes, axes = np.linalg.eigh(problem.information(at, q))
-            return np.asarray(problem.basis @ axes[:, sizes < STRUCTURAL * sizes[-1]])
+            return np.asarray(problem.basis @ axes[:, sizes < _BLIND_EIGENVALUE_SHARE * sizes[-1]])
 
         in_offsets = blind(timeless)[_OFFSETS:-1]
         _, R, order = qr(in_offsets.T, mode="economic", pivoting=True)
@@ -346,13 +352,13 @@ class _Problem:
 
     def refuse_what_is_open(self, at: Estimate) -> None:
         """Refuse poses that leave a direction open which other motions of the robot would tell; name these."""
-        open_at = (1.96 / (OPEN * self.reach)) ** 2 / BLOCKS
+        open_at = (1.96 / (_OPEN_HALF_WIDTH_RAD * self.reach)) ** 2 / _MAX_STRETCHES
         timeless = replace(self, basis=self.basis[:, self.basis[-1] == 0.0])
         sizes, axes = np.linalg.eigh(timeless.information(at))
         if sizes[0] > open_at:
             return
         names, rng = [self.model.joint_names[j] for j in self.chosen], np.random.default_rng(0)
-        by = np.array([SETTLES[self.model.joint_units[j]] for j in self.chosen])
+        by = np.array([_SETTLING_MOTION[self.model.joint_units[j]] for j in self.chosen])
         moves: tuple[int, ...] = tuple(range(len(names)))
         for joints in (joints for size in (1, 2, 3) for joints in combinations(moves, size)):
             if np.linalg.eigvalsh(timeless.information(at, self.at_random(joints, by, 100, rng)))[0] > open_at:
@@ -413,9 +419,9 @@ class _Problem:
 
 
 def _independent(residual: Floats) -> int:
-    """Return how many stretches the poses fall into whose errors are independent, FEWEST to BLOCKS."""
+    """Return how many stretches the poses fall into whose errors are independent, _MIN_STRETCHES to _MAX_STRETCHES."""
     r = residual - residual.mean(axis=0)
-    most = len(r) // (2 * FEWEST)
+    most = len(r) // (2 * _MIN_STRETCHES)
     alike = (float((r[lag:] * r[:-lag]).sum()) < 0.2 * float((r * r).sum()) for lag in range(1, most + 1))
     lag = next((i for i, is_new in enumerate(alike) if is_new), most)
-    return int(np.clip(len(r) // (4 * lag) if lag else BLOCKS, FEWEST, min(BLOCKS, len(r))))
+    return int(np.clip(len(r) // (4 * lag) if lag else _MAX_STRETCHES, _MIN_STRETCHES, min(_MAX_STRETCHES, len(r))))

@@ -17,7 +17,7 @@ from catenary.recording.bag_reader import bags_in
 from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.import_formats.message_columns import Bag
-from catenary.recording.import_formats.one_clock import APART
+from catenary.recording.import_formats.one_clock import DIFFERENT_CLOCKS_S
 from catenary.recording.import_formats.table_files import read_table_file
 from catenary.recording.journal import About, same_origin
 from catenary.topics import SECOND
@@ -98,7 +98,7 @@ class Sources:
             for one in self.streams
             if one.stamp is not None and one.arrival is not None and one.stamp.any()
         ]
-        return len(self._bags) == 1 or not early or max(early) - min(early) <= APART
+        return len(self._bags) == 1 or not early or max(early) - min(early) <= DIFFERENT_CLOCKS_S
 
     def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
         """Yield thousands of rows as they arrived; of the first topic only up to where all others were read."""

@@ -29,12 +29,12 @@ from catenary.documents import cut, reading
 from catenary.errors import FileFormatError, InputError
 from catenary.file_formats import endings, format_named, format_of
 from catenary.recording.import_formats.columns import Stream, joined
-from catenary.recording.import_formats.csv_files import ARRAY, TextTable
+from catenary.recording.import_formats.csv_files import NAMELESS_ARRAY, TextTable
 from catenary.recording.parquet_files import ARROW, MOST_COLUMNS, open_parquet
 
-PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
-DEEPEST = 8  # structs and cells within each other
-_HEAD = 16  # lines in which Motive's names stand, at most
+_PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
+_MAX_DEPTH = 8  # structs and cells within each other
+_HEAD_LINES = 16  # lines in which Motive's names stand, at most
 _METRES = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
 
 
@@ -82,7 +82,7 @@ def read_npz(path: Path) -> list[Stream]:
 
 def read_npy(path: Path) -> list[Stream]:
     """Read NumPy's array, whose columns are `data[0]`, `data[1]`, ..."""
-    return streams_of_arrays(path, {ARRAY: read_array(path)})
+    return streams_of_arrays(path, {NAMELESS_ARRAY: read_array(path)})
 
 
 def unpacked(path: Path) -> list[Stream]:
@@ -212,7 +212,7 @@ def read_parquet_table(path: Path) -> Stream:
             elif is_number(kind):
                 columns[name] = numbers(column)
             else:
-                plain = "time" if name == PANDAS_INDEX and "time" not in names else name
+                plain = "time" if name == _PANDAS_INDEX and "time" not in names else name
                 dates.append(plain)
                 columns[plain] = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy()
                 notes.append(f"{plain}: holds stamps, read as nanoseconds")
@@ -241,7 +241,7 @@ def read_matlab(path: Path) -> list[Stream]:
 
 def _collect(content: dict[str, Any], prefix: str, arrays: dict[str, NDArray[Any]], depth: int = 0) -> None:
     for key, value in content.items():
-        if isinstance(value, dict) and depth < DEEPEST:
+        if isinstance(value, dict) and depth < _MAX_DEPTH:
             _collect(value, f"{prefix}{key}.", arrays, depth + 1)
             continue
         if len(arrays) < MAX_ARRAYS:
@@ -253,7 +253,7 @@ def read_tracker_file(path: Path) -> list[Stream]:
     from scipy.spatial.transform import Rotation
 
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        head = [next(csv.reader([line]), []) for line in islice(file, _HEAD)]
+        head = [next(csv.reader([line]), []) for line in islice(file, _HEAD_LINES)]
     stated = dict(zip(head[0][::2], head[0][1::2], strict=False))
     length, turns = stated.get("Length Units", "").lower(), stated.get("Rotation Type", "Quaternion")
     axes_at = next((i for i, row in enumerate(head) if row and row[0] == "Frame"), 0)

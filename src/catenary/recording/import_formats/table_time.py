@@ -47,9 +47,9 @@ def per_second(unit: str) -> Fraction:
 
 TimeUnit = Annotated[str, AfterValidator(lambda unit: per_second(unit) and unit)]
 # [s] of a step between rows: 2 kHz to 0.2 Hz, which is how slowly poses are taken one by one
-_LIKELY = (0.0005, 5.0)
-_BEGINS, _DAY = 946_684_800, 86_400  # [s] since 1970 of the year 2000, before which nobody recorded; a day
-_UNDATED = 10**8  # [s] whole ones of which are taken off a clock that is none of those known, lest it be a date's
+_LIKELY_STEP_S = (0.0005, 5.0)
+_FIRST_DATE_S, _DAY_S = 946_684_800, 86_400  # [s] since 1970 of the year 2000, before which nobody recorded; a day
+_UNDATED_S = 10**8  # [s] whole ones of which are taken off a clock that is none of those known, lest it be a date's
 
 
 class _Clock(NamedTuple):
@@ -65,15 +65,15 @@ _CLOCKS = (
     _Clock("s", -2_208_988_800, "since 1900, as NTP"),
     _Clock("2^-32s", -2_208_988_800, "since 1900, as NTP"),
     _Clock("s", -2_082_844_800, "since 1904, as LabVIEW"),
-    _Clock("day", -25_569 * _DAY, "days since 30 December 1899, as Excel"),
-    _Clock("day", -719_529 * _DAY, "days since year 0, datenum of MATLAB"),
+    _Clock("day", -25_569 * _DAY_S, "days since 30 December 1899, as Excel"),
+    _Clock("day", -719_529 * _DAY_S, "days since year 0, datenum of MATLAB"),
 )
 # single numbers of a file that say how many rows a second has, as labs, cameras and simulators call them
 RATES = ("fs", "rate", "rate_hz", "sampling_rate", "sample_rate", "frequency", "fps", "hz", "control_freq")
-_LOST = np.iinfo(np.int64).min  # stamp of a row without time
-_RISING = 100  # rows over which no joint moves one way alone
-_COARSE = 2 / 3  # share of rows that have the time of the row before, while most columns change
-_LOOKED_AT = 10_000  # rows, for that
+_LOST_NS = np.iinfo(np.int64).min  # stamp of a row without time
+_RISING_ROWS = 100  # rows over which no joint moves one way alone
+_COARSE_SHARE = 2 / 3  # share of rows that have the time of the row before, while most columns change
+_LOOKED_AT_ROWS = 10_000  # rows, for that
 # what stands at the end of a name of whole seconds, and of one beside it of the rest of each stamp [ns]
 _SECONDS = re.compile(r"(?:secs?|seconds|s)\Z", re.IGNORECASE)
 _RESTS = {word: int(SECOND / per_second(unit)) for word, unit in _SPELT.items() if unit != "s"}
@@ -124,8 +124,8 @@ def time_of(
         name, size = rest
         stamp, date = _stamps(values, "s", _clocks_of(values, today, "s"))
         parts = stream.columns[name].astype(np.float64) * size
-        there = (stamp != _LOST) & np.isfinite(parts)
-        stamp = np.where(there, stamp + np.rint(np.where(there, parts, 0.0)).astype(np.int64), _LOST)
+        there = (stamp != _LOST_NS) & np.isfinite(parts)
+        stamp = np.where(there, stamp + np.rint(np.where(there, parts, 0.0)).astype(np.int64), _LOST_NS)
         said = f"time is {cut(column)} in s and {cut(name)} in {size} ns{f' ({date})' * bool(date)}"
         return TableTime(stamp, column, "s", said)
     _refuse_coarse(stream, column, unit, today)
@@ -152,11 +152,11 @@ def rest_of(stream: Stream, column: str) -> tuple[str, int] | None:
 
 def _refuse_coarse(stream: Stream, column: str, unit: str | None, today: float) -> None:
     """Refuse a time that stands still on most rows while the others go on: repeated stamps would be dropped."""
-    time = stream.columns[column][:_LOOKED_AT].astype(np.float64)
+    time = stream.columns[column][:_LOOKED_AT_ROWS].astype(np.float64)
     same = np.diff(time) == 0.0
-    if len(same) < _RISING or same.mean() < _COARSE:
+    if len(same) < _RISING_ROWS or same.mean() < _COARSE_SHARE:
         return
-    others = [values[:_LOOKED_AT].astype(np.float64) for name, values in stream.columns.items() if name != column]
+    others = [values[:_LOOKED_AT_ROWS].astype(np.float64) for name, values in stream.columns.items() if name != column]
     change = [float((np.abs(np.diff(values)[same]) > 0.0).mean()) for values in others if np.ptp(values) != 0.0]
     if change and np.mean(np.array(change) > 0.5) > 0.5:
         new, rate = np.flatnonzero(~same) + 1, "HZ"
@@ -198,7 +198,7 @@ def time_columns(stream: Stream) -> list[str]:
         named = [name for name in stream.columns if re.fullmatch(r"(t|time|stamp|timestamp)_\w+", name)]
     if not named and stream.dates:
         return list(stream.dates[:1])
-    if not named and is_nameless(stream) and len(stream.columns) > 1 and stream.rows >= _RISING:
+    if not named and is_nameless(stream) and len(stream.columns) > 1 and stream.rows >= _RISING_ROWS:
         numbers = {name: np.asarray(values, dtype=np.float64) for name, values in stream.columns.items()}
         rising = [name for name, values in numbers.items() if (np.diff(values) > 0.0).all()]
         return rising[:1] if rising[:1] == list(numbers)[:1] or len(rising) == 1 else []
@@ -231,7 +231,7 @@ def _unit(stream: Stream, column: str, values: NDArray[np.generic], today: float
         return known[0].unit, " or ".join(clock.name for clock in known)
     step = _step(finite)
     rates = {unit: float(per_second(unit)) / step if step else 0.0 for unit in UNITS}
-    likely = [unit for unit, rate in rates.items() if rate and _LIKELY[0] <= 1.0 / rate <= _LIKELY[1]]
+    likely = [unit for unit, rate in rates.items() if rate and _LIKELY_STEP_S[0] <= 1.0 / rate <= _LIKELY_STEP_S[1]]
     is_whole = bool((finite == np.floor(finite)).all())
     if len(likely) == 1 and not is_whole:
         return likely[0], f"rows are then {rates[likely[0]]:.4g} Hz"
@@ -262,27 +262,27 @@ def _clocks_of(values: NDArray[np.generic], today: float, unit: str | None = Non
 
     def fits(clock: _Clock) -> bool:
         count = float(per_second(clock.unit))
-        longest = _LIKELY[1] if is_whole or clock.unit == "day" else _DAY
+        longest = _LIKELY_STEP_S[1] if is_whole or clock.unit == "day" else _DAY_S
         is_told = clock.unit == unit or (unit is None and step / count <= longest)
-        return is_told and _BEGINS <= low / count + clock.zero and high / count + clock.zero <= today + _DAY
+        return is_told and _FIRST_DATE_S <= low / count + clock.zero and high / count + clock.zero <= today + _DAY_S
 
     return tuple(filter(fits, _CLOCKS))
 
 
 def _stamps(values: NDArray[np.generic], unit: str, clocks: Sequence[_Clock]) -> tuple[Integers, str]:
-    """Return stamps [ns], since 1970 where one clock reads them, and what is said of that; `_LOST` where there is none.
+    """Return stamps [ns], since 1970 where one clock reads them, and what is said of it; `_LOST_NS` where none is.
 
     Counted from the first, so that they keep what a float64 has of them.
     """
     count, zero = per_second(unit), clocks[0].zero if len(clocks) == 1 else 0
     with np.errstate(invalid="ignore"):
         lost = ~(np.abs(values.astype(np.float64) / float(count) + zero) < 9e9)
-    stamp = np.full(len(values), _LOST)
+    stamp = np.full(len(values), _LOST_NS)
     if lost.all():
         return stamp, ""
     first = values[~lost][0].item()
     if len(clocks) != 1 and abs(first / count) >= FIRST_DATE_S:
-        zero = -(int(first / count) // _UNDATED * _UNDATED)
+        zero = -(int(first / count) // _UNDATED_S * _UNDATED_S)
     begin, size = round((Fraction(first) / count + zero) * SECOND), SECOND / count
     ahead = values[~lost] - values[~lost][0]
     exact = ahead.dtype.kind == "i" and size.denominator == 1

@@ -14,28 +14,37 @@ from catenary.documents import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
-from catenary.recording.import_formats.column_groups import PARTS, poses_by_parts, poses_of
+from catenary.recording.import_formats.column_groups import POSE_PARTS, poses_by_parts, poses_of
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
-from catenary.recording.import_formats.registration import FEWEST_POSES, USUAL, PosesAt, TrackedPoses, register_in_time
+from catenary.recording.import_formats.registration import (
+    MIN_POSES,
+    TRACKER_NOISE,
+    PosesAt,
+    TrackedPoses,
+    register_in_time,
+)
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
 from catenary.units import DISPLAY
 
-# Standard deviations [rad, m] from which on a pose is no truth of a joint: VAGUE_TIMES the median, within these. Errors
-# that a model learns are some tenths of a degree; a usual tracker leaves a wrist 1 deg at 10 deg from singular poses.
-VAGUE, VAGUE_TIMES = {"rad": np.deg2rad([1.0, 3.0]), "m": np.array([1e-3, 3e-3])}, 4.0
-LEAVES = {"rad": 0.1, "m": 0.02}  # by which a joint leads away from a singular pose
-OPEN = 1e-4  # of what other motions move a frame by: less than a measured pose tells
-FARTHEST = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
-TURNED = 0.02  # [rad] left of orientations, from which on they may be written in another way
-UNRELATED = 30.0  # [deg] from the robot's
-OTHERWISE = "and in no other way as it does: clocks seconds apart, another frame, or the tracker in the marker's axes?"
+# Standard deviations [rad, m] from which on a pose is no truth of a joint: so many times the median, within these.
+# Errors that a model learns are some tenths of a degree; a usual tracker leaves a wrist 1 deg at 10 deg from singular
+# poses.
+_MAX_DEVIATION, _MAX_DEVIATION_MEDIANS = {"rad": np.deg2rad([1.0, 3.0]), "m": np.array([1e-3, 3e-3])}, 4.0
+_SINGULAR_REACH = {"rad": 0.1, "m": 0.02}  # by which a joint leads away from a singular pose
+_OPEN_SHARE = 1e-4  # of what other motions move a frame by: less than a measured pose tells
+_MAX_POSITION_M = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
+_MAX_TURN_LEFT_RAD = 0.02  # [rad] left of orientations, from which on they may be written in another way
+_UNRELATED_TURN_DEG = 30.0  # [deg] from the robot's
+_UNRELATED_WHY = (
+    "and in no other way as it does: clocks seconds apart, another frame, or the tracker in the marker's axes?"
+)
 _AXES = ("xyz", "xyzw")
-VERBS = ("local/measured_cp", "measured_cp")  # of CRTK; the first is in the arm's own base
-MOST = 300  # poses that are compared, evenly
-NEAR = np.array([1.0, 0.5])  # [mm], [deg] within which both are the same
-STEADY = 0.05  # of a distance, by which what a tool or a base frame is off by may differ from pose to pose
+_TIP_VERBS = ("local/measured_cp", "measured_cp")  # of CRTK; the first is in the arm's own base
+_COMPARED_POSES = 300  # poses that are compared, evenly
+_SAME_TIP_MM_DEG = np.array([1.0, 0.5])  # [mm], [deg] within which both are the same
+_STEADY_SHARE = 0.05  # of a distance, by which what a tool or a base frame is off by may differ from pose to pose
 _MARKER = "the tracked marker"  # a frame of the robot
 
 
@@ -53,7 +62,7 @@ def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
     reference = tracked.columns[0]
     parts = [
         [f"{reference}.{part}.{axis}" for part, axes in zip(parts, _AXES, strict=True) for axis in axes]
-        for parts in PARTS
+        for parts in POSE_PARTS
     ]
     parts += [[f"{reference}{inside}.{axis}" for axis in "xyz"] for inside in (".position", ".translation", "")]
     for names in parts:
@@ -71,7 +80,7 @@ def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Float
 
     position, angles = SI[tracked.unit][1] * values[:, :3], values[:, 3:]
     seen = np.asarray(np.isfinite(values).all(axis=1) & position.any(axis=1))
-    seen &= (np.abs(position) < FARTHEST).all(axis=1)
+    seen &= (np.abs(position) < _MAX_POSITION_M).all(axis=1)
     rotation = None
     if angles.shape[1] == 4:
         angles = np.roll(angles, -1, axis=1) if tracked.orientation == "wxyz" else angles
@@ -87,11 +96,11 @@ def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Float
     return np.where(seen[:, None], position, np.nan), rotation
 
 
-def deviations(model: RobotModel, q: Floats, frame: str | None, match: str, noise: Floats = USUAL) -> Floats:
+def deviations(model: RobotModel, q: Floats, frame: str | None, match: str, noise: Floats = TRACKER_NOISE) -> Floats:
     """Return standard deviations (M, n) [rad|m] of joints that follow from a pose with `noise` (2,) [m], [rad].
 
     The noise goes through the Jacobian's pseudo-inverse. Infinite of a joint that a pose leaves open: it takes part in
-    directions that move the frame OPEN times as far as others, on one scale.
+    directions that move the frame _OPEN_SHARE times as far as others, on one scale.
     """
     J = Configuration(model, q).jacobian(frame)
     turning = np.array([unit == "rad" for unit in model.joint_units])
@@ -101,21 +110,21 @@ def deviations(model: RobotModel, q: Floats, frame: str | None, match: str, nois
     _, found, axes = np.linalg.svd(J if match == "pose" else J[:, :3])
     sizes = np.zeros(q.shape)
     sizes[:, : found.shape[1]] = found
-    is_free = sizes <= OPEN * sizes.max(axis=1, keepdims=True)
+    is_free = sizes <= _OPEN_SHARE * sizes.max(axis=1, keepdims=True)
     part = axes / np.where(is_free, np.inf, sizes)[:, :, None]
-    is_open = (np.abs(axes) * is_free[:, :, None]).max(axis=1) > OPEN
+    is_open = (np.abs(axes) * is_free[:, :, None]).max(axis=1) > _OPEN_SHARE
     return np.asarray(np.where(is_open, np.inf, scale * np.linalg.norm(part, axis=1)))
 
 
 def _noise(model: RobotModel, frame: str | None, seen: Pose, q: Floats) -> Floats:
-    """Return the standard deviation of an axis of poses, (2,) [m], [rad]: USUAL, or more where neighbours scatter."""
+    """Return the standard deviation of an axis of poses, (2,) [m], [rad]: usual, or more where neighbours scatter."""
     from scipy.spatial.transform import Rotation
 
     placed = Configuration(model, q).pose(frame)
     turned = Rotation.from_matrix(seen.rotation @ np.swapaxes(placed.rotation, 1, 2)).as_rotvec()
     bends = [np.abs(np.diff(x, n=2, axis=0)) for x in (seen.position - placed.position, turned)]
-    scatter = [1.4826 * float(np.median(bend)) / np.sqrt(6.0) if len(q) >= FEWEST_POSES else 0.0 for bend in bends]
-    return np.maximum(USUAL, scatter)
+    scatter = [1.4826 * float(np.median(bend)) / np.sqrt(6.0) if len(q) >= MIN_POSES else 0.0 for bend in bends]
+    return np.maximum(TRACKER_NOISE, scatter)
 
 
 def _vague(model: RobotModel, tracked: TrackedPose, q: Floats, noise: Floats, chosen: list[int]) -> tuple[Flags, str]:
@@ -128,8 +137,8 @@ def _vague(model: RobotModel, tracked: TrackedPose, q: Floats, noise: Floats, ch
         )
 
     own = deviations(model, q, tracked.frame, tracked.match, noise)
-    least, most = np.array([VAGUE[unit] for unit in model.joint_units]).T
-    bound = np.clip(VAGUE_TIMES * np.median(own, axis=0), least, most)
+    least, most = np.array([_MAX_DEVIATION[unit] for unit in model.joint_units]).T
+    bound = np.clip(_MAX_DEVIATION_MEDIANS * np.median(own, axis=0), least, most)
     beyond = (own > bound)[:, chosen]
     rows = np.asarray(beyond.any(axis=1))
     of = f"noise of poses, {1e3 * noise[0]:.2g} mm" + f" and {np.rad2deg(noise[1]):.2g} deg" * (tracked.match == "pose")
@@ -138,7 +147,7 @@ def _vague(model: RobotModel, tracked: TrackedPose, q: Floats, noise: Floats, ch
     if not rows.any():
         return rows, said
     worst = q[np.argmax((own / bound)[:, chosen].max(axis=1))]
-    reach = np.diag([LEAVES[unit] for unit in model.joint_units])
+    reach = np.diag([_SINGULAR_REACH[unit] for unit in model.joint_units])
     away = deviations(model, worst + np.vstack([reach, -reach]), tracked.frame, tracked.match, noise) / bound
     at = shown(worst, [int(np.argmin(away[:, chosen].max(axis=1))) % model.n], ".2f")  # it leads away soonest
     lost = [chosen[k] for k in np.flatnonzero(beyond.any(axis=0))]
@@ -172,7 +181,7 @@ def registered(
         return base, marker, []
     given = {"frame": tracked.frame, "base": base, "marker": marker, "zeros": tracked.zeros}
     made = register_in_time(model, poses_at, chosen, **given)
-    if len(made.left) > 1 and made.left[1] > TURNED:
+    if len(made.left) > 1 and made.left[1] > _MAX_TURN_LEFT_RAD:
         q = poses_at(made.found.late).q.copy()
         q[:, chosen] += made.found.offsets
         whole = np.isfinite(np.hstack([q, values])).all(axis=1)
@@ -197,11 +206,11 @@ def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Flo
         left[way] = float(np.rad2deg(np.median((marker * marker.mean().inv()).magnitude())))
     own, best = (tracked.orientation, tracked.angle_unit), min(left, key=left.__getitem__)
     is_other = 3.0 * left[best] < left[own]
-    if is_other or left[own] > UNRELATED:
+    if is_other or left[own] > _UNRELATED_TURN_DEG:
         other = f'as orientation = "{best[0]}", angle_unit = "{best[1]}" by {left[best]:.1f} deg: say that'
         raise InputError(
             f'registration: the marker\'s orientation, read as "{own[0]}" in {own[1]}, turns otherwise than the robot, '
-            f"by {left[own]:.0f} deg in the median, {other if is_other else OTHERWISE}"
+            f"by {left[own]:.0f} deg in the median, {other if is_other else _UNRELATED_WHY}"
         )
 
 
@@ -212,7 +221,7 @@ def joints_from_poses(
 
     T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the frame's point
     where it sits. NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
-    `within_deg`, or the pose does not determine the chosen joints, or hardly: see VAGUE.
+    `within_deg`, or the pose does not determine the chosen joints, or hardly: see _MAX_DEVIATION.
     """
     seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)
     if poses.rotation is None:
@@ -252,7 +261,7 @@ def joints_from_poses(
 def tip_columns(streams: Sequence[Stream], base: str) -> tuple[str, tuple[str, ...]] | None:
     """Return the topic beside a robot's joints in which it says where its tip is, and the columns of that pose."""
     place = base.rpartition("/")[0]
-    for stream in (stream for verb in VERBS for stream in streams if stream.name == f"{place}/{verb}"):
+    for stream in (stream for verb in _TIP_VERBS for stream in streams if stream.name == f"{place}/{verb}"):
         taken = next((pose.taken for pose in poses_by_parts(stream) if len(pose.taken) == 7), None)
         if taken is not None:
             return stream.name, taken
@@ -272,7 +281,7 @@ def tip_said(model: RobotModel, q: Floats, joints: Stream, own: Stream, columns:
     at, q = at[whole], q[whole]
     inside = (there >= at[0]) & (there <= at[-1]) & (np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0) < 0.1)
     rows = np.flatnonzero(inside & np.isfinite(values).all(axis=1))
-    rows = rows[:: max(1, len(rows) // MOST)]
+    rows = rows[:: max(1, len(rows) // _COMPARED_POSES)]
     if len(rows) == 0:
         return []
     stated = Pose(Rotation.from_quat(values[rows, 3:]).as_matrix(), values[rows, :3])
@@ -287,9 +296,9 @@ def tip_said(model: RobotModel, q: Floats, joints: Stream, own: Stream, columns:
         np.rad2deg(Rotation.from_matrix((by_file.inverse() @ stated).rotation).magnitude()),
     ])  # fmt: skip
     far = np.median(apart, axis=0)
-    if (far < NEAR).all():
+    if (far < _SAME_TIP_MM_DEG).all():
         return []
-    most = np.maximum(NEAR, STEADY * far)
+    most = np.maximum(_SAME_TIP_MM_DEG, _STEADY_SHARE * far)
 
     def spread(why: str) -> float:
         turns = Rotation.from_matrix(ways[why].rotation)
