@@ -13,9 +13,9 @@ from catenary.sensing.vector import tilt_of
 from catenary.units import DISPLAY, in_words
 from catenary.visible import range_bar, visible
 
-NEAR_LIMIT = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
-STALE_GRAVITY = 0.1  # [s], as old as the gravity estimator lets a reading be before it calls it stale
-WINDOW = 1.0  # [s] over which rates are counted
+_LIMIT_MARGIN = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
+_STALE_GRAVITY_S = 0.1  # [s], as old as the gravity estimator lets a reading be before it calls it stale
+_WINDOW_S = 1.0  # [s] over which rates are counted
 
 
 # of a snapshot's plain data, where they say more than its fields
@@ -66,18 +66,18 @@ class Snapshot(NamedTuple):
                 found.append(f"the robot is in FAULT: {self.fault or 'it does not say why'}")
             if not self.operating.is_homed and not self.operating.is_busy:
                 found.append("not homed: joint positions mean nothing")
-        if np.isfinite(self.gravity_age) and self.gravity_age > STALE_GRAVITY:
+        if np.isfinite(self.gravity_age) and self.gravity_age > _STALE_GRAVITY_S:
             found.append(f"gravity is {self.gravity_age:.2f} s old")
         if self.inside is not None and not self.inside.all():
             names = [name for name, ok in zip(self.joint_names, self.inside, strict=True) if not ok]
             found.append(f"outside the model's valid range: {', '.join(names)}")
         if self.lower is not None and self.upper is not None:
-            margin = np.array([NEAR_LIMIT[unit] for unit in self.joint_units])
+            margin = np.array([_LIMIT_MARGIN[unit] for unit in self.joint_units])
             near = np.flatnonzero((self.q < self.lower + margin) | (self.q > self.upper - margin))
             if len(near):
                 found.append(f"near a limit: {', '.join(self.joint_names[j] for j in near)}")
         if self.late:
-            found.append(f"{self.late} ticks of this program late within {WINDOW:g} s")
+            found.append(f"{self.late} ticks of this program late within {_WINDOW_S:g} s")
         return found
 
     def as_data(self) -> dict[str, Any]:
@@ -115,11 +115,11 @@ class EventRate:
         return (len(self._times) - 1) / (self._times[-1] - self._times[0])
 
     def _drop(self, now: float) -> None:
-        while self._times and self._times[0] < now - WINDOW:
+        while self._times and self._times[0] < now - _WINDOW_S:
             self._times.popleft()
 
 
-BAR = 12  # characters of a joint's range
+_BAR_CHARACTERS = 12  # characters of a joint's range
 _COLUMNS = {  # by heading: field of the snapshot, characters
     "reported": ("q", 10),
     "calibrated": ("calibrated", 11),
@@ -141,13 +141,13 @@ def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24,
     while heads and 14 + sum(_COLUMNS[head][1] for head in heads) > columns:
         heads.pop()  # half a column tells nothing
     titles = "".join(head.rjust(_COLUMNS[head][1]) for head in heads)
-    has_room = 14 + len(titles) + 3 + BAR + 2 <= columns
+    has_room = 14 + len(titles) + 3 + _BAR_CHARACTERS + 2 <= columns
     shown.append(f"{'':<14}{titles}{'   range' if has_room else ''}")
     for j, joint in enumerate(shot.joint_names):
         cells = "".join(_cell(shot, head, j) for head in heads)
         line = f"{joint[:9]:<10}{DISPLAY[shot.joint_units[j]][0]:<4}{cells}"
         if has_room and shot.lower is not None and shot.upper is not None:
-            line += f"   {range_bar(shot.q[j], shot.lower[j], shot.upper[j], BAR)}"
+            line += f"   {range_bar(shot.q[j], shot.lower[j], shot.upper[j], _BAR_CHARACTERS)}"
         shown.append(line)
     shown += ["", _gravity(shot)]
     if shot.tip is not None:  # by reported joints and, in a simulation, how far from where it is

@@ -189,7 +189,7 @@ def gravity_node(
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
     from catenary.crtk.clock import SECOND
-    from catenary.crtk.gravity_topic import TYPES, GravityTopic
+    from catenary.crtk.gravity_topic import GRAVITY_TYPES, GravityTopic
     from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
@@ -212,7 +212,7 @@ def gravity_node(
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             told, angular, counts = device.with_ranges(told), hello.has_gyroscope, device.counts
         else:
-            given = zip((imu, accel, vector), TYPES, strict=True)
+            given = zip((imu, accel, vector), GRAVITY_TYPES, strict=True)
             name, kind = next((name, kind) for name, kind in given if name is not None)
             heard = GravityTopic(transport, name, kind, mailbox, points_down=points_down)
             print_notes([f"{heard.topic}: waiting for {kind}"])
