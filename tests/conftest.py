@@ -241,7 +241,7 @@ def ros_master(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Master]":
     from ros import running_master
 
     with running_master(tmp_path_factory.mktemp("ros")) as master, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ros1_master, "PATIENCE", PATIENCE)  # this machine may be busy, and the master late
+        patch.setattr(ros1_master, "_ANSWER_WITHIN_S", PATIENCE)  # this machine may be busy, and the master late
         for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME"):
             patch.setenv(name, master.environment[name])
         yield master

@@ -47,9 +47,9 @@ def longer_limits() -> Iterator[tuple[Any, str, Any]]:
     from catenary.crtk.serving import command_source
 
     connect = client.CrtkClient.__init__
-    yield ros1_master, "PATIENCE", PATIENCE  # for the master's answers
-    yield client, "COMMAND_TIMEOUT", PATIENCE  # for a robot's new state
-    yield command_source, "OLDEST", round(1e9 * PATIENCE)  # of a stamped command on its way
+    yield ros1_master, "_ANSWER_WITHIN_S", PATIENCE  # for the master's answers
+    yield client, "_COMMAND_TIMEOUT_S", PATIENCE  # for a robot's new state
+    yield command_source, "_OLDEST_STAMP_NS", round(1e9 * PATIENCE)  # of a stamped command on its way
     longer = {"connect_timeout": PATIENCE, "stale_after": PATIENCE}
     yield connect, "__kwdefaults__", {**(connect.__kwdefaults__ or {}), **longer}
 

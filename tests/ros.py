@@ -26,7 +26,7 @@ MASTER = (
 )
 
 # programs wait for the master's answers longer than a robot's should
-PATIENT = f"from catenary.crtk.ros1 import master as ros1_master; ros1_master.PATIENCE = {PATIENCE}\n"
+PATIENT = f"from catenary.crtk.ros1 import master as ros1_master; ros1_master._ANSWER_WITHIN_S = {PATIENCE}\n"
 # what programs of the tests begin with: a node of their first argument's name
 OPEN = """
 import sys, time

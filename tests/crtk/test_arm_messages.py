@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import pose_of
-from catenary.crtk.serving.crtk_dialect import FORWARD, INVERSE
+from catenary.crtk.serving.crtk_dialect import _FORWARD, _INVERSE
 from catenary.dynamics.kinematics import forward_kinematics, relative_pose
 from catenary.nodes.serve import Serving, make_server
 from catenary.raven2.topics import Arm
@@ -126,19 +126,19 @@ def robot() -> ServedRobot:
 
 
 def ask(robot: ServedRobot, kind: str, **request: Any) -> Any:
-    name = "forward" if kind == FORWARD else "inverse"
+    name = "forward" if kind == _FORWARD else "inverse"
     asked = message_class(f"{kind}Request")(**request)
     return robot.client.call(f"/arm1/{name}_kinematics", kind, asked)
 
 
 def test_forward_and_back(robot: ServedRobot) -> None:
-    found = ask(robot, FORWARD, jp=Q)
+    found = ask(robot, _FORWARD, jp=Q)
     assert (found.result, found.message) == (True, "")
     pose = pose_of(PoseStamped(header(0), found.cp))
     expected = forward_kinematics(load_robot("raven2_full"), [*Q[:5], 0.5 * (Q[6] - Q[5])])
     assert_allclose(pose.position, expected.position, atol=1e-12)
     assert_allclose(pose.rotation, expected.rotation, atol=1e-12)
-    back = ask(robot, INVERSE, cp=found.cp, jp=Q)
+    back = ask(robot, _INVERSE, cp=found.cp, jp=Q)
     assert back.result
     assert_allclose(back.jp, Q, atol=1e-6)
     assert robot.server.arms["gold"].state.state == "DISABLED"
@@ -146,23 +146,23 @@ def test_forward_and_back(robot: ServedRobot) -> None:
 
 def test_without_joints_the_setpoint_is_near(robot: ServedRobot) -> None:
     here = robot.server.arms["gold"].setpoint.q
-    pose = ask(robot, FORWARD, jp=here).cp
-    assert_allclose(ask(robot, INVERSE, cp=pose).jp, here, atol=1e-6)
+    pose = ask(robot, _FORWARD, jp=here).cp
+    assert_allclose(ask(robot, _INVERSE, cp=pose).jp, here, atol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("kind", "request_", "said"),
     [
-        (FORWARD, {"jp": [0.1, 0.2]}, "jp"),
-        (FORWARD, {"jp": [np.nan] * 7}, "jp"),
-        (INVERSE, {"jp": Q}, "expected length 1"),
-        (INVERSE, {"jp": Q, "x": 9.0}, "the arm's reach"),
+        (_FORWARD, {"jp": [0.1, 0.2]}, "jp"),
+        (_FORWARD, {"jp": [np.nan] * 7}, "jp"),
+        (_INVERSE, {"jp": Q}, "expected length 1"),
+        (_INVERSE, {"jp": Q, "x": 9.0}, "the arm's reach"),
     ],
 )
 def test_what_cannot_be_answered_says_why(robot: ServedRobot, kind: str, request_: Any, said: str) -> None:
     x = request_.pop("x", None)
     if x is not None:
-        pose = ask(robot, FORWARD, jp=Q).cp
+        pose = ask(robot, _FORWARD, jp=Q).cp
         request_["cp"] = pose._replace(position=pose.position._replace(x=x))
     found = ask(robot, kind, **request_)
     assert not found.result

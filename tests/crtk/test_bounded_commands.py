@@ -9,8 +9,8 @@ from numpy.testing import assert_array_equal
 from catenary.crtk.message import message_class
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.message_values import command_message, pose_message, pose_of
-from catenary.crtk.serving.command_source import OF_A_TOPIC
-from catenary.crtk.serving.server import MOST, STOPS
+from catenary.crtk.serving.command_source import TOPIC_COMMANDS_A_TICK
+from catenary.crtk.serving.server import _COMMAND_COST_A_TICK, _STOPPING_VERBS
 from catenary.crtk.topic_names import COMMAND
 from catenary.spatial import Pose
 from odd_messages import likely_message
@@ -110,7 +110,7 @@ def test_a_flood_on_all_topics_is_taken_in_a_few_messages_a_tick(dialect):
     robot = ServedRobot(dialect)
     rng = np.random.default_rng(1)
     arm, now = robot.server.arms["gold"], robot.clock.now()
-    flooded = [one for one in robot.server._sources if one.topic.verb not in STOPS]
+    flooded = [one for one in robot.server._sources if one.topic.verb not in _STOPPING_VERBS]
     for source in flooded:
         topic = source.topic
         message = command_message("resume", 0) if topic.type == COMMAND else likely_message(rng, topic, arm)
@@ -125,8 +125,8 @@ def test_a_flood_on_all_topics_is_taken_in_a_few_messages_a_tick(dialect):
     for _ in range(130):
         taken.clear()
         robot.tick()
-        assert 0 < sum(costs[name] for name in taken) <= MOST
-        assert max(map(taken.count, taken)) <= OF_A_TOPIC
+        assert 0 < sum(costs[name] for name in taken) <= _COMMAND_COST_A_TICK
+        assert max(map(taken.count, taken)) <= TOPIC_COMMANDS_A_TICK
         seen |= set(taken)
     # none keeps another out
     assert seen >= {source.topic.name for source in flooded if source.topic.arm == "gold"}

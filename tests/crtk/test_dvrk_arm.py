@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import pose_message, pose_of
-from catenary.crtk.topic_names import CONSOLE, console_topics
+from catenary.crtk.topic_names import CONSOLE_COMMANDS, console_topics
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import Pose, rotation_from_rpy
 from served_robot import PSM_TOPICS, ServedPsm
@@ -147,7 +147,7 @@ def test_home_of_the_console_enables_first(place):
 
 def test_the_console_of_an_arm_below_a_place_is_beside_it():
     names = {topic.name for topic in console_topics("/lab/PSM1")}
-    assert names > {f"/lab/{place}/{verb[8:]}" for place in ("console", "system") for verb in CONSOLE}
+    assert names > {f"/lab/{place}/{verb[8:]}" for place in ("console", "system") for verb in CONSOLE_COMMANDS}
 
 
 BASE = Pose(rotation_from_rpy((0.3, -0.4, 1.1)), np.array([0.2, -0.1, 0.5]))

@@ -11,7 +11,7 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import Commander
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
-from catenary.crtk.transport import UNNAMED, Connections
+from catenary.crtk.transport import UNNAMED_NODE, Connections
 from catenary.errors import NotReadyError, RobotHeldError, TransportError
 from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
@@ -315,7 +315,7 @@ class LateNames(Loopback):
 
 def test_a_program_whose_nodes_name_comes_late_is_the_same_one_and_has_not_gone() -> None:
     commander = Commander(LateNames("robot"))
-    commander.commands("/move_jp", f"{UNNAMED}01f 01f", 0)
+    commander.commands("/move_jp", f"{UNNAMED_NODE}01f 01f", 0)
     for now in range(0, 5 * SECOND, SECOND // 10):
         assert commander.left(now, is_moving=True) is None
     commander.require_free("/lab 01f", SECOND, is_moving=True)

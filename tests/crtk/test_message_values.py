@@ -135,8 +135,8 @@ def test_stamps_go_back_only_where_the_clock_is_set_back_far_and_are_right_a_sec
     for (a, b), (before, day), is_set in zip(
         itertools.pairwise(given_out), itertools.pairwise(days), sets[1:], strict=True
     ):
-        assert a < b or (is_set and before + pause * SECOND - day > message_values.LEAP)
-    assert all(0 <= stamp - day <= message_values.LEAP for stamp, day in zip(given_out, days, strict=True))
+        assert a < b or (is_set and before + pause * SECOND - day > message_values._CLOCK_LEAP_NS)
+    assert all(0 <= stamp - day <= message_values._CLOCK_LEAP_NS for stamp, day in zip(given_out, days, strict=True))
     seconds = round(1.2 / pause)
     assert_allclose(  # nanoseconds that a message is later than the last one, at the least
         given_out[seconds - 1 :: seconds], days[seconds - 1 :: seconds], rtol=0, atol=10 * len(given_out)

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from catenary.crtk.ros1 import master as ros1_master
-from catenary.crtk.ros1.master import PATIENCE, Master, bound_to_all, master_uri
+from catenary.crtk.ros1.master import _ANSWER_WITHIN_S, Master, bound_to_all, master_uri
 from catenary.errors import TransportError
 from ros import free_port
 
@@ -22,7 +22,7 @@ def limits(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         join(thread, timeout)
 
     monkeypatch.setattr(threading.Thread, "join", joined)
-    monkeypatch.setattr(ros1_master, "PATIENCE", PATIENCE)  # which other tests lengthen
+    monkeypatch.setattr(ros1_master, "_ANSWER_WITHIN_S", _ANSWER_WITHIN_S)  # which other tests lengthen
     return found
 
 

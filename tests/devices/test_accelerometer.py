@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.devices.accelerometer import (
-    WRAP,
+    _WRAP_US,
     BoardClock,
     BoardSample,
     ChecksumError,
@@ -200,7 +200,7 @@ def stamps(taken, arrivals, *, speed=1.0, start=0):
     """What the clock makes of samples taken at host times, on a board whose clock runs at another speed."""
     clock = BoardClock()
     return np.array(
-        [clock.stamp(round(start + 1e6 * speed * t) % WRAP, a) for t, a in zip(taken, arrivals, strict=True)]
+        [clock.stamp(round(start + 1e6 * speed * t) % _WRAP_US, a) for t, a in zip(taken, arrivals, strict=True)]
     )
 
 
@@ -219,7 +219,7 @@ def test_jitter_of_the_line_does_not_reach_the_stamps(speed):
 
 def test_the_boards_clock_may_wrap():
     taken = np.arange(0.0, 4.0, 0.01)
-    assert_allclose(stamps(taken, taken + 0.002, start=WRAP - 2_000_000), taken + 0.002, atol=2e-6)
+    assert_allclose(stamps(taken, taken + 0.002, start=_WRAP_US - 2_000_000), taken + 0.002, atol=2e-6)
 
 
 def test_a_restarted_board_is_followed_and_counted():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.devices.encoder_board import CONFIRM, STALE
+from catenary.devices.encoder_board import _CONFIRMING_ROWS, _STALE_AFTER_S
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.errors import SensorError
 from oracles.encoder_bench import AWAY, EncoderBench
@@ -50,7 +50,7 @@ def test_after_homing_positions_are_those_of_the_counts_from_the_stops(bench):
 def test_missed_counts_void_the_registration(bench):
     bench.home()
     lost = AWAY + np.array([40_000.0, 0.0, 0.0])
-    bench.send(*[lost] * (CONFIRM - 1))
+    bench.send(*[lost] * (_CONFIRMING_ROWS - 1))
     assert bench.driver.reading().is_registered
     bench.send(lost)
     reading = bench.driver.reading()
@@ -81,7 +81,7 @@ def test_a_board_that_was_unplugged_must_be_homed_again(bench):
 
 def test_positions_are_not_valid_when_nothing_comes(bench):
     bench.home()
-    bench.now += STALE + 0.1
+    bench.now += _STALE_AFTER_S + 0.1
     reading = bench.driver.reading()
     assert not reading.is_valid
     assert reading.is_registered

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from catenary.devices.encoder_board import CONFIRM, CountTracker, Verdict, parse_counts
+from catenary.devices.encoder_board import _CONFIRMING_ROWS, CountTracker, Verdict, parse_counts
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.errors import InputError
 
@@ -80,7 +80,7 @@ def test_a_single_row_that_no_joint_reaches_is_left_out_and_its_joint_named(at, 
 def test_counts_that_leap_and_stay_there_are_lost(leap):
     seen = followed([[0, 0, 0]] * 5 + [[leap, 0, 0]] * 10)
     verdicts = [one.verdict for one in seen]
-    assert verdicts[5 : 5 + CONFIRM - 1] == [Verdict.REJECTED] * (CONFIRM - 1)
+    assert verdicts[5 : 5 + _CONFIRMING_ROWS - 1] == [Verdict.REJECTED] * (_CONFIRMING_ROWS - 1)
     assert verdicts.count(Verdict.LOST) == 1
     assert verdicts[-1] is Verdict.GOOD
     assert_array_equal(seen[-1].counts, [leap, 0, 0])

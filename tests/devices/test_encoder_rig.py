@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.devices.encoder_board import CountTracker, Verdict
-from catenary.devices.encoder_rig import LONGEST, EncoderRig, Registration
+from catenary.devices.encoder_rig import _HOMING_S, EncoderRig, Registration
 from catenary.errors import InputError
 from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
@@ -70,7 +70,7 @@ def test_stops_are_where_joints_rest_and_leave(rows):
 def test_a_joint_that_did_not_come_to_its_stop_is_named():
     rows = homing()
     rows[:, 1] = rows[0, 1]
-    rest = np.tile(rows[-1], (round(LONGEST / PERIOD), 1))
+    rest = np.tile(rows[-1], (round(_HOMING_S / PERIOD), 1))
     registration = fed(Registration(RIG), np.vstack([rows, rest]))
     assert registration.zero is None
     assert "elbow did not come to a stop within 60 s" in registration.reason

@@ -17,7 +17,7 @@ from catenary.crtk.message_values import joint_values, pose_of
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.nodes.calibrated_topics import LATE, CalibratedTopics, WireReport
+from catenary.nodes.calibrated_topics import _LATE_AFTER_S, CalibratedTopics, WireReport
 from catenary.plant import MotionLog
 from catenary.raven2.topics import JOINTS
 from catenary.robots.catalog import load_robot
@@ -165,8 +165,8 @@ def test_one_that_does_not_keep_up_publishes_less_not_later(model: CalibrationMo
     deployed.topics.step()
     report = deployed.topics.report()
     assert report.latency is not None
-    assert report.latency.max <= LATE
-    assert (report.published, report.late) == (round(LATE / 0.001) + 1, 39)
+    assert report.latency.max <= _LATE_AFTER_S
+    assert (report.published, report.late) == (round(_LATE_AFTER_S / 0.001) + 1, 39)
     stamps = [received.message.header.stamp for received in deployed.heard["measured_js"].take()]
     assert stamps[-1] == max(stamps)
     deployed.ticks(5)

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.gravity_topic import IMU, VECTOR, GravityTopic
+from catenary.crtk.gravity_topic import _IMU, _VECTOR, GravityTopic
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import joint_state_message
@@ -26,29 +26,29 @@ TILTED = tilted_gravity(0.2, -0.1)
 class World:
     """A sensor, the node and a listener, in a time that goes on by 10 ms."""
 
-    def __init__(self, type_name=IMU, *, mounting=None, points_down=False, arm=None, **options) -> None:
+    def __init__(self, type_name=_IMU, *, mounting=None, points_down=False, arm=None, **options) -> None:
         network = LoopbackNetwork(clock=SetClock(START))
         self.sensor = Loopback("sensor", network)
         self.node_transport, listener = Loopback("node", network), Loopback("listener", network)
         mailbox = Mailbox()
         topic = GravityTopic(self.node_transport, "/imu", type_name, mailbox, points_down=points_down)
-        source = SensedGravity(mailbox, mounting, angular=type_name == IMU, feed=topic.feed, **options)
+        source = SensedGravity(mailbox, mounting, angular=type_name == _IMU, feed=topic.feed, **options)
         self.node = GravityNode(self.node_transport, source, urscript=None if mounting else "/script", arm=arm)
         self.joints = self.sensor.publisher("/joint_states", "sensor_msgs/JointState")
         self.deltas = listener.subscribe("/gravity/delta", "sensor_msgs/JointState")
         self.scripts = listener.subscribe("/script", "std_msgs/String")
         self.publisher = self.sensor.publisher("/imu", type_name)
-        self.vectors = listener.subscribe("/gravity", VECTOR)
+        self.vectors = listener.subscribe("/gravity", _VECTOR)
         self.states = listener.subscribe("/gravity/status", "crtk_msgs/StringStamped")
         self.rng = np.random.default_rng(0)
 
     def message(self, vector):
         noisy = XYZ(*(vector + 0.01 * self.rng.normal(size=3)))
         head = header(self.sensor.now(), "imu_link")
-        if self.publisher.type_name == VECTOR:
-            return message_class(VECTOR)(head, noisy)
+        if self.publisher.type_name == _VECTOR:
+            return message_class(_VECTOR)(head, noisy)
         rates = XYZ(*(0.001 * self.rng.normal(size=3)))
-        return message_class(IMU)(head, angular_velocity=rates, linear_acceleration=noisy)
+        return message_class(_IMU)(head, angular_velocity=rates, linear_acceleration=noisy)
 
     def run(self, seconds, vector=None):
         """Let time pass; the sensor reads `vector`, or nothing."""
@@ -72,11 +72,11 @@ NOMINAL = np.array([0.0, 0.0, -9.81])
 @pytest.mark.parametrize(
     ("type_name", "options", "read", "published", "status"),
     [
-        (IMU, {}, -TILTED, TILTED, "live"),
-        (IMU, {"mounting": Mounting(rotation=TURNED)}, -TURNED.T @ TILTED, TILTED, "live"),
-        (VECTOR, {"points_down": True}, TILTED, TILTED, "live"),
-        (VECTOR, {}, TILTED, NOMINAL, "upside_down"),
-        (IMU, {}, [0.0, 0.0, 1.0], NOMINAL, "unit_g"),
+        (_IMU, {}, -TILTED, TILTED, "live"),
+        (_IMU, {"mounting": Mounting(rotation=TURNED)}, -TURNED.T @ TILTED, TILTED, "live"),
+        (_VECTOR, {"points_down": True}, TILTED, TILTED, "live"),
+        (_VECTOR, {}, TILTED, NOMINAL, "upside_down"),
+        (_IMU, {}, [0.0, 0.0, 1.0], NOMINAL, "unit_g"),
     ],
     ids=["imu", "mounted", "gravity itself", "wrong sign", "in g"],
 )

@@ -8,9 +8,9 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import TransportError
 from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
-from catenary.teleop.driver import JOINT_SPEED, RAMP, TIMEOUT, TeleopMotion
+from catenary.teleop.driver import _JOINT_SPEED, KEY_TIMEOUT_S, RAMP_S, TeleopMotion
 from catenary.teleop.session import TeleopSession
-from catenary.teleop.terminal import PATIENCE, KeyReader
+from catenary.teleop.terminal import _SEQUENCE_WITHIN_S, KeyReader
 from oracles.ideal_plant import IdealPlant
 
 START = [0.8, 1.5, 0.4]
@@ -139,8 +139,8 @@ def test_keys_are_the_same_however_the_bytes_are_split(keys: list[str], data: st
 @given(st.binary(max_size=40))
 def test_no_bytes_are_too_strange(data: bytes) -> None:
     reader = KeyReader()
-    assert all(key.isprintable() for key in reader.feed(data, 0.0) + reader.feed(b"", 2.0 * PATIENCE))
-    assert reader.feed(b"q", 3.0 * PATIENCE) == ["q"]
+    assert all(key.isprintable() for key in reader.feed(data, 0.0) + reader.feed(b"", 2.0 * _SEQUENCE_WITHIN_S))
+    assert reader.feed(b"q", 3.0 * _SEQUENCE_WITHIN_S) == ["q"]
 
 
 def test_letters_of_other_keys_sequences_move_nothing() -> None:
@@ -150,8 +150,8 @@ def test_letters_of_other_keys_sequences_move_nothing() -> None:
 def test_a_lone_escape_is_a_key_once_nothing_follows() -> None:
     reader = KeyReader()
     assert reader.feed(b"\x1b", 0.0) == []
-    assert reader.feed(b"", 0.5 * PATIENCE) == []
-    assert reader.feed(b"", 2.0 * PATIENCE) == ["escape"]
+    assert reader.feed(b"", 0.5 * _SEQUENCE_WITHIN_S) == []
+    assert reader.feed(b"", 2.0 * _SEQUENCE_WITHIN_S) == ["escape"]
 
 
 TICK = 0.001
@@ -178,19 +178,19 @@ def held(motion: TeleopMotion, key: str, seconds: float, q: np.ndarray, after: f
 def test_motion_stops_a_quarter_of_a_second_after_the_last_repeat() -> None:
     path = held(raven_motion(), "q", 1.0, AT, after=1.0)
     moving = np.flatnonzero(np.diff(path[:, 0]))
-    assert moving[-1] * TICK <= 1.0 + TIMEOUT + RAMP + TICK
+    assert moving[-1] * TICK <= 1.0 + KEY_TIMEOUT_S + RAMP_S + TICK
 
 
 def test_a_held_key_reaches_its_speed_and_moves_its_joint_alone() -> None:
     motion = raven_motion()
     path = held(motion, "s", 1.0, AT)
-    assert_allclose(np.diff(path[-100:, 1]), -motion.speed * JOINT_SPEED["rad"] * TICK)
+    assert_allclose(np.diff(path[-100:, 1]), -motion.speed * _JOINT_SPEED["rad"] * TICK)
     assert_allclose(path[:, [0, 2]], np.tile(AT[[0, 2]], (len(path), 1)))
 
 
 def test_speed_never_leaps() -> None:
     path = held(raven_motion(), "q", 0.5, AT, after=0.5)
-    most = raven_motion().speed * JOINT_SPEED["rad"] * TICK / RAMP * TICK
+    most = raven_motion().speed * _JOINT_SPEED["rad"] * TICK / RAMP_S * TICK
     assert np.abs(np.diff(path[:, 0], n=2)).max() <= most * (1.0 + 1e-6)
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.view.curves import SPAN, Curves
+from catenary.view.curves import _SPAN_S, Curves
 from view.arms import RAVEN, Q, state
 
 
@@ -48,7 +48,7 @@ def test_curves_span_half_a_minute_and_begin_anew_when_time_goes_back() -> None:
     for k in range(3000):
         curves.add(state(0.04 * k))
     time = curves.plots(0)[0].time
-    assert SPAN - 1.0 < time[-1] - time[0] < 1.3 * SPAN
+    assert _SPAN_S - 1.0 < time[-1] - time[0] < 1.3 * _SPAN_S
     assert time[-1] == 0.0  # seconds from now
     curves.add(state(0.0))
     assert len(curves.plots(0)[0].time) == 1

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from catenary.control.controllers import CONTROLLERS
 from catenary.view.shown import Change
-from catenary.view.simulated import GO_TO, OWN, DrivenArm
+from catenary.view.simulated import _GO_TO, _OWN_CONTROL, DrivenArm
 from catenary.view.state import ViewState
 
 
@@ -55,7 +55,7 @@ def test_arm_moves_by_itself_and_goes_where_the_sliders_are(raven: DrivenArm) ->
     q = np.array([state.q for state in states])
     assert np.ptp(q[:40], axis=0).max() > 0.01  # within the first two seconds
     assert_allclose(np.rad2deg(states[-1].q[:2]), [45.0, 80.0], atol=0.5)
-    assert states[-1].values["motion"] == GO_TO
+    assert states[-1].values["motion"] == _GO_TO
     assert "ENABLED, homed" in states[-1].mode
 
 
@@ -92,7 +92,7 @@ def test_home_takes_the_arm_to_its_stops_and_back_into_the_loop(raven: DrivenArm
 
 
 def test_robots_own_control_takes_over_and_gives_back(raven: DrivenArm) -> None:
-    states = drive(raven, (0.2, "controller", OWN), (1.0, "controller", "PD alone"), (1.0, "", None))
+    states = drive(raven, (0.2, "controller", _OWN_CONTROL), (1.0, "controller", "PD alone"), (1.0, "", None))
     assert states[-1].mode.startswith("ENABLED, homed")
     assert not any("FAULT" in state.mode for state in states)
 

@@ -11,7 +11,15 @@ from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL, rotation_from_quaternion
 from catenary.view.page_process import PageProcess, newest
-from catenary.view.state import MOST_WARNINGS, PATH, TipPaths, base_orientation, scene_of, shortened, unknown_state
+from catenary.view.state import (
+    _PATH_POINTS,
+    _SHOWN_WARNINGS,
+    TipPaths,
+    base_orientation,
+    scene_of,
+    shortened,
+    unknown_state,
+)
 from view.arms import RAVEN, Q, state
 
 
@@ -19,7 +27,7 @@ from view.arms import RAVEN, Q, state
 def test_words_that_take_much_room_are_cut_and_never_lost_with_the_numbers(word: str) -> None:
     told = shortened(state(2.5, warnings=(word,) * 20, mode=word))
     assert told.time == 2.5
-    assert len(told.warnings) == MOST_WARNINGS
+    assert len(told.warnings) == _SHOWN_WARNINGS
     assert told.mode.encode()
 
 
@@ -95,11 +103,11 @@ def test_gravity_is_an_arrow_as_long_as_one_on_earth() -> None:
 
 def test_paths_keep_the_newest_points_and_leave_out_standing_still() -> None:
     paths = TipPaths(1.0)
-    for k in range(3 * PATH):
+    for k in range(3 * _PATH_POINTS):
         scene = scene_of(RAVEN, state()._replace(q=Q + np.array([0.0, 0.0, 1e-3 * (k % 90)])))
         paths.add(scene)
         paths.add(scene)
-    assert len(paths.segments("reported")) <= PATH
+    assert len(paths.segments("reported")) <= _PATH_POINTS
     assert len(paths.segments("true")) == 0
     ways = np.linalg.norm(np.diff(paths.segments("reported"), axis=1), axis=2)
     assert ways.min() >= 0.002 - 1e-12

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.sensing.vector import ReadingStatus
 from catenary.simulation.base_motion import _CHANGE_TIME_S, SteeredBase
-from catenary.view.simulated import FAULTS, Surroundings
+from catenary.view.simulated import _SENSOR_FAULTS, Surroundings
 from catenary.workflows.gravity.simulated_arm import simulated_arm
 
 
@@ -46,7 +46,7 @@ def test_broken_sensor_is_told_in_words_and_mends(world: Surroundings, fault: st
 
 
 def test_every_fault_on_the_page_can_be_set(world: Surroundings) -> None:
-    for fault in FAULTS:
+    for fault in _SENSOR_FAULTS:
         assert world.set("sensor", fault)
     world.set("sensor", "none")
 

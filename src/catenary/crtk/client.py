@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.exclusive_control import LISTEN, STOPPING, OtherCommanders, require_one_robot
+from catenary.crtk.exclusive_control import LISTEN_S, STOPPING_COMMANDS, OtherCommanders, require_one_robot
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import Stamps, command_message, joint_state_message
 from catenary.crtk.message_values import operating_state as operating_state_of
@@ -35,10 +35,10 @@ from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import NotReadyError, TransportError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
 
-REACHED = 1e-6  # [rad|m] a robot's setpoint this near is the goal: RAVEN-II computes in floats of 32 bits
-COMMAND_TIMEOUT = 2.0  # [s] until a transition must have been confirmed
-HOMING_TIMEOUT = 180.0  # [s]; RAVEN-II's external encoders alone are given 60 s
-SETTLE = 0.05  # [s] in which a robot takes up `home`: before, its state is still the one from before
+_REACHED_WITHIN = 1e-6  # [rad|m] a robot's setpoint this near is the goal: RAVEN-II computes in floats of 32 bits
+_COMMAND_TIMEOUT_S = 2.0  # [s] until a transition must have been confirmed
+_HOMING_TIMEOUT_S = 180.0  # [s]; RAVEN-II's external encoders alone are given 60 s
+_HOME_SETTLES_S = 0.05  # [s] in which a robot takes up `home`: before, its state is still the one from before
 _SENDS = ("servo_jp", "servo_jf", "state_command")  # verbs, those that the dialect has
 _CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
     "enable": lambda now: now.state == "ENABLED",
@@ -110,13 +110,13 @@ class CrtkClient(CrtkReader):
         if command not in STATE_COMMANDS:
             raise UnsupportedCommandError(f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}')
         self._goal = None
-        if command not in STOPPING:
+        if command not in STOPPING_COMMANDS:
             self._require_one_robot()
         begin = self.transport.steady()
-        patience = timeout or (HOMING_TIMEOUT if command == "home" else COMMAND_TIMEOUT)
+        patience = timeout or (_HOMING_TIMEOUT_S if command == "home" else _COMMAND_TIMEOUT_S)
         if self.age > self.stale_after:  # it is silent already
             patience = min(patience, self.stale_after)
-        settle = SETTLE if command == "home" else 0.0
+        settle = _HOME_SETTLES_S if command == "home" else 0.0
         self._publishers["state_command"].publish(command_message(command, self._stamps.next(begin)))
         latest = self._latest["operating_state"]
         while True:
@@ -125,7 +125,7 @@ class CrtkClient(CrtkReader):
             now = operating_state_of(latest.message())
             # a robot may publish its state only when it changes: then what held before holds
             is_news = latest.arrived is not None and latest.arrived > begin
-            if elapsed >= settle and (is_news or elapsed > 10.0 * SETTLE) and _CONFIRMED[command](now):
+            if elapsed >= settle and (is_news or elapsed > 10.0 * _HOME_SETTLES_S) and _CONFIRMED[command](now):
                 return
             if elapsed > patience:
                 self._fresh()
@@ -150,7 +150,7 @@ class CrtkClient(CrtkReader):
     def _require_one_robot(self) -> None:
         """Refuse to go on where two robots are heard, a third of a second after the connection at the earliest."""
         connected = (self.transport.steady() - self._since) / SECOND
-        self.transport.sleep(max(0.0, LISTEN - connected))
+        self.transport.sleep(max(0.0, LISTEN_S - connected))
         require_one_robot(self.transport, self._latest["measured_js"])
 
     def _send_goal(self, goal: Floats) -> None:
@@ -175,7 +175,7 @@ class CrtkClient(CrtkReader):
             self._goal = None
             return
         away = float(np.abs(self._setpoint() - self._goal).max())
-        if away <= REACHED:
+        if away <= _REACHED_WITHIN:
             self._arrived = True
         elif self._arrived:
             self._goal = None
@@ -194,8 +194,8 @@ class CrtkClient(CrtkReader):
         return faults
 
 
-STARTS = ": starts"  # what the robot says of an arm that the button starts
-SAID = "button: "  # before it, where it says so on a topic
+STARTS_TEXT = ": starts"  # what the robot says of an arm that the button starts
+_BUTTON_PREFIX = "button: "  # before it, where it says so on a topic
 
 
 def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
@@ -213,8 +213,10 @@ def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]
         publisher.publish(message_class(SIGNAL)())
         for _ in range(round(timeout / 0.01)):
             for message, _ in heard.take():
-                if message.data.startswith(SAID):
-                    return message.data.endswith(STARTS) or f"{STARTS};" in message.data, message.data[len(SAID) :]
+                if message.data.startswith(_BUTTON_PREFIX):
+                    return message.data.endswith(STARTS_TEXT) or f"{STARTS_TEXT};" in message.data, message.data[
+                        len(_BUTTON_PREFIX) :
+                    ]
             transport.sleep(0.01)
     finally:
         heard.close()

@@ -5,7 +5,7 @@ import time
 from catenary.errors import InputError
 
 SECOND = 1_000_000_000  # [ns]
-AT_ONCE = SECOND // 1000  # [ns] that two readings of clocks are apart at most
+_READING_NS = SECOND // 1000  # [ns] that two readings of clocks are apart at most
 # goes on while the computer is suspended: to a program that was, as to one that was stopped, what it knew is old
 _ELAPSED = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
@@ -29,7 +29,7 @@ class Clock:
         """Return how far the time of day has been set since this was made [ns], back where negative."""
         while True:
             before, now, after = self.elapsed(), self.now(), self.elapsed()
-            if after - before < AT_ONCE:  # else this program stood still in between
+            if after - before < _READING_NS:  # else this program stood still in between
                 return now - self._ahead - (before + after) // 2
 
     def elapsed(self) -> int:

@@ -9,14 +9,14 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.dialects import DialectKind
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.topic_names import JOINT_STATE, WARNING
-from catenary.crtk.transport import UNNAMED, Latest, Transport
+from catenary.crtk.transport import UNNAMED_NODE, Latest, Transport
 from catenary.errors import RobotHeldError, TransportError
 from catenary.raven2.topics import Arm
 
-STOPPING = ("disable", "pause")  # state commands that are sent and obeyed at any time
-UNDER_WAY = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm
-LISTEN = 0.35  # [s] that a client listens before it begins
-HELD = "holds the arm"
+STOPPING_COMMANDS = ("disable", "pause")  # state commands that are sent and obeyed at any time
+_UNDER_WAY_NS = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm
+LISTEN_S = 0.35  # [s] that a client listens before it begins
+_HOLDS_TEXT = "holds the arm"
 
 
 class OtherCommanders:
@@ -34,7 +34,7 @@ class OtherCommanders:
             elif topic.verb == WARNING:
                 self._told = transport.subscribe(topic.name, topic.type, depth=20)
 
-    def listen(self, seconds: float = LISTEN) -> None:
+    def listen(self, seconds: float = LISTEN_S) -> None:
         """Listen for a while, for the last time: what follows is the robot's to say."""
         if self._heard:
             self._transport.sleep(seconds)
@@ -49,18 +49,18 @@ class OtherCommanders:
                 if program and program.rpartition("/")[2] != self._transport.name:
                     self._last = program, heard.topic, one.time
         now = self._transport.steady()
-        if self._last is not None and 0 <= now - self._last[2] < UNDER_WAY:
+        if self._last is not None and 0 <= now - self._last[2] < _UNDER_WAY_NS:
             program, topic, time = self._last
             raise RobotHeldError(
-                f"{program} {HELD}: it commanded {topic} {(now - time) / SECOND:.2f} s ago; "
+                f"{program} {_HOLDS_TEXT}: it commanded {topic} {(now - time) / SECOND:.2f} s ago; "
                 "end it first, nothing has moved"
             )
         if self._told is not None and len(self._told):
             for message, _ in self._told.take():  # as `Commander.require_free` says it
-                said, is_held, _ = message.data.partition(f" {HELD}")
+                said, is_held, _ = message.data.partition(f" {_HOLDS_TEXT}")
                 refused, _, holder = said.rpartition(" has to wait: ")
                 if is_held and refused.rpartition(" ")[2].rpartition("/")[2] == self._transport.name:
-                    raise RobotHeldError(f"{holder} {HELD}; the robot refused this program's commands")
+                    raise RobotHeldError(f"{holder} {_HOLDS_TEXT}; the robot refused this program's commands")
 
     def we_command(self) -> None:
         """Note that the own client moves the arm; only the robot is listened to then."""
@@ -74,9 +74,9 @@ class OtherCommanders:
             self._told.close()
 
 
-LATE = 2 * SECOND  # [ns] that a lease which has run out is noticed late, at most
-GONE = 3 * SECOND  # [ns] without its connection: one that breaks is made again within a second or two
-WATCH = SECOND // 10  # [ns] between two looks at who is connected
+_LEASE_LATENESS_NS = 2 * SECOND  # [ns] that a lease which has run out is noticed late, at most
+_GONE_AFTER_NS = 3 * SECOND  # [ns] without its connection: one that breaks is made again within a second or two
+WATCH_EVERY_NS = SECOND // 10  # [ns] between two looks at who is connected
 
 
 class Commander:
@@ -112,7 +112,7 @@ class Commander:
         for process, time in came.items():
             if self._is_same(process) and time > self._heard:
                 self._heard = time
-                if time > self._went_on + UNDER_WAY:  # else it may have come before the stall, and waited
+                if time > self._went_on + _UNDER_WAY_NS:  # else it may have come before the stall, and waited
                     self._stood = 0
 
     def require_free(self, process: str, now: int, *, is_moving: bool) -> None:
@@ -120,9 +120,9 @@ class Commander:
         name = process.partition(" ")[0]  # a network has one program of a name
         if self._topic is None or not self._process or name in ("", self._process[0]) or self._is_same(process):
             return
-        stood = max(0, now - self._looked - 2 * WATCH)  # a stall that `left` has not seen yet
-        if is_moving or 0 <= now - self._commanded < UNDER_WAY + stood:
-            raise RobotHeldError(f"{name} has to wait: {self._process[0]} {HELD} ({self._topic})")
+        stood = max(0, now - self._looked - 2 * WATCH_EVERY_NS)  # a stall that `left` has not seen yet
+        if is_moving or 0 <= now - self._commanded < _UNDER_WAY_NS + stood:
+            raise RobotHeldError(f"{name} has to wait: {self._process[0]} {_HOLDS_TEXT} ({self._topic})")
 
     def forget(self, now: int) -> None:
         """Know of nobody, as when the arm is not enabled, at `now` [ns]."""
@@ -132,7 +132,7 @@ class Commander:
         """Return whether a program that was seen to be gone [ns] moved the arm at its end, whenever that was."""
         least, most = gone - self._heard - self._stood, gone - self._heard + self._stood
         return any(
-            least < (lapse + LATE if lapse else UNDER_WAY) and most >= lapse - UNDER_WAY
+            least < (lapse + _LEASE_LATENESS_NS if lapse else _UNDER_WAY_NS) and most >= lapse - _UNDER_WAY_NS
             for lapse in self._transport.lapses
         )
 
@@ -144,13 +144,13 @@ class Commander:
         connected = self._transport.connections(topic).publishers
         if not self._process or {*self._process} & {*connected}:
             return bool(connected)
-        if not self._process[0].startswith(UNNAMED):
+        if not self._process[0].startswith(UNNAMED_NODE):
             return False
         return any(self._is_same(one) for one in self._transport.publishing().get(topic, ()))
 
     def left(self, now: int, *, is_moving: bool) -> str | None:
         """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second."""
-        stall, self._looked = now - self._looked - 2 * WATCH, now
+        stall, self._looked = now - self._looked - 2 * WATCH_EVERY_NS, now
         self._commanded = min(self._commanded + max(0, stall), now)
         if stall > 0 and self._gone is None:
             self._stood = stall + (self._stood if self._heard <= self._went_on else 0)
@@ -162,7 +162,7 @@ class Commander:
             return None
         if self._gone is None:
             self._gone, self._was_moving = now, is_moving
-        if now - self._gone < GONE:
+        if now - self._gone < _GONE_AFTER_NS:
             return None
         topic, self._topic = self._topic, None
         left_motion = self._was_moving or self._was_under_way(self._gone)
@@ -199,7 +199,7 @@ def require_no_other_robot(transport: Transport, topics: Sequence[str]) -> None:
 def require_one_robot(transport: Transport, joints: Latest) -> None:
     """Refuse to move an arm whose joints come from two programs."""
     now = transport.steady()
-    lately = frozenset(process for process, time in tuple(joints.senders.items()) if 0 <= now - time < UNDER_WAY)
+    lately = frozenset(process for process, time in tuple(joints.senders.items()) if 0 <= now - time < _UNDER_WAY_NS)
     if "" in lately:  # the transport does not tell
         lately = transport.other_publishers(joints.topic)
     # by address: DDS may learn a name late

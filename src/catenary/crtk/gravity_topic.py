@@ -20,15 +20,15 @@ from catenary.errors import InputError
 from catenary.sensing.vector import Kind, Mailbox
 from catenary.spatial import LEVEL
 
-_PLAUSIBLE = 1.0, 30.0  # [m/s2] of gravity that a node has judged already, on bases that accelerate
+_PLAUSIBLE_GRAVITY = 1.0, 30.0  # [m/s2] of gravity that a node has judged already, on bases that accelerate
 
-IMU, ACCEL, VECTOR = "sensor_msgs/Imu", "geometry_msgs/AccelStamped", "geometry_msgs/Vector3Stamped"
-TYPES = (IMU, ACCEL, VECTOR)
+_IMU, _ACCEL, _VECTOR = "sensor_msgs/Imu", "geometry_msgs/AccelStamped", "geometry_msgs/Vector3Stamped"
+GRAVITY_TYPES = (_IMU, _ACCEL, _VECTOR)
 # the vector of an accelerometer's message, by type
 _MEASURED: dict[Any, Callable[[Message], Message]] = {
-    message_class(IMU): attrgetter("linear_acceleration"),
-    message_class(ACCEL): attrgetter("accel.linear"),
-    message_class(VECTOR): attrgetter("vector"),
+    message_class(_IMU): attrgetter("linear_acceleration"),
+    message_class(_ACCEL): attrgetter("accel.linear"),
+    message_class(_VECTOR): attrgetter("vector"),
 }
 
 
@@ -36,7 +36,7 @@ class PublishedGravity:
     """Gravity in base axes as `catenary gravity-node` publishes it; it ages while its status is not "live"."""
 
     def __init__(self, transport: Transport, topic: str) -> None:
-        self.latest = Latest(transport, topic, VECTOR)
+        self.latest = Latest(transport, topic, _VECTOR)
         self._status = Latest(transport, f"{topic}/status", COMMAND)
         self._transport = transport
         self._seen: int | None = None  # arrival of the newest message that was looked at
@@ -49,7 +49,7 @@ class PublishedGravity:
         if self.latest.arrived != self._seen:
             self._seen = self.latest.arrived
             gravity = np.array(message.vector)
-            if _PLAUSIBLE[0] < np.linalg.norm(gravity) < _PLAUSIBLE[1]:  # NaN is not
+            if _PLAUSIBLE_GRAVITY[0] < np.linalg.norm(gravity) < _PLAUSIBLE_GRAVITY[1]:  # NaN is not
                 self._gravity = gravity
                 status = self._status.message()
                 if status is None or status.string.split()[:1] == ["live"]:
@@ -82,9 +82,9 @@ class GravityTopic:
     def __init__(
         self, transport: Transport, topic: str, type_name: str, mailbox: Mailbox, *, points_down: bool = False
     ) -> None:
-        """Subscribe to a topic of one of TYPES: specific force, up at rest; gravity itself where `points_down`."""
-        if type_name not in TYPES:
-            raise InputError(f'topic {topic}: type "{type_name}": expected one of {", ".join(TYPES)}')
+        """Subscribe to a topic of GRAVITY_TYPES: specific force, up at rest; gravity itself where `points_down`."""
+        if type_name not in GRAVITY_TYPES:
+            raise InputError(f'topic {topic}: type "{type_name}": expected one of {", ".join(GRAVITY_TYPES)}')
         self.topic, self.type_name, self.mailbox = topic, type_name, mailbox
         self.frame_id = ""  # of the last message
         self.tally = TopicTally()
@@ -106,7 +106,7 @@ class GravityTopic:
         if header.stamp == 0:
             tally.unstamped += 1
         stamp = (header.stamp - self._transport.clock.set_by() if header.stamp else arrived) / SECOND
-        if isinstance(message, message_class(IMU)):
+        if isinstance(message, message_class(_IMU)):
             # rates first: when gravity is looked at, how the base turned meanwhile is known
             if message.angular_velocity_covariance[0] == -1.0:
                 tally.without_rates += 1

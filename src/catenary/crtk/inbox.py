@@ -7,10 +7,12 @@ from concurrent.futures import Future, wait
 from typing import Any, NamedTuple
 
 from catenary.crtk.message import Message, has_header
-from catenary.crtk.message_bytes import ANY
+from catenary.crtk.message_bytes import MESSAGE_BYTES
 from catenary.errors import FileFormatError, InputError
 
-UNTAKEN = 4000  # messages that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts
+UNTAKEN_MESSAGES = (
+    4000  # messages that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts
+)
 
 
 class Received(NamedTuple):
@@ -99,7 +101,7 @@ class Subscription:
         inbox: Inbox,
         decode: Callable[[Any], Message],
         depth: int = 1000,
-        largest: int = ANY,
+        largest: int = MESSAGE_BYTES,
     ) -> None:
         """Prepare to receive; transports call this, not users."""
         if depth < 1:

@@ -17,10 +17,10 @@ from catenary.crtk.message import HEADER, Message, has_header, message_class, me
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, Field, current_name, fields, ros2_name, typestore
 
-NO_MESSAGE = (  # what rosbags raises of bytes, and of values, that do not fit
+_MISFIT_ERRORS = (  # what rosbags raises of bytes, and of values, that do not fit
     SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError, LookupError, AssertionError,
 )  # fmt: skip
-ANY = 2**26  # bytes of any message: beyond, a length is taken for nonsense
+MESSAGE_BYTES = 2**26  # bytes of any message: beyond, a length is taken for nonsense
 _COUNT = struct.Struct("<I")  # of a header's `seq`, of an array's numbers
 _JOINT_STATE = "sensor_msgs/JointState"
 _Change = Callable[[Any], Any]
@@ -69,14 +69,14 @@ def codec(name: str, encoding: Encoding = ROS1) -> Codec:
             message_fields(name, message)  # says what it is instead
         try:
             data = write(message)
-        except NO_MESSAGE as error:
+        except _MISFIT_ERRORS as error:
             raise InputError(f"{name}: {_misfit(name, message, encoding) or error}") from error
         return _COUNT.pack(seq % 2**32) + data[_COUNT.size :] if numbered else data
 
     def decode(data: bytes) -> Message:
         try:
             return finish(read(data, rosbags_name))
-        except NO_MESSAGE as error:
+        except _MISFIT_ERRORS as error:
             raise FileFormatError(f"{name}: {len(data)} bytes are no such message ({error})") from error
 
     return Codec(encode, decode)
@@ -132,7 +132,7 @@ def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
     for field, value in message_fields(name, message):
         try:
             _writer(name, encoding)(message_class(name)(**{field.name: value}))
-        except NO_MESSAGE as error:
+        except _MISFIT_ERRORS as error:
             if field.length is None and field.type in MESSAGES and type(value) is message_class(field.type):
                 return f"{field.name}: {_misfit(field.type, value, encoding)}"
             brackets = "" if field.length is None else f"[{field.length or ''}]"

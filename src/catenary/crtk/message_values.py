@@ -23,7 +23,7 @@ _Point, _Quaternion, _Vector3, _Pose, _Transform, _PoseStamped, _TransformStampe
     for name in ("Point", "Quaternion", "Vector3", "Pose", "Transform", "PoseStamped", "TransformStamped")
 )
 _NUMBERS = ("position", "velocity", "effort")
-LEAP = SECOND // 2  # [ns] by which a clock has to be set for stamps to leap back with it
+_CLOCK_LEAP_NS = SECOND // 2  # [ns] by which a clock has to be set for stamps to leap back with it
 _logger = logging.getLogger(__name__)
 
 
@@ -169,7 +169,7 @@ class Stamps:
         """Return the stamp [ns] of what happened at a time [ns] by the clock's `steady`."""
         by = self._clock.set_by()
         ahead = self._set - by
-        if abs(ahead) > LEAP:
+        if abs(ahead) > _CLOCK_LEAP_NS:
             _logger.warning("the clock was set by %+.3f s; stamps follow it", -ahead / SECOND)
             self._last = time + by - 1
         elif ahead > 0:

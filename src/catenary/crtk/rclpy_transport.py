@@ -24,10 +24,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import BEGIN, RosArguments
-from catenary.crtk.inbox import UNTAKEN, Origin, Request
+from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin, Request
 from catenary.crtk.message import HEADER, Message
 from catenary.crtk.message_bytes import CDR, codec
-from catenary.crtk.transport import SETTLE, UNNAMED, Answer, HeardTopic, Publisher, Transport, wait_until_settled
+from catenary.crtk.transport import SETTLE_S, UNNAMED_NODE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
 
@@ -52,7 +52,7 @@ def _origins(listed: list[Any]) -> _Origins:
         gid = bytes(one.endpoint_gid)
         node = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
         if one.node_name.startswith(_NAMELESS):
-            node = f"{UNNAMED}{gid[:_PROGRAM].hex()}"
+            node = f"{UNNAMED_NODE}{gid[:_PROGRAM].hex()}"
         is_latching = one.qos_profile.durability == _LATCHED[1]
         found[gid] = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), is_latching)
     return found
@@ -144,7 +144,12 @@ class _ReadTopic(HeardTopic):
             offered = {one if one[0] == _USUAL[0] else _POOR for one in found} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
                 self._readers[quality] = self._node.create_subscription(
-                    self._kind, self._name, print, _profile(UNTAKEN, quality), callback_group=_Taken(), raw=True
+                    self._kind,
+                    self._name,
+                    print,
+                    _profile(UNTAKEN_MESSAGES, quality),
+                    callback_group=_Taken(),
+                    raw=True,
                 )
 
     def end(self) -> None:
@@ -200,7 +205,7 @@ class RclpyTransport(Transport):
     encoding = CDR
     lapses = (0, 10 * SECOND, 20 * SECOND)  # Cyclone's and Fast DDS's lease
 
-    def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE) -> None:
+    def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE_S) -> None:
         """Join ROS 2 as its environment variables say; arguments as of `DdsTransport`."""
         self._arguments = arguments or RosArguments()
         super().__init__(self._arguments.node or name)

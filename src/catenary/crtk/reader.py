@@ -117,10 +117,10 @@ def raven_joints(arm: Arm = "gold") -> JointRanges:
     return JointRanges(JOINTS, units, model.lower[places], model.upper[places])
 
 
-STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
+_STALE_AFTER_S = 0.2  # [s] without measured_js after which a robot counts as lost
 _LOOKS = 10  # for what waits to be received, when nothing seems to come
-CONNECT_TIMEOUT = 5.0  # [s] that CRTK's own client allows
-TRACKER = "tracker/measured_js"  # below a namespace: where a tracker sees the joints, ours
+_CONNECT_TIMEOUT_S = 5.0  # [s] that CRTK's own client allows
+_TRACKER_VERB = "tracker/measured_js"  # below a namespace: where a tracker sees the joints, ours
 _READS = ("measured_js", "setpoint_js", "operating_state")
 
 
@@ -166,8 +166,8 @@ class CrtkReader(NeverMoved):
         joints: Bounded | None = None,
         period: float = 0.001,
         gravity: str | None = None,
-        stale_after: float = STALE_AFTER,
-        connect_timeout: float = CONNECT_TIMEOUT,
+        stale_after: float = _STALE_AFTER_S,
+        connect_timeout: float = _CONNECT_TIMEOUT_S,
         simulated: bool = False,
     ) -> None:
         """Connect to a robot; nothing is sent, and the transport stays open when the client is closed.
@@ -202,7 +202,9 @@ class CrtkReader(NeverMoved):
                 self._state = kept(closing(RavenTelemetry(transport, arm, stale_after)))
                 self.columns = self._state.columns
             elif namespace is not None:
-                self._tracker = kept(closing(Latest(transport, f"/{namespace.strip('/')}/{TRACKER}", JOINT_STATE)))
+                self._tracker = kept(
+                    closing(Latest(transport, f"/{namespace.strip('/')}/{_TRACKER_VERB}", JOINT_STATE))
+                )
             self._diagnostics = kept(closing(Latest(transport, DIAGNOSTICS, DIAGNOSTICS_TYPE)))
             self._gravity = None if gravity is None else kept(closing(PublishedGravity(transport, gravity)))
             self._begin()

@@ -10,7 +10,7 @@ one's; setpoints and commands are not swapped. Ask `topic_name` for an arm, neve
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal
 
 from catenary.crtk.dialects import dialect_named
 from catenary.errors import InputError
@@ -19,12 +19,12 @@ from catenary.raven2.topics import MEASURED_JS, Arm
 Direction = Literal["out", "in"]  # from the robot, to the robot
 JOINT_STATE = "sensor_msgs/JointState"
 TRANSFORM = "geometry_msgs/TransformStamped"
-POSE = "geometry_msgs/PoseStamped"
-TWIST = "geometry_msgs/TwistStamped"
-WRENCH = "geometry_msgs/WrenchStamped"
-VECTOR = "geometry_msgs/Vector3"
-MATRIX = "std_msgs/Float64MultiArray"
-NUMBER, SWITCH, TEXT, SIGNAL = "std_msgs/Float64", "std_msgs/Bool", "std_msgs/String", "std_msgs/Empty"
+_POSE = "geometry_msgs/PoseStamped"
+_TWIST = "geometry_msgs/TwistStamped"
+_WRENCH = "geometry_msgs/WrenchStamped"
+_VECTOR = "geometry_msgs/Vector3"
+_MATRIX = "std_msgs/Float64MultiArray"
+_NUMBER, _SWITCH, TEXT, SIGNAL = "std_msgs/Float64", "std_msgs/Bool", "std_msgs/String", "std_msgs/Empty"
 COMMAND = "crtk_msgs/StringStamped"
 WARNING = "warning"  # verb: what an arm has to say of commands that it did not obey; ours, in both dialects
 DIAGNOSTICS = "/diagnostics"  # topic of all robots: their states, and why they are in FAULT
@@ -49,7 +49,7 @@ class CrtkTopic:
     @property
     def commands_state(self) -> bool:
         """Whether it changes operating states."""
-        return self.type == COMMAND or self.verb in CONSOLE
+        return self.type == COMMAND or self.verb in CONSOLE_COMMANDS
 
     @property
     def moves(self) -> bool:
@@ -69,19 +69,19 @@ _RAVEN_ROBOT: _Verbs = {
     "joint_states": (JOINT_STATE, "out"),
     "state_command": (COMMAND, "in"),
     "raven_automove": ("raven_2/raven_automove", "in"),
-    GRAV_DIR: (VECTOR, "in"),
+    GRAV_DIR: (_VECTOR, "in"),
     BUTTON[1:]: (SIGNAL, "in"),
 }
 _SWAPPED: _Verbs = {
     "measured_js": (JOINT_STATE, "out"),
     "measured_cp": (TRANSFORM, "out"),
-    "measured_cv": (TWIST, "out"),
+    "measured_cv": (_TWIST, "out"),
 }
 _RAVEN_ARM: _Verbs = {
     "operating_state": ("crtk_msgs/operating_state", "out"),
     "setpoint_js": (JOINT_STATE, "out"),
     "setpoint_cp": (TRANSFORM, "out"),
-    "setpoint_cv": (TWIST, "out"),
+    "setpoint_cv": (_TWIST, "out"),
     WARNING: (TEXT, "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(("servo_jr", "servo_jp", "servo_jv"), (JOINT_STATE, "in")),
@@ -96,40 +96,44 @@ _GRASP: _Verbs = {
 _CRTK: _Verbs = {
     "operating_state": ("crtk_msgs/OperatingState", "out"),
     **dict.fromkeys(("measured_js", "setpoint_js"), (JOINT_STATE, "out")),
-    **dict.fromkeys(("measured_cp", "setpoint_cp"), (POSE, "out")),
-    **dict.fromkeys(("measured_cv", "setpoint_cv"), (TWIST, "out")),
-    **dict.fromkeys(("measured_cf", "body/measured_cf", "spatial/measured_cf"), (WRENCH, "out")),
-    **dict.fromkeys(("jacobian", "body/jacobian", "spatial/jacobian"), (MATRIX, "out")),
+    **dict.fromkeys(("measured_cp", "setpoint_cp"), (_POSE, "out")),
+    **dict.fromkeys(("measured_cv", "setpoint_cv"), (_TWIST, "out")),
+    **dict.fromkeys(("measured_cf", "body/measured_cf", "spatial/measured_cf"), (_WRENCH, "out")),
+    **dict.fromkeys(("jacobian", "body/jacobian", "spatial/jacobian"), (_MATRIX, "out")),
     WARNING: (TEXT, "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(("servo_jp", "servo_jr", "servo_jv", "servo_jf", "move_jp", "move_jr"), (JOINT_STATE, "in")),
-    **dict.fromkeys(("servo_cp", "servo_cr", "move_cp", "move_cr"), (POSE, "in")),
-    "servo_cv": (TWIST, "in"),
-    **dict.fromkeys(("servo_cf", "body/servo_cf", "spatial/servo_cf"), (WRENCH, "in")),
-    "body/set_cf_orientation_absolute": (SWITCH, "in"),
+    **dict.fromkeys(("servo_cp", "servo_cr", "move_cp", "move_cr"), (_POSE, "in")),
+    "servo_cv": (_TWIST, "in"),
+    **dict.fromkeys(("servo_cf", "body/servo_cf", "spatial/servo_cf"), (_WRENCH, "in")),
+    "body/set_cf_orientation_absolute": (_SWITCH, "in"),
     **dict.fromkeys(("hold", "free"), (SIGNAL, "in")),
-    "use_gravity_compensation": (SWITCH, "in"),
+    "use_gravity_compensation": (_SWITCH, "in"),
 }
 _RATIOS = ("ratio", "ratio_v", "ratio_a")
 # what an arm of sawIntuitiveResearchKit 2.x has besides [jhu-dvrk, ros/dvrk_robot/src/system_ROS.cpp]; out: on change
 _DVRK: _Verbs = {
     "desired_state": (TEXT, "out"),
-    "goal_reached": (SWITCH, "out"),
+    "goal_reached": (_SWITCH, "out"),
     "tool_type": (TEXT, "out"),
-    **{f"trajectory_j/{ratio}": (NUMBER, "out") for ratio in _RATIOS},
-    **{f"trajectory_j/set_{ratio}": (NUMBER, "in") for ratio in _RATIOS},
-    "set_base_frame": (POSE, "in"),
+    **{f"trajectory_j/{ratio}": (_NUMBER, "out") for ratio in _RATIOS},
+    **{f"trajectory_j/set_{ratio}": (_NUMBER, "in") for ratio in _RATIOS},
+    "set_base_frame": (_POSE, "in"),
     "set_tool_type": (TEXT, "in"),
-    "emulate_tool_present": (SWITCH, "in"),
+    "emulate_tool_present": (_SWITCH, "in"),
 }
 _SETTINGS = frozenset(
     {GRAV_DIR, BUTTON[1:], "body/set_cf_orientation_absolute", "use_gravity_compensation"}
     | {verb for verb, (_, direction) in _DVRK.items() if direction == "in"}
 )
 # verbs of a dVRK's console, which is called system since 2.4, and the state commands that they stand for
-CONSOLE = {"console/power_on": ("enable",), "console/power_off": ("disable",), "console/home": ("enable", "home")}
+CONSOLE_COMMANDS = {
+    "console/power_on": ("enable",),
+    "console/power_off": ("disable",),
+    "console/home": ("enable", "home"),
+}
 # what its classes wait for besides; a simulated console makes no sound
-_SOUNDS = {"console/set_volume": NUMBER, "console/beep": MATRIX, "console/string_to_speech": TEXT}
+_SOUNDS = {"console/set_volume": _NUMBER, "console/beep": _MATRIX, "console/string_to_speech": TEXT}
 # verbs below `local/` of an arm that the dVRK carries on setup joints: poses in its own base, not in the cart's
 _LOCAL = ("measured_cp", "setpoint_cp")
 # verbs of a gripper, below `jaw/`
@@ -152,7 +156,7 @@ def _raven() -> Iterator[CrtkTopic]:
             yield CrtkTopic(f"/arm{number}/{verb}", *_RAVEN_ARM[verb], f"{verb}_{number}")
 
 
-RAVEN = tuple(_raven())
+RAVEN_TOPICS = tuple(_raven())
 
 
 def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
@@ -167,7 +171,7 @@ def raven_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTop
             f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
             "the dialect crtk has one"
         )
-    return tuple(topic for topic in RAVEN if topic.arm == arm)
+    return tuple(topic for topic in RAVEN_TOPICS if topic.arm == arm)
 
 
 def crtk_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
@@ -176,7 +180,7 @@ def crtk_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopi
     Without a namespace the arm is a RAVEN-II's; the robot itself has none.
     """
     if namespace is None:
-        return () if arm not in NAMESPACES else crtk_topics(arm, NAMESPACES[cast(Arm, arm)])
+        return () if arm not in NAMESPACES else crtk_topics(arm, NAMESPACES[arm])
     words = namespace.strip("/")
     below = {"jaw": _JAW, "local": _LOCAL}
     verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs} | _DVRK
@@ -189,7 +193,7 @@ def console_topics(namespace: str) -> tuple[CrtkTopic, ...]:
     return tuple(
         CrtkTopic(f"{above}/{verb.replace('console', place)}", kind, "in", verb)
         for place in ("console", "system")
-        for verb, kind in (dict.fromkeys(CONSOLE, SIGNAL) | _SOUNDS).items()
+        for verb, kind in (dict.fromkeys(CONSOLE_COMMANDS, SIGNAL) | _SOUNDS).items()
     )
 
 

@@ -14,10 +14,10 @@ from catenary.errors import InputError
 from catenary.recording.bag_reader import open_recording
 from catenary.spatial import Pose, identity_pose
 
-TOPICS, TYPE = ("/tf_static", "/tf"), "tf2_msgs/TFMessage"
-WAIT = 3.0  # [s] for transforms that are published now and then
-MOST = 5000  # messages of a recording that are looked at: what does not move was told by then
-MOVED = 1e-3  # [m, or of a rotation matrix] by which a frame moves against its parent
+_TOPICS, _TYPE = ("/tf_static", "/tf"), "tf2_msgs/TFMessage"
+_WAIT_S = 3.0  # [s] for transforms that are published now and then
+_MESSAGES = 5000  # messages of a recording that are looked at: what does not move was told by then
+_MOVED_BY = 1e-3  # [m, or of a rotation matrix] by which a frame moves against its parent
 
 
 class TransformTree:
@@ -32,7 +32,7 @@ class TransformTree:
         for one in message.transforms:
             child, parent, pose = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/"), pose_of(one)
             _, before = self._parents.get(child, (parent, pose))
-            if max(np.abs(a - b).max() for a, b in zip(pose, before, strict=True)) > MOVED:
+            if max(np.abs(a - b).max() for a, b in zip(pose, before, strict=True)) > _MOVED_BY:
                 self._moving.add(child)
             self._parents[child] = parent, pose
 
@@ -60,18 +60,18 @@ class TransformTree:
 def recorded_pose(path: Path, base: str, frame: str) -> Pose:
     """Return the pose of a frame in a base by the transforms of a recording."""
     source, tree = open_recording(path), TransformTree()
-    there = [topic for topic in TOPICS if topic in source.counts]
-    decode = codec(TYPE, ROS1 if source.encoding == "ros1" else CDR).decode
+    there = [topic for topic in _TOPICS if topic in source.counts]
+    decode = codec(_TYPE, ROS1 if source.encoding == "ros1" else CDR).decode
     for topic in there:
-        for _, _, data in islice(source.messages({topic}), MOST):
+        for _, _, data in islice(source.messages({topic}), _MESSAGES):
             tree.add(decode(data))
     return tree.pose(base, frame)
 
 
 def heard_pose(transport: Transport, base: str, frame: str) -> Pose:
-    """Return the pose of a frame in a base by what is published, once it is known; wait for WAIT."""
-    tree, subscriptions = TransformTree(), [transport.subscribe(topic, TYPE) for topic in TOPICS]
-    end = transport.steady() + WAIT * SECOND
+    """Return the pose of a frame in a base by what is published, once it is known, three seconds later at most."""
+    tree, subscriptions = TransformTree(), [transport.subscribe(topic, _TYPE) for topic in _TOPICS]
+    end = transport.steady() + _WAIT_S * SECOND
     try:
         while True:
             for subscription in subscriptions:

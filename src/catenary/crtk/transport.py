@@ -19,24 +19,24 @@ from typing import Any, NamedTuple, Self
 from catenary.crtk.clock import SECOND, Clock, Rate
 from catenary.crtk.inbox import Inbox, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_bytes import ANY, ROS1, Codec, codec
+from catenary.crtk.message_bytes import MESSAGE_BYTES, ROS1, Codec, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
 Handler = Callable[[Message], Message]
 Answer = Callable[[bytes], bytes]  # to a request
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
-QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
-DEPTH = 1000  # messages that wait for the program: 1 s
-UNNAMED = "participant_"  # before the number of a program of DDS whose node is not known, or not yet
-SETTLE = 0.5  # [s] without news of other programs, until those of ROS 2 that are there count as known
-_LONGEST_SETTLE = 3.0  # [s] to wait for that
+_QUEUE_MESSAGES = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
+_WAITING_MESSAGES = 1000  # messages that wait for the program: 1 s
+UNNAMED_NODE = "participant_"  # before the number of a program of DDS whose node is not known, or not yet
+SETTLE_S = 0.5  # [s] without news of other programs, until those of ROS 2 that are there count as known
+_LONGEST_SETTLE_S = 3.0  # [s] to wait for that
 
 
 class Sending(NamedTuple):
     """How a program's messages are sent, where it says nothing else of a topic."""
 
-    depth: int = QUEUE  # messages that wait for a peer that does not keep up
+    depth: int = _QUEUE_MESSAGES  # messages that wait for a peer that does not keep up
     is_reliable: bool = True  # of ROS 2, for what is not latched; else best effort, as of sensors
 
 
@@ -164,7 +164,9 @@ class Transport(ABC):
         made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=depth)
         return made
 
-    def subscribe(self, topic: str, type_name: str, *, depth: int = DEPTH, largest: int = ANY) -> Subscription:
+    def subscribe(
+        self, topic: str, type_name: str, *, depth: int = _WAITING_MESSAGES, largest: int = MESSAGE_BYTES
+    ) -> Subscription:
         """Begin to receive: the subscription's `take` gives what has come; beyond `largest` bytes it is dropped."""
         self.require_open()
         topic = absolute(topic)
@@ -369,7 +371,7 @@ def wait_until_settled(seen: Callable[[], object], settle: float) -> None:
     """Wait until what a program sees of others has not changed for `settle` [s], a few seconds at most."""
     begin = last = time.monotonic()
     known = None
-    while (now := time.monotonic()) - last < settle and now - begin < _LONGEST_SETTLE:
+    while (now := time.monotonic()) - last < settle and now - begin < _LONGEST_SETTLE_S:
         if (found := seen()) != known:
             known, last = found, now
         time.sleep(0.02)

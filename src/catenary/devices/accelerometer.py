@@ -20,7 +20,7 @@ from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
-VERSION = 1
+_VERSION = 1
 
 
 class Hello(NamedTuple):
@@ -80,8 +80,8 @@ class ChecksumError(InputError):
 
 
 def _hello(fields: list[str]) -> Hello:
-    if len(fields) != 7 or int(fields[0]) != VERSION:
-        raise InputError(f"hello: expected version {VERSION} and 7 fields, got {fields[:1]}, {len(fields)} fields")
+    if len(fields) != 7 or int(fields[0]) != _VERSION:
+        raise InputError(f"hello: expected version {_VERSION} and 7 fields, got {fields[:1]}, {len(fields)} fields")
     _, sensor, unit, end, rate_unit, rate_end, rate_hz = fields
     for name, value, choices in (("unit", unit, ACCELERATION_UNITS), ("rate unit", rate_unit, RATE_UNITS)):
         if value not in choices:
@@ -92,16 +92,16 @@ def _hello(fields: list[str]) -> Hello:
     return hello
 
 
-WRAP = 2**32  # [us] at which a board's clock begins anew: every 71.6 minutes
-DRIFT = 0.01  # by which the clocks may run apart; ceramic resonators are good to 0.005
-RESTART = 10.0  # [s] of a leap that means that the board was restarted
+_WRAP_US = 2**32  # [us] at which a board's clock begins anew: every 71.6 minutes
+_CLOCK_DRIFT = 0.01  # by which the clocks may run apart; ceramic resonators are good to 0.005
+_RESTART_LEAP_S = 10.0  # [s] of a leap that means that the board was restarted
 
 
 class BoardClock:
     """Turns a board's microseconds into the host's seconds.
 
     A sample never arrives before it was taken, and now and then with hardly any delay: the smallest difference
-    between arrival and board time is the offset of the clocks. It may grow by DRIFT, so that a slow board is
+    between arrival and board time is the offset of the clocks. It may grow by one percent, so that a slow board is
     followed too. What is left is the smallest delay of the line, a millisecond or two over USB, and constant.
     """
 
@@ -113,18 +113,18 @@ class BoardClock:
 
     def stamp(self, micros: int, arrival: float) -> float:
         """Return a sample's time [s] on the host's clock, from the board's [us], modulo 2^32, and its arrival [s]."""
-        step = 0.0 if self._last is None else (micros - self._last) % WRAP * 1e-6
-        if self._last is None or step > RESTART:  # back, or far ahead
+        step = 0.0 if self._last is None else (micros - self._last) % _WRAP_US * 1e-6
+        if self._last is None or step > _RESTART_LEAP_S:  # back, or far ahead
             self.restarts += self._last is not None
             self._elapsed, self._offset = 0.0, arrival
         else:
             self._elapsed += step
-            self._offset = min(self._offset + DRIFT * step, arrival - self._elapsed)
+            self._offset = min(self._offset + _CLOCK_DRIFT * step, arrival - self._elapsed)
         self._last = micros
         return self._offset + self._elapsed
 
 
-ASK = b"?\n"  # the board answers with a hello
+_ASK = b"?\n"  # the board answers with a hello
 
 
 @dataclass
@@ -154,7 +154,7 @@ class SerialAccelerometer(SerialBoard):
         self._board_clock = BoardClock()
         self._last_number: int | None = None
         self._greeted = threading.Event()
-        super().__init__(port, clock=clock, ask=ASK)
+        super().__init__(port, clock=clock, ask=_ASK)
 
     def wait_ready(self, timeout: float = 5.0) -> Hello:
         """Wait for the board's hello and return it; an Arduino restarts when its port is opened, and takes 2 s."""

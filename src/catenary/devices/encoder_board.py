@@ -22,11 +22,11 @@ from catenary.devices.serial_board import SerialBoard
 from catenary.errors import InputError, SensorError
 
 # [s] by which a line may be late; Linux's serial drivers gather what USB brings for 16 ms
-LATENESS = 0.02
-SLACK = 2  # counts by which an encoder flickers
-CONFIRM = 5  # rows in a row that go on from one that leapt, before it is taken for the truth
-SILENCE = 1.0  # [s] after which the board may have been restarted: an Arduino takes that long
-NEAR_ZERO, FAR = 20, 2000  # counts: all at zero at once, from afar, is a board that began anew
+_LATENESS_S = 0.02
+_FLICKER_COUNTS = 2  # counts by which an encoder flickers
+_CONFIRMING_ROWS = 5  # rows in a row that go on from one that leapt, before it is taken for the truth
+_SILENCE_S = 1.0  # [s] after which the board may have been restarted: an Arduino takes that long
+_NEAR_ZERO_COUNTS, _RESTART_COUNTS = 20, 2000  # counts: all at zero at once, from afar, is a board that began anew
 Raw = tuple[int, int, int]
 _LINE = re.compile(r"(-?\d{1,10})_(-?\d{1,10})_(-?\d{1,10})", re.ASCII)
 
@@ -80,20 +80,23 @@ class CountTracker:
         """Forget where the counters were: the board was unplugged."""
         self._raw, self._candidate = None, None
 
-    def update(self, raw: Raw, time: float, *, period: float = LATENESS) -> Tracked:
+    def update(self, raw: Raw, time: float, *, period: float = _LATENESS_S) -> Tracked:
         """Judge a row that came at a time [s]; `period` is the time between two [s]."""
-        late = max(LATENESS, period)
+        late = max(_LATENESS_S, period)
         if self._raw is None:
             return self._go_on(raw, time)
         gap = max(0.0, time - self._time)
         step = self._step(self._raw, raw)
-        if gap > SILENCE:
+        if gap > _SILENCE_S:
             return self._go_on(raw, time, f"nothing came for {gap:.1f} s: the board may have started anew")
-        if max(abs(value) for value in raw) <= NEAR_ZERO and np.abs(np.subtract(raw, self._raw)).max() > FAR:
+        if (
+            max(abs(value) for value in raw) <= _NEAR_ZERO_COUNTS
+            and np.abs(np.subtract(raw, self._raw)).max() > _RESTART_COUNTS
+        ):
             return self._go_on(raw, time, "all counts are zero at once: the board started anew")
         if ((gap + late) * self._speed > self._range / 2).any():
             return self._go_on(raw, time, f"nothing came for {gap:.2f} s, too long for {self._rig.bits} bits")
-        far = np.abs(step) > (gap + late) * self._speed + SLACK
+        far = np.abs(step) > (gap + late) * self._speed + _FLICKER_COUNTS
         if self._candidate is None:
             if not far.any():
                 return self._go_on(raw, time, step=step)
@@ -107,15 +110,15 @@ class CountTracker:
         gap = max(0.0, time - since)
         # shares of what joints move in the time of a row, and of two; not of all rejected ones, or any leap would
         # fit after a while
-        follow = np.abs(self._step(other, raw)) / ((gap + late) * self._speed + SLACK)
-        back = np.abs(step) / ((gap + 2.0 * late) * self._speed + SLACK)
+        follow = np.abs(self._step(other, raw)) / ((gap + late) * self._speed + _FLICKER_COUNTS)
+        back = np.abs(step) / ((gap + 2.0 * late) * self._speed + _FLICKER_COUNTS)
         follows = bool(follow.max() <= 1.0)
         if back.max() <= 1.0 and back.max() <= follow.max():
             return self._go_on(raw, time, step=step)
         self._candidate = raw, time, agree + 1 if follows else 1
         far = np.abs(step) > late * self._speed
         reason = self._told(far if far.any() else np.ones(3, dtype=bool), step)
-        if follows and agree + 1 >= CONFIRM:
+        if follows and agree + 1 >= _CONFIRMING_ROWS:
             return self._go_on(raw, time, reason)
         return Tracked(Verdict.REJECTED, self._counts, reason)
 
@@ -136,8 +139,8 @@ class CountTracker:
         return f"leapt beyond what a joint moves in the time: {', '.join(leaps)}"
 
 
-QUEUE = 4096  # samples that wait to be taken: 40 s at 100 Hz
-STALE = 0.2  # [s] without a good row after which positions are no longer valid
+_QUEUE_ROWS = 4096  # samples that wait to be taken: 40 s at 100 Hz
+_STALE_AFTER_S = 0.2  # [s] without a good row after which positions are no longer valid
 _UNKNOWN = frozen(np.full(3, np.nan))
 
 
@@ -194,7 +197,7 @@ class EncoderBoard(SerialBoard):
         self.tally = EncoderTally()
         self.complaint = ""
         self._tracker, self._registration = CountTracker(self.rig), Registration(self.rig)
-        self._samples: deque[EncoderSample] = deque(maxlen=QUEUE)
+        self._samples: deque[EncoderSample] = deque(maxlen=_QUEUE_ROWS)
         self._last: EncoderSample | None = None
         self._period = math.nan  # [s] between rows, as they come
         self._fresh = True  # the next line is the first since the port was opened
@@ -239,7 +242,7 @@ class EncoderBoard(SerialBoard):
             reason = registration.reason
             if not connected:
                 reason = "unplugged: the counts are lost; plug in, then home the robot"
-            elif registered and age > STALE:
+            elif registered and age > _STALE_AFTER_S:
                 reason = f"no counts for {age:.1f} s"
             valid = registered and not reason
             q = _UNKNOWN
@@ -251,7 +254,7 @@ class EncoderBoard(SerialBoard):
                 is_valid=valid,
                 age=age,
                 reason=reason,
-                rate_hz=0.0 if math.isnan(self._period) or age > STALE else 1.0 / self._period,
+                rate_hz=0.0 if math.isnan(self._period) or age > _STALE_AFTER_S else 1.0 / self._period,
                 is_connected=connected,
                 is_registered=registered,
                 is_watching=registration.is_watching,
@@ -310,5 +313,5 @@ class EncoderBoard(SerialBoard):
             step = moment - self._last.time
             self._period = step if math.isnan(self._period) else self._period + 0.05 * (step - self._period)
         self._last = sample
-        self.tally.dropped += len(self._samples) == QUEUE
+        self.tally.dropped += len(self._samples) == _QUEUE_ROWS
         self._samples.append(sample)

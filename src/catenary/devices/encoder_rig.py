@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError
 
-BITS = (16, 24, 32)
+_BITS = (16, 24, 32)
 JOINTS = ("shoulder", "elbow", "insertion")
 
 
@@ -45,8 +45,8 @@ class EncoderRig:
         object.__setattr__(self, "direction", frozen(as_array("encoder rig direction", self.direction, (3,))))
         if not (np.abs(self.direction) == 1.0).all():
             raise InputError(f"encoder rig direction: expected 1 or -1 each, got {self.direction}")
-        if self.bits not in BITS:
-            raise InputError(f"encoder rig bits: expected one of {BITS}, got {self.bits}")
+        if self.bits not in _BITS:
+            raise InputError(f"encoder rig bits: expected one of {_BITS}, got {self.bits}")
 
     def positions(self, counts: Floats, zero: Floats) -> Floats:
         """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
@@ -54,12 +54,12 @@ class EncoderRig:
 
 
 Flags = NDArray[np.bool_]
-LONGEST = 60.0  # [s]
+_HOMING_S = 60.0  # [s]
 # beyond its farthest by a push into the stop, cables give way and the joint creeps back by as much
-REST = 100.0  # counts from the farthest, within which a joint stands at its stop: 0.45 deg, 0.5 mm
-TOGETHER = 0.2  # [s] for which all joints stand at their stops at once: the robot waits so long to register
+_REST_COUNTS = 100.0  # counts from the farthest, within which a joint stands at its stop: 0.45 deg, 0.5 mm
+_TOGETHER_S = 0.2  # [s] for which all joints stand at their stops at once: the robot waits so long to register
 # [rad, rad, m] that a joint must come towards its stop; one that goes as far past it shows that it was none
-TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)
+_LEAST_TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)
 
 
 class Registration:
@@ -75,7 +75,7 @@ class Registration:
         self.zero: Floats | None = None  # (3,) counts at the stops
         self.reason = "not registered: home the robot"  # why there is none
         self._told: bool | None = None  # whether the robot homes; None: nobody tells
-        self._travel = np.array(TRAVEL) * rig.counts
+        self._travel = np.array(_LEAST_TRAVEL) * rig.counts
         self._clear()
 
     @property
@@ -129,27 +129,27 @@ class Registration:
         self._peak = np.maximum(self._peak, toward)
         came = self._peak - self._start * self._rig.side > self._travel
         if self._moving_since == math.inf:
-            if np.abs(counts - self._start).max() <= REST:
+            if np.abs(counts - self._start).max() <= _REST_COUNTS:
                 del self._seen[:-1]  # it has not begun; what was before is of no use
                 self._peak = toward
                 return
             self._moving_since = time
         if self._told is None and self._has_left(time, toward, came):
             self._register()
-        elif time - self._moving_since > LONGEST:
+        elif time - self._moving_since > _HOMING_S:
             absent = [name for name, moved in zip(JOINTS, came, strict=True) if not moved]
             why = f"{', '.join(absent)} did not come to a stop" if absent else "the stops were not left"
             self._clear()
-            self.reason = f"not registered: {why} within {LONGEST:g} s; home the robot"
+            self.reason = f"not registered: {why} within {_HOMING_S:g} s; home the robot"
 
     def _has_left(self, time: float, toward: Floats, came: Flags) -> bool:
         """Return whether all joints stood at their farthest together, and one has left."""
-        if came.all() and (self._peak - toward <= REST).all():
+        if came.all() and (self._peak - toward <= _REST_COUNTS).all():
             # where one still goes on towards its stop, nobody stands yet
-            if self._together_since == math.inf or (self._peak - self._anchor > REST).any():
+            if self._together_since == math.inf or (self._peak - self._anchor > _REST_COUNTS).any():
                 self._together_since, self._anchor = time, self._peak
             return False
-        stood = time - self._together_since >= TOGETHER
+        stood = time - self._together_since >= _TOGETHER_S
         self._together_since = math.inf
         return stood
 

@@ -13,8 +13,8 @@ import serial.tools.list_ports
 from catenary.errors import SensorError
 
 BAUD = 115200
-RETRY = 0.25  # [s] between attempts to find a board that was unplugged
-_LONGEST = 200  # bytes of a line; what is longer is noise
+_RETRY_EVERY_S = 0.25  # [s] between attempts to find a board that was unplugged
+_LINE_BYTES = 200  # bytes of a line; what is longer is noise
 _log = logging.getLogger(__name__)
 
 
@@ -27,7 +27,7 @@ class LineSplitter:
     def feed(self, data: bytes) -> list[str]:
         """Take bytes, and return the lines that are whole by now, without their ends."""
         *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > _LONGEST:
+        if len(self._rest) > _LINE_BYTES:
             lines.append(self._rest)  # it will be refused, and counted
             self._rest = b""
         # what is not ASCII fails the checksum
@@ -97,7 +97,7 @@ class SerialBoard(ABC):
         splitter = LineSplitter()
         while not self._ending.is_set():
             if self._line is None:
-                self._ending.wait(RETRY)
+                self._ending.wait(_RETRY_EVERY_S)
                 try:
                     line = self._open()
                 except (serial.SerialException, OSError, ValueError):

@@ -47,9 +47,9 @@ _BOOL = "std_msgs/Bool"
 _NONE = np.empty(0)
 
 
-DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
-WAIT = 0.05  # [s] for the next message
-LATE = 0.02  # [s] after it came, a message is published only where it is the newest
+_WAITING_MESSAGES = 100  # messages that wait: 0.1 s; older ones are worth nothing
+_WAIT_S = 0.05  # [s] for the next message
+_LATE_AFTER_S = 0.02  # [s] after it came, a message is published only where it is the newest
 
 
 @dataclass
@@ -89,6 +89,56 @@ class WireReport:
         }
 
 
+class CalibratedPublishers:
+    """An arm's calibrated topics: what is published of a state that has been corrected."""
+
+    def __init__(self, client: CrtkReader, model: CalibrationModel, *, gravity_torque: bool) -> None:
+        """Begin to publish, beside a RAVEN-II's arm or a dVRK PSM."""
+        self._names, self._model_names = client.joint_names, model.joint_names
+        kinematics, weight = _robots(client, gravity_torque=gravity_torque)
+        self._tool = ToolPose(kinematics, self._names)
+        pose = find_topic(client.dialect.name, "measured_cp", client.arm, client.namespace).type
+        self._child = "calibrated_tool" if pose == TRANSFORM else None
+        types = {"measured_js": JOINT_STATE, "measured_cp": pose, "is_valid": _BOOL}
+        if model.intervals is not None:
+            types["interval"] = JOINT_STATE
+        self._gravity = None if weight is None else gravity_kernel(weight)
+        self._positioning = self._names[: 0 if weight is None else weight.n]
+        if weight is not None:
+            types["gravity_torque"] = JOINT_STATE
+        place = calibrated_namespace(client.arm, client.namespace)
+        self._publishers = {verb: client.transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()}
+        # what is compiled on first use is compiled here, not when messages wait
+        rest = np.zeros(len(self._names))
+        self._tool.pose(rest)
+        self._torque(rest, rest[:3])
+
+    def publish(self, stamp: int, state: JointState, q: Floats, widths: Floats, *, is_valid: bool) -> None:
+        """Publish corrected positions q (n,) of a state, stamped as the robot did [ns]; `widths` of the model's joints.
+
+        Their half-widths [rad|m] are published of a model that has intervals.
+        """
+        publishers, joint_state = self._publishers, message_class(JOINT_STATE)
+        qd, tau = (row if np.isfinite(row).all() else _NONE for row in (state.qd, state.tau))  # NaN: it reports none
+        publishers["measured_js"].publish(joint_state(header(stamp), self._names, q, qd, tau))
+        base = self._tool.model.base
+        publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, base, child=self._child))
+        publishers["is_valid"].publish(message_class(_BOOL)(is_valid))
+        if "interval" in publishers:
+            publishers["interval"].publish(joint_state(header(stamp), self._model_names, widths))
+        if self._gravity is not None:
+            torque = self._torque(q, state.gravity)
+            publishers["gravity_torque"].publish(joint_state(header(stamp), self._positioning, effort=torque))
+
+    def close(self) -> None:
+        """End its topics."""
+        for publisher in self._publishers.values():
+            publisher.close()
+
+    def _torque(self, q: Floats, gravity: Floats) -> Floats:
+        return _NONE if self._gravity is None else self._gravity(q[: len(self._positioning)], gravity)
+
+
 class CalibratedTopics:
     """Corrects each message of an arm's measured_js and publishes the result."""
 
@@ -106,36 +156,21 @@ class CalibratedTopics:
         For control that takes the corrected positions, torques reach the model through `SlowTorque`.
         """
         self._for_control = for_control
-        self._client, self._model = client, model
+        self._client = client
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
-        self._names = names = client.joint_names
-        self._places = [names.index(name) for name in model.joint_names]
-        kinematics, weight = _robots(client, gravity_torque=gravity_torque)
-        self._tool = ToolPose(kinematics, names)
-        pose = find_topic(client.dialect.name, "measured_cp", client.arm, client.namespace).type
-        self._child = "calibrated_tool" if pose == TRANSFORM else None
-        types = {"measured_js": JOINT_STATE, "measured_cp": pose, "is_valid": _BOOL}
-        if model.intervals is not None:
-            types["interval"] = JOINT_STATE
-        self._gravity = None if weight is None else gravity_kernel(weight)
-        self._positioning = names[: 0 if weight is None else weight.n]
-        if weight is not None:
-            types["gravity_torque"] = JOINT_STATE
-        place = calibrated_namespace(client.arm, client.namespace)
-        self._publishers = {verb: client.transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()}
+        self._places = [client.joint_names.index(name) for name in model.joint_names]
+        self._publishers = CalibratedPublishers(client, model, gravity_torque=gravity_torque)
         n = len(client.joint_names)
         self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         # what is compiled on first use is compiled here, not when messages wait
         rest = np.zeros(n)
-        self._tool.pose(rest)
-        self._torque(rest, rest[:3])
         self._corrector.correct_state(
             JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside, self._interval
         )
         self._begin_anew()
         self._latency = Durations()
-        self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
+        self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=_WAITING_MESSAGES)
         self._begin = self._last = client.transport.steady()
         self.is_silent = False  # nothing has come from the robot for longer than the client allows
         self._told = WireReport(model.joint_names)
@@ -164,7 +199,7 @@ class CalibratedTopics:
         """Go on for some time [s], or until Ctrl-C when that is infinite; robots may come and go."""
         end = self._client.transport.steady() + seconds * SECOND
         while self._client.transport.steady() < end:
-            self.step(WAIT)
+            self.step(_WAIT_S)
         return self.report()
 
     def report(self) -> WireReport:
@@ -185,8 +220,7 @@ class CalibratedTopics:
     def close(self) -> None:
         """End its topics; the client stays."""
         self._messages.close()
-        for publisher in self._publishers.values():
-            publisher.close()
+        self._publishers.close()
 
     def _begin_anew(self) -> None:
         self._corrector.reset()
@@ -221,33 +255,15 @@ class CalibratedTopics:
         self._stamps = (first, stamp, count + 1)
         known = state._replace(tau=self._slow.of(state.tau)) if self._for_control else state
         self._corrector.correct_state(known, self._out, self._inside, self._interval)
-        if not is_newest and now() - received.time > LATE * SECOND:
+        if not is_newest and now() - received.time > _LATE_AFTER_S * SECOND:
             self._told.late += 1
             return
         inside = self._inside[self._places]
         self._outside += ~inside
         is_valid = bool(inside.all()) and not self.stale
-        self._publish(stamp, state, is_valid=is_valid)
+        self._publishers.publish(stamp, state, self._out, self._interval[self._places], is_valid=is_valid)
         self._told.published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
-
-    def _publish(self, stamp: int, state: JointState, *, is_valid: bool) -> None:
-        """Publish what the corrector has made of a state, stamped as the robot did [ns]."""
-        publishers, joint_state, q = self._publishers, message_class(JOINT_STATE), self._out
-        qd, tau = (row if np.isfinite(row).all() else _NONE for row in (state.qd, state.tau))  # NaN: it reports none
-        publishers["measured_js"].publish(joint_state(header(stamp), self._names, q, qd, tau))
-        base = self._tool.model.base
-        publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, base, child=self._child))
-        publishers["is_valid"].publish(message_class(_BOOL)(is_valid))
-        if "interval" in publishers:
-            widths = self._interval[self._places]
-            publishers["interval"].publish(joint_state(header(stamp), self._model.joint_names, widths))
-        if self._gravity is not None:
-            torque = self._torque(q, state.gravity)
-            publishers["gravity_torque"].publish(joint_state(header(stamp), self._positioning, effort=torque))
-
-    def _torque(self, q: Floats, gravity: Floats) -> Floats:
-        return _NONE if self._gravity is None else self._gravity(q[: len(self._positioning)], gravity)
 
     def _is_homed(self) -> bool:
         try:

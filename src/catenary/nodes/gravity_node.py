@@ -20,11 +20,11 @@ from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
 from catenary.spatial import LEVEL
 
 TOPIC = "/gravity"
-STATUS_EVERY = 1.0  # [s]; and whenever it changes
+_STATUS_EVERY_S = 1.0  # [s]; and whenever it changes
 # [s], [m/s2]: a program of set_gravity for a Universal Robot at most so often, and when gravity has moved by so much
-SCRIPT_EVERY, SCRIPT_FROM = 0.5, 0.1
-JOINTS_HELD = 0.1  # [s] for which joints' positions count
-STRIPPED_HINT = (
+_SCRIPT_EVERY_S, _SCRIPT_CHANGE = 0.5, 0.1
+_JOINTS_HELD_S = 0.1  # [s] for which joints' positions count
+_STRIPPED_HINT = (
     "known to do so: a BNO055's LIA registers, dmpGetLinearAccel of MPU-6050 libraries, Xsens' "
     "filter/free_acceleration, Android's linear acceleration sensor; take imu/data_raw or its like instead"
 )
@@ -46,7 +46,7 @@ class GravityStatus(NamedTuple):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Faults, each with its name and what to do."""
-        hints = {Fault.GRAVITY_STRIPPED: f"; {STRIPPED_HINT}"}
+        hints = {Fault.GRAVITY_STRIPPED: f"; {_STRIPPED_HINT}"}
         found = tuple(f"{each.names[0]}: {each.message}{hints.get(each, '')}" for each in self.reading.faults)
         said = (f"the gyroscope: {self.remedy}" if self.remedy else "", self.complaint)
         return (*found, *filter(None, said))
@@ -135,14 +135,14 @@ class GravityNode:
         if self._arm is not None:
             self._tell_left_over(self._arm, reading, stamp)
         text = " ".join((reading.status.value, *reading.faults.names))
-        if text != self._said or time - self._said_at >= STATUS_EVERY:
+        if text != self._said or time - self._said_at >= _STATUS_EVERY_S:
             self._said, self._said_at = text, time
             self._status.publish(message_class("crtk_msgs/StringStamped")(header(stamp, self.frame_id), text))
         return reading
 
     def _tell_left_over(self, arm: LevelBaseArm, reading: GravityReading, stamp: int) -> None:
         """Publish the torques to add to those of a level base; say why where there are none."""
-        names, message = arm.model.joint_names, self._joints.fresh(JOINTS_HELD)
+        names, message = arm.model.joint_names, self._joints.fresh(_JOINTS_HELD_S)
         if message is None:
             self.complaint = f"no delta: no joints on {arm.joints}"
             return
@@ -158,7 +158,7 @@ class GravityNode:
     def _tell_robot(self, script: Publisher, reading: GravityReading, time: float) -> None:
         """Send a Universal Robot's controller gravity that has changed, in a program beside the one that runs."""
         moved = float(np.linalg.norm(reading.gravity - self._scripted))
-        if moved < SCRIPT_FROM or time - self._scripted_at < SCRIPT_EVERY:
+        if moved < _SCRIPT_CHANGE or time - self._scripted_at < _SCRIPT_EVERY_S:
             return
         self._scripted, self._scripted_at = reading.gravity, time
         command = vendor_command("ur", in_controller_base("ur", self.source.mounting.base, reading.gravity))

@@ -31,8 +31,8 @@ from catenary.simulation.psm_parameters import joints_per_actuator, load_psm
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import LEVEL
 
-LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
-SERVED = ("raven2", "dvrk_psm")
+_CATCH_UP_S = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
+_SERVED_ROBOTS = ("raven2", "dvrk_psm")
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,10 @@ class Serving:
     namespace: str = "/PSM1"  # of a PSM
 
     def __post_init__(self) -> None:
-        if self.robot not in SERVED:
-            raise InputError(f'robot "{self.robot}": expected {" or ".join(SERVED)}, the robots that can be served')
+        if self.robot not in _SERVED_ROBOTS:
+            raise InputError(
+                f'robot "{self.robot}": expected {" or ".join(_SERVED_ROBOTS)}, the robots that can be served'
+            )
         spoken_dialect(self.robot, self.dialect)
         refuse_unsupported(self.robot, self.simulated)
         if self.is_psm:
@@ -90,7 +92,7 @@ def make_server(
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
     place, is_raven = serving.namespace, DIALECTS[serving.dialect].has_run_levels
-    listed = (*crtk_topics(*arms, place), *console_topics(place)) if serving.is_psm else None
+    listed = (*crtk_topics(next(iter(arms)), place), *console_topics(place)) if serving.is_psm else None
     speaker = DIALECTS[serving.dialect].serve(arms, listed)
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
@@ -187,7 +189,7 @@ def serve(
 
     try:
         while duration is None or clock() - begin[0] < duration:
-            server.tick(late=min(max(0.0, clock() - deadline), LONGEST_CATCH_UP))
+            server.tick(late=min(max(0.0, clock() - deadline), _CATCH_UP_S))
             deadline += period
             now = clock()
             if now - last[0] >= 1.0:
@@ -197,7 +199,7 @@ def serve(
                 now = clock()
             if deadline > now:
                 time.sleep(deadline - now)
-            elif now - deadline > LONGEST_CATCH_UP:
+            elif now - deadline > _CATCH_UP_S:
                 given_up = int((now - deadline) / period)
                 lost += given_up
                 deadline += given_up * period

@@ -12,8 +12,8 @@ from catenary.errors import CatenaryError, TransportError
 from catenary.plant import Bounded, OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
 
-FORWARD, BACKWARD = "qwertyuio", "asdfghjkl"  # a joint each; nine at most
-AXES = {
+FORWARD_KEYS, BACKWARD_KEYS = "qwertyuio", "asdfghjkl"  # a joint each; nine at most
+_TIP_AXES = {
     "up": (0, 1.0),
     "down": (0, -1.0),
     "left": (1, 1.0),
@@ -21,15 +21,15 @@ AXES = {
     "page up": (2, 1.0),
     "page down": (2, -1.0),
 }  # of the base frame, and the direction along them
-FASTER, SLOWER = "+=", "-_"  # with and without Shift
-SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)  # times JOINT_SPEED and TIP_SPEED
-FIRST_SPEED = 2
-JOINT_SPEED = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
-TIP_SPEED = 0.01  # [m/s]
-DAMPING = 0.002  # of the inverse Jacobian [m]: near singular poses the tip slows down, joints do not race
+_FASTER_KEYS, _SLOWER_KEYS = "+=", "-_"  # with and without Shift
+_SPEED_FACTORS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)  # times joint and tip speeds
+_FIRST_FACTOR = 2
+_JOINT_SPEED = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
+_TIP_SPEED_M_S = 0.01  # [m/s]
+_DAMPING_M = 0.002  # of the inverse Jacobian [m]: near singular poses the tip slows down, joints do not race
 _ROUNDING = 1e-9
-TIMEOUT = 0.15  # [s] after the last repeat of a key, from which its motion ramps down
-RAMP = 0.1  # [s] from rest to full speed, and back
+KEY_TIMEOUT_S = 0.15  # [s] after the last repeat of a key, from which its motion ramps down
+RAMP_S = 0.1  # [s] from rest to full speed, and back
 
 
 class DeadMan:
@@ -52,8 +52,8 @@ class DeadMan:
     def update(self, now: float, period: float) -> dict[str, float]:
         """Ramp every key's share up or down for a tick of `period` [s], and return those of the keys that move."""
         for key, pressed in list(self._pressed.items()):
-            is_held = now - pressed <= TIMEOUT
-            share = self.shares[key] + (period if is_held else -period) / RAMP
+            is_held = now - pressed <= KEY_TIMEOUT_S
+            share = self.shares[key] + (period if is_held else -period) / RAMP_S
             self.shares[key] = min(max(share, 0.0), 1.0)
             if not is_held and share <= 0.0:
                 del self.shares[key], self._pressed[key]
@@ -68,21 +68,21 @@ class TeleopMotion:
         self.joint_names, self.joint_units = joints.joint_names, joints.joint_units
         self._lower, self._upper = np.array(joints.lower), np.array(joints.upper)
         self._model = model
-        self._speed = FIRST_SPEED
+        self._speed = _FIRST_FACTOR
         n = len(self.joint_names)
         self._moves = {  # joint and direction of each key
             key: (joint, sign)
-            for keys, sign in ((FORWARD, 1.0), (BACKWARD, -1.0))
+            for keys, sign in ((FORWARD_KEYS, 1.0), (BACKWARD_KEYS, -1.0))
             for joint, key in enumerate(keys[:n])
         }
-        self._full_speed = np.array([JOINT_SPEED[unit] for unit in self.joint_units])
+        self._full_speed = np.array([_JOINT_SPEED[unit] for unit in self.joint_units])
         self._dead_man = DeadMan()
         self._q: Floats | None = None  # where the motion has led, until it ends
 
     @property
     def speed(self) -> float:
-        """Factor on JOINT_SPEED and TIP_SPEED."""
-        return SPEEDS[self._speed]
+        """Factor on the full speeds of joints and tip."""
+        return _SPEED_FACTORS[self._speed]
 
     @property
     def is_moving(self) -> bool:
@@ -91,11 +91,11 @@ class TeleopMotion:
 
     def press(self, key: str, now: float) -> bool:
         """Take a key at a time [s], and return whether it is one of motion or speed."""
-        if key in FASTER:
-            self._speed = min(self._speed + 1, len(SPEEDS) - 1)
-        elif key in SLOWER:
+        if key in _FASTER_KEYS:
+            self._speed = min(self._speed + 1, len(_SPEED_FACTORS) - 1)
+        elif key in _SLOWER_KEYS:
             self._speed = max(self._speed - 1, 0)
-        elif key in self._moves or (key in AXES and self._model is not None):
+        elif key in self._moves or (key in _TIP_AXES and self._model is not None):
             self._dead_man.press(key, now)
         else:
             return False
@@ -118,10 +118,10 @@ class TeleopMotion:
         start = np.array(q) if self._q is None else self._q
         asked, velocity = np.zeros(len(start)), np.zeros(6)  # shares of full speed, of joints and of the tip
         for key, share in shares.items():
-            steps, (place, sign) = (asked, self._moves[key]) if key in self._moves else (velocity, AXES[key])
+            steps, (place, sign) = (asked, self._moves[key]) if key in self._moves else (velocity, _TIP_AXES[key])
             steps[place] += sign * share
         own = self.speed * period * self._full_speed * asked
-        tip = period * self._joint_velocity(start, self.speed * TIP_SPEED * velocity)
+        tip = period * self._joint_velocity(start, self.speed * _TIP_SPEED_M_S * velocity)
         # a joint that is beyond a limit, as after homing against a stop, may come back
         low, high = np.minimum(self._lower, start), np.maximum(self._upper, start)
         blocked = self._beyond(start + own + tip, low, high)
@@ -139,7 +139,7 @@ class TeleopMotion:
         rows = 6 if k >= 6 else 3
         scale = np.where(np.array(self.joint_units[:k]) == "m", 0.1, 1.0)  # 0.1 m weighs as much as 1 rad
         weighted = jacobian(self._model, q[:k])[:rows] * scale
-        square = weighted @ weighted.T + DAMPING**2 * np.eye(rows)
+        square = weighted @ weighted.T + _DAMPING_M**2 * np.eye(rows)
         qd[:k] = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))
         fastest = float((np.abs(qd[:k]) / (2.0 * self.speed * self._full_speed[:k])).max())
         return qd / max(1.0, fastest)
@@ -149,9 +149,9 @@ class TeleopMotion:
         return tuple(self.joint_names[j] for j in np.flatnonzero(bad))
 
 
-TWICE = 2.0  # [s] within which the key that homes comes a second time
-HOLD = " "
-COMMANDS: dict[str, StateCommand] = {
+_TWICE_WITHIN_S = 2.0  # [s] within which the key that homes comes a second time
+_HOLD_KEY = " "
+_COMMAND_KEYS: dict[str, StateCommand] = {
     "E": "enable", "D": "disable", "P": "pause", "R": "resume", "H": "home",
 }  # fmt: skip
 
@@ -171,7 +171,7 @@ class TeleopDriver:
         self.plant, self._before_command, self._keys = plant, before_command, keys
         self.motion = TeleopMotion(plant, model)
         self.message = "hold a key to move"
-        self._asked_home = -TWICE
+        self._asked_home = -_TWICE_WITHIN_S
         state = plant.operating_state()
         self._last_told = self.in_words(state)
         if not state.is_ready:
@@ -179,13 +179,13 @@ class TeleopDriver:
 
     def press(self, key: str, now: float) -> bool:
         """Take a key at a time [s], and return whether it does anything."""
-        if key == HOLD:
+        if key == _HOLD_KEY:
             self.hold()
             self.message = "held"
-        elif key in COMMANDS:
-            self._command(COMMANDS[key], now)
+        elif key in _COMMAND_KEYS:
+            self._command(_COMMAND_KEYS[key], now)
         elif self.motion.press(key, now):
-            if key in FASTER + SLOWER:
+            if key in _FASTER_KEYS + _SLOWER_KEYS:
                 self.message = f"speed x{self.motion.speed:g}"
             elif not self.plant.operating_state().is_ready:
                 self.message = f"does not move: {self.in_words(self.plant.operating_state())}"
@@ -234,11 +234,11 @@ class TeleopDriver:
 
     def _command(self, command: StateCommand, now: float) -> None:
         self.motion.stop()
-        if command == "home" and now - self._asked_home > TWICE:
+        if command == "home" and now - self._asked_home > _TWICE_WITHIN_S:
             self._asked_home = now
             self.message = "home moves every joint against its stop: clear the workspace, then home again"
             return
-        self._asked_home = -TWICE
+        self._asked_home = -_TWICE_WITHIN_S
         self.message = f"{command} ..."
         self._before_command()
         try:

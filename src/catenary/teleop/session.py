@@ -7,25 +7,25 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError
 from catenary.plant import Plant
 from catenary.robots.model import RobotModel
-from catenary.teleop.driver import BACKWARD, FORWARD, RAMP, TIMEOUT, TeleopDriver
+from catenary.teleop.driver import BACKWARD_KEYS, FORWARD_KEYS, KEY_TIMEOUT_S, RAMP_S, TeleopDriver
 from catenary.teleop.terminal import KeyReader, RawTerminal
 from catenary.units import in_words
 from catenary.visible import range_bar, visible
 
-BAR = 20  # characters of a joint's range
+_BAR_CHARACTERS = 20  # characters of a joint's range
 _HELP = (
     "E enable  D disable  P pause  R resume  H H home  Space hold  + - speed",
     "arrows: tip along x, y   page up/down: along z   ? keys   Q quit (pauses)",
 )
 _MORE = (
-    f"Hold a key to move; {TIMEOUT + RAMP:g} s after its last repeat everything has stopped.",
+    f"Hold a key to move; {KEY_TIMEOUT_S + RAMP_S:g} s after its last repeat everything has stopped.",
     "Lower case moves, capitals change the robot's state. H twice within 2 s homes.",
     "Ctrl-C and Q hold the robot, then pause it; Ctrl-Z holds it meanwhile.",
 )
 
 
-DRAW = 0.05  # [s] between two pictures
-KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes it"}
+_DRAW_EVERY_S = 0.05  # [s] between two pictures
+_STATE_KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes it"}
 
 
 class TeleopSession:
@@ -34,10 +34,10 @@ class TeleopSession:
     def __init__(self, plant: Plant, model: RobotModel | None, name: str, terminal: RawTerminal) -> None:
         """Take a robot, the model of its first joints, which place the tip, and a terminal."""
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
-        self._driver = TeleopDriver(plant, model, keys=KEYS, before_command=lambda: self._draw(()))
+        self._driver = TeleopDriver(plant, model, keys=_STATE_KEYS, before_command=lambda: self._draw(()))
         self._keys = KeyReader()
         self._with_help = False
-        self._drawn = -DRAW
+        self._drawn = -_DRAW_EVERY_S
         self._quit = False
 
     @property
@@ -71,7 +71,7 @@ class TeleopSession:
             self._take(key, now)
         blocked = self._driver.step(now)
         self.plant.wait()
-        if now - self._drawn >= DRAW:
+        if now - self._drawn >= _DRAW_EVERY_S:
             self._drawn = now
             self._draw(blocked)
 
@@ -85,7 +85,7 @@ class TeleopSession:
 
     def _show_message(self, now: float) -> None:
         """Show that the robot is silent, and let its tick pass."""
-        if now - self._drawn >= DRAW:
+        if now - self._drawn >= _DRAW_EVERY_S:
             self._drawn = now
             self._terminal.draw([f"catenary teleop  {self._name}", "", self.message, "", "Q quit"])
         self.plant.wait()
@@ -109,11 +109,11 @@ class TeleopSession:
         shown += [f"speed x{motion.speed:g}   {'moving' if motion.is_moving else 'still'}", ""]
         shown.append(f"{'keys':>4}  {'joint':<18}{'now':>11}{'set':>11}   range")
         for j, (name, unit) in enumerate(zip(plant.joint_names, plant.joint_units, strict=True)):
-            keys = f"{FORWARD[j]} {BACKWARD[j]}" if j < len(FORWARD) else ""
+            keys = f"{FORWARD_KEYS[j]} {BACKWARD_KEYS[j]}" if j < len(FORWARD_KEYS) else ""
             mark = " LIMIT" if name in blocked else ""
             shown.append(
                 f"{keys:>4}  {name[:17]:<18}{in_words(measured.q[j], unit, 2):>11}{in_words(setpoint[j], unit, 2):>11}"
-                f"   {range_bar(setpoint[j], lower[j], upper[j], BAR)}{mark}"
+                f"   {range_bar(setpoint[j], lower[j], upper[j], _BAR_CHARACTERS)}{mark}"
             )
         if self._model is not None:
             x, y, z = 1e3 * forward_kinematics(self._model, measured.q[: self._model.n]).position

@@ -15,17 +15,17 @@ from typing import Any, Self
 
 from catenary.errors import InputError
 
-ESCAPE = "\x1b"
+_ESCAPE = "\x1b"
 # [s] that the rest of an escape sequence may be under way; over SSH it may come in two packets
-PATIENCE = 0.05
+_SEQUENCE_WITHIN_S = 0.05
 _SEQUENCES = {"A": "up", "B": "down", "C": "right", "D": "left", "5~": "page up", "6~": "page down"}
-_LONGEST = 16  # characters; what is longer is no key
+_SEQUENCE_CHARACTERS = 16  # characters; what is longer is no key
 # a sequence, which ends with its first character from @ to ~ [ECMA-48, section 5.4]; Alt and a key; escape; a character
 _TOKEN = re.compile(r"\x1b[\[O](?P<sequence>[^@-~]*[@-~])|\x1b[^\x1b\[O]|(?P<key>\x1b(?=\x1b)|[^\x1b])")
 
 
 class KeyReader:
-    """Puts keys together whose bytes come in pieces, waiting PATIENCE for the rest of one; leaves unknown ones out."""
+    """Puts keys together whose bytes come in pieces, waiting 50 ms for the rest of one; leaves unknown ones out."""
 
     def __init__(self) -> None:
         self._decoder = codecs.getincrementaldecoder("utf-8")("ignore")
@@ -41,14 +41,14 @@ class KeyReader:
         while found := _TOKEN.match(text, end):
             end = found.end()
             key = found["key"] or _SEQUENCES.get(found["sequence"] or "", "")
-            if key == ESCAPE:
+            if key == _ESCAPE:
                 key = "escape"
             if key and key.isprintable():
                 keys.append(key)
         rest = text[end:]
-        if not data and now - self._since > PATIENCE:  # nothing more is under way
-            return [*keys, "escape"] if rest == ESCAPE else keys
-        self._rest = rest if len(rest) <= _LONGEST else ""
+        if not data and now - self._since > _SEQUENCE_WITHIN_S:  # nothing more is under way
+            return [*keys, "escape"] if rest == _ESCAPE else keys
+        self._rest = rest if len(rest) <= _SEQUENCE_CHARACTERS else ""
         return keys
 
 

@@ -11,8 +11,8 @@ from catenary.plant import Jointed
 from catenary.units import DISPLAY, TORQUE_UNIT
 from catenary.view.state import ViewState
 
-SPAN = 30.0  # [s]
-SPACING = 0.1  # [s] between two of their points
+_SPAN_S = 30.0  # [s]
+SPACING_S = 0.1  # [s] between two of their points
 
 
 class Curve(NamedTuple):
@@ -45,7 +45,7 @@ def _level(values: Floats) -> Floats:
     return values[np.where(places < 0, int(np.argmax(finite)), places)]
 
 
-REPORTED, CALIBRATED, TRUE, GRAVITY, PD, REST = ("#4b6b94", "#1f9d55", "#e07b00", "#7a4fbf", "#c0392b", "#8a8f98")
+_REPORTED, _CALIBRATED, _TRUE, _GRAVITY, _PD, _REST = ("#4b6b94", "#1f9d55", "#e07b00", "#7a4fbf", "#c0392b", "#8a8f98")
 
 
 class Curves:
@@ -57,8 +57,10 @@ class Curves:
     def __init__(self, joints: Jointed, recording: Mapping[str, Floats] | None = None) -> None:
         """Begin without any state."""
         self._names, self._units, self._recording = joints.joint_names, joints.joint_units, recording
-        self.span = (-SPAN, 0.0) if recording is None else (-0.5 * SPAN, 0.5 * SPAN)  # [s] from now that is drawn
-        self._states: deque[ViewState] = deque(maxlen=round(SPAN / SPACING))
+        self.span = (
+            (-_SPAN_S, 0.0) if recording is None else (-0.5 * _SPAN_S, 0.5 * _SPAN_S)
+        )  # [s] from now that is drawn
+        self._states: deque[ViewState] = deque(maxlen=round(_SPAN_S / SPACING_S))
         self._now = 0.0
 
     def add(self, state: ViewState) -> None:
@@ -66,23 +68,23 @@ class Curves:
         self._now = state.time
         if self._states and state.time < self._states[-1].time:
             self._states.clear()
-        if not self._states or state.time - self._states[-1].time >= SPACING - 1e-9:
+        if not self._states or state.time - self._states[-1].time >= SPACING_S - 1e-9:
             self._states.append(state)
 
     def plots(self, joint: int) -> tuple[Plot, ...]:
         """Return the plots of a joint: errors [deg|mm], torque [Nm|N] and, of a robot that runs, the loop."""
         name, unit = self._names[joint], self._units[joint]
         if self._recording is not None:
-            near = np.abs(self._recording["time"] - self._now) <= 0.5 * SPAN
+            near = np.abs(self._recording["time"] - self._now) <= 0.5 * _SPAN_S
             part = {key: column[near] for key, column in self._recording.items()}
             return joint_plots(part, part["time"] - self._now, joint, name, unit)
         numbers = (field for field in ViewState._fields if field not in ("mode", "warnings", "values"))
         columns = {key: np.array([getattr(state, key) for state in self._states], dtype=float) for key in numbers}
         time = columns["time"] - (self._states[-1].time if self._states else 0.0)
         loop = (
-            Curve("rate %", 100.0 * columns["rate"], REPORTED),
-            Curve("late ticks/s", columns["late"], PD),
-            Curve("gravity age ms", 1e3 * columns["gravity_age"], GRAVITY),
+            Curve("rate %", 100.0 * columns["rate"], _REPORTED),
+            Curve("late ticks/s", columns["late"], _PD),
+            Curve("gravity age ms", 1e3 * columns["gravity_age"], _GRAVITY),
         )
         return (*joint_plots(columns, time, joint, name, unit), Plot("loop", time, loop))
 
@@ -99,16 +101,16 @@ def joint_plots(columns: Mapping[str, Floats], time: Floats, joint: int, name: s
 
     q, true, tau, gravity, interval = map(of, ("q", "true", "tau", "gravity_tau", "interval"))
     errors = (
-        Curve("reported", scale * (q - true), REPORTED),
-        Curve("calibrated", scale * (of("calibrated") - true), CALIBRATED),
-        Curve("interval \u00b1", scale * interval, CALIBRATED, True),
-        Curve("", -scale * interval, CALIBRATED, True),
-        Curve("tracking", scale * (q - of("setpoint")), REST),
+        Curve("reported", scale * (q - true), _REPORTED),
+        Curve("calibrated", scale * (of("calibrated") - true), _CALIBRATED),
+        Curve("interval \u00b1", scale * interval, _CALIBRATED, True),
+        Curve("", -scale * interval, _CALIBRATED, True),
+        Curve("tracking", scale * (q - of("setpoint")), _REST),
     )
     torques = (
-        Curve("total", tau, REPORTED),
-        Curve("gravity", gravity, GRAVITY),
-        Curve("PD", of("feedback"), PD),
-        Curve("friction, inertia", tau - gravity, REST, True),
+        Curve("total", tau, _REPORTED),
+        Curve("gravity", gravity, _GRAVITY),
+        Curve("PD", of("feedback"), _PD),
+        Curve("friction, inertia", tau - gravity, _REST, True),
     )
     return Plot(titles[0], time, errors), Plot(titles[1], time, torques)

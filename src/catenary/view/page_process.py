@@ -18,16 +18,16 @@ from catenary.view.shown import Change, Shown
 from catenary.view.state import ViewState, shortened
 from catenary.view.viser_page import ViserPage, open_server
 
-DRAW_HZ = 20.0
-WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of curves and paths
-START_WITHIN = 120.0  # [s]
-PORT = 8080
+_DRAW_HZ = 20.0
+_WRITE_EVERY_PICTURES, _PLOT_EVERY_PICTURES = 5, 10  # pictures between two updates of words, of curves and paths
+_START_WITHIN_S = 120.0  # [s]
+_FIRST_PORT = 8080
 
 
 class PageProcess:
     """A page in a process of its own while it is entered; its `url` can be opened before `open` says what it shows."""
 
-    def __init__(self, *, port: int = PORT) -> None:
+    def __init__(self, *, port: int = _FIRST_PORT) -> None:
         """Take a port of 127.0.0.1; the next free one where it is taken."""
         if not 1024 <= port <= 65535:
             raise InputError(f"--port: expected 1024 to 65535, got {port}")
@@ -58,8 +58,8 @@ class PageProcess:
 
     def _answer(self) -> str:
         try:
-            if not self._pipe.poll(START_WITHIN):
-                raise CatenaryError(f"the view's page did not start within {START_WITHIN:g} s")
+            if not self._pipe.poll(_START_WITHIN_S):
+                raise CatenaryError(f"the view's page did not start within {_START_WITHIN_S:g} s")
             failed, text = self._pipe.recv()
         except (EOFError, OSError):
             failed, text = True, "the process of the view's page ended"
@@ -148,16 +148,16 @@ def newest(pipe: Connection) -> ViewState | None:
 
 
 def draw(page: ViserPage, take: Callable[[], ViewState | None]) -> None:
-    """Draw states as they come, DRAW_HZ times a second at most, and none while no browser is connected."""
+    """Draw states as they come, twenty times a second at most, and none while no browser is connected."""
     number = 0
     while True:
         begin = time.monotonic()
         state = take()
         if state is not None and page.clients:
             page.draw(state)
-            if number % WRITE_EVERY == 0:
+            if number % _WRITE_EVERY_PICTURES == 0:
                 page.write(state)
-            if number % PLOT_EVERY == 0:
+            if number % _PLOT_EVERY_PICTURES == 0:
                 page.plot()
             number += 1
-        time.sleep(max(0.002, 1.0 / DRAW_HZ - (time.monotonic() - begin)))
+        time.sleep(max(0.002, 1.0 / _DRAW_HZ - (time.monotonic() - begin)))

@@ -14,7 +14,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.plant import Joints, MotionLog, places_of
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
-from catenary.view.curves import SPACING
+from catenary.view.curves import SPACING_S
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes, arm_shapes
 from catenary.view.shown import Change, Control, ControlTab, Shown, Value
@@ -23,9 +23,9 @@ from catenary.workflows.project.calibrate import RECOMMENDED, TEST, TRAIN
 from catenary.workflows.project.folder import project_settings
 from catenary.workflows.robot.snapshots import Corrected, corrected_rows
 
-SPEEDS = ("1/4", "1", "4", "16", "64")
-EVERY = 0.04  # [s] between two states
-NOW = 0.25  # [s] between two places of the time line's slider
+_SPEEDS = ("1/4", "1", "4", "16", "64")
+_STATE_EVERY_S = 0.04  # [s] between two states
+_SLIDER_STEP_S = 0.25  # [s] between two places of the time line's slider
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +58,8 @@ class RecordedArm:
         return state._replace(time=float(state.time), mode=mode, warnings=tuple(warnings))
 
     def columns(self) -> dict[str, Floats]:
-        """Return what is drawn as curves, no closer than SPACING."""
-        kept = np.flatnonzero(np.diff(np.floor(self.rows["time"] / SPACING), prepend=-1.0) != 0.0)
+        """Return what is drawn as curves, no closer than SPACING_S."""
+        kept = np.flatnonzero(np.diff(np.floor(self.rows["time"] / SPACING_S), prepend=-1.0) != 0.0)
         return {name: column[kept] for name, column in self.rows.items()}
 
 
@@ -135,7 +135,7 @@ class Replay:
         controls = [
             Control("switch", "plays", "play", True),
             Control("slider", "time", "time [s]", 0.0, (0.0, max(step, float(np.ceil(end / step)) * step), step)),
-            Control("choice", "speed", "speed", "1", SPEEDS),
+            Control("choice", "speed", "speed", "1", _SPEEDS),
         ]
         if arm.knows("true"):
             legend["true"] = "measured"
@@ -163,11 +163,11 @@ class Replay:
                 if self._now > self._time[-1]:
                     self._now = 0.0
             before = now
-            if self._plays and now - self._told >= NOW:  # the slider of the time line moves along
+            if self._plays and now - self._told >= _SLIDER_STEP_S:  # the slider of the time line moves along
                 self._told, self._values = now, {"time": round(self._now, 2)}
             row = int(np.searchsorted(self._time, self._now, side="right")) - 1
             page.put(self._arm.state(max(row, 0))._replace(values=dict(self._values)))
-            sleep(EVERY)
+            sleep(_STATE_EVERY_S)
 
     def take(self, change: Change) -> None:
         """Do what somebody wants."""
@@ -176,7 +176,7 @@ class Replay:
             self._plays = bool(value)
         elif name == "time":
             self._now = float(np.clip(float(value), 0.0, self._time[-1]))
-        elif name == "speed" and value in SPEEDS:
+        elif name == "speed" and value in _SPEEDS:
             self._speed = 0.25 if value == "1/4" else float(value)
         elif name == "worst" and value in self._arm.model.joint_names:
             row = self._arm.worst_row(self._arm.model.joint_names.index(str(value)))

@@ -15,16 +15,16 @@ from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Form, HalfSpa
 from catenary.robots.model import RobotModel
 from catenary.robots.shapes import described_geometry
 
-SIDES = 16  # of a tube's cross-section
-CAP_RINGS = 4  # of a hemisphere at its end
-THICKNESS = 0.032  # radius of a tube, times the arm's length
-HUB = 2.6  # length of a joint's hub, times the tube's radius to either side
-TIP = 0.45  # radius of the last link and the tool, times the tube's
-NEAR = 0.01  # times the arm's length: joints nearer than this lie in one point
-ARC = 0.72  # radius of a spherical linkage, times the way from its centre to what slides through it
-STEPS = 24  # of an arc
-TRAVEL = 0.5  # [m] of a slider without limits
-LARGEST = 200_000  # triangles of an arm, beyond which a browser is slow
+_TUBE_SIDES = 16  # of a tube's cross-section
+_CAP_RINGS = 4  # of a hemisphere at its end
+_TUBE_RADIUS = 0.032  # radius of a tube, times the arm's length
+_HUB_LENGTH = 2.6  # length of a joint's hub, times the tube's radius to either side
+_TIP_RADIUS = 0.45  # radius of the last link and the tool, times the tube's
+_JOINTS_MEET_WITHIN = 0.01  # times the arm's length: joints nearer than this lie in one point
+_ARC_RADIUS = 0.72  # radius of a spherical linkage, times the way from its centre to what slides through it
+_ARC_STEPS = 24  # of an arc
+_ENDLESS_TRAVEL_M = 0.5  # [m] of a slider without limits
+_TRIANGLES = 200_000  # triangles of an arm, beyond which a browser is slow
 
 
 class Mesh(NamedTuple):
@@ -44,7 +44,7 @@ def tube(points: ArrayLike, radius: float) -> Mesh:
     ways = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     along = np.vstack([ways[:1], ways[:-1] + ways[1:], ways[-1:]])
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    bends = np.linspace(0.0, 0.5 * np.pi, CAP_RINGS, endpoint=False)[1:]
+    bends = np.linspace(0.0, 0.5 * np.pi, _CAP_RINGS, endpoint=False)[1:]
 
     def cap(end: int, outward: float, bend: float) -> tuple[Floats, Floats, float]:
         return line[end] + outward * radius * np.sin(bend) * along[end], along[end], radius * np.cos(bend)
@@ -53,7 +53,7 @@ def tube(points: ArrayLike, radius: float) -> Mesh:
     rings += [(centre, way, radius) for centre, way in zip(line, along, strict=True)]
     rings += [cap(-1, 1.0, bend) for bend in bends]
     side = np.eye(3)[np.argmin(np.abs(along[0]))]
-    angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    angles = np.linspace(0.0, 2.0 * np.pi, _TUBE_SIDES, endpoint=False)
     vertices: list[Floats] = []
     for centre, way, size in rings:
         side = side - (side @ way) * way
@@ -65,16 +65,18 @@ def tube(points: ArrayLike, radius: float) -> Mesh:
 
 
 def _closed(rings: Floats, ends: tuple[Floats, Floats]) -> Mesh:
-    """Join rings of SIDES points each, in order, and close the tube by a point at either end."""
-    here = np.arange(SIDES)
+    """Join rings of as many points each, in order, and close the tube by a point at either end."""
+    here = np.arange(_TUBE_SIDES)
     after = np.roll(here, -1)
-    low = SIDES * np.arange(len(rings) // SIDES - 1)[:, None]  # rows of the rings that have another one above
-    first, last, top = len(rings), len(rings) + 1, len(rings) - SIDES
+    low = (
+        _TUBE_SIDES * np.arange(len(rings) // _TUBE_SIDES - 1)[:, None]
+    )  # rows of the rings that have another one above
+    first, last, top = len(rings), len(rings) + 1, len(rings) - _TUBE_SIDES
     triangles = [
-        (low + here, low + after, low + SIDES + after),
-        (low + here, low + SIDES + after, low + SIDES + here),
-        (np.full(SIDES, first), after, here),
-        (np.full(SIDES, last), top + here, top + after),
+        (low + here, low + after, low + _TUBE_SIDES + after),
+        (low + here, low + _TUBE_SIDES + after, low + _TUBE_SIDES + here),
+        (np.full(_TUBE_SIDES, first), after, here),
+        (np.full(_TUBE_SIDES, last), top + here, top + after),
     ]
     faces = np.vstack([np.column_stack([corner.ravel() for corner in corners]) for corners in triangles])
     return Mesh(np.vstack([rings, *ends]), faces.astype(np.uint32))
@@ -116,25 +118,25 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
     Where revolute axes and a slider meet in one point, as at the port of a RAVEN-II, links are arcs about that point.
     """
     length = arm_length(model)
-    radius = THICKNESS * length
+    radius = _TUBE_RADIUS * length
     parts: _Parts = defaultdict(list)
-    spherical = _spherical_joints(model, NEAR * length)
+    spherical = _spherical_joints(model, _JOINTS_MEET_WITHIN * length)
     if spherical:
         _draw_spherical(model, parts, spherical, radius)
     n = len(model.link_names)
     for link in range(-1, n):
         for child in np.flatnonzero(model.tree.parent == link).tolist():
             if child not in spherical:
-                _draw_way(model, parts, link, child, radius, NEAR * length)
+                _draw_way(model, parts, link, child, radius, _JOINTS_MEET_WITHIN * length)
     for link in range(n):
         if link not in spherical and not model.tree.prismatic[link]:
             axis = model.tree.axis[link]
             # a wrist's hubs lie in one another: thinner ones at the end of the chain
-            size = radius * (1.25 if link in model.tree.parent else 2.0 * TIP)
-            parts[link].append(tube(np.outer([-HUB / 2.0, HUB / 2.0], axis) * size, size))
+            size = radius * (1.25 if link in model.tree.parent else 2.0 * _TIP_RADIUS)
+            parts[link].append(tube(np.outer([-_HUB_LENGTH / 2.0, _HUB_LENGTH / 2.0], axis) * size, size))
     frame = model.frame()
-    if np.linalg.norm(frame.pose.position) > NEAR * length:
-        parts[frame.link].append(tube([np.zeros(3), frame.pose.position], TIP * radius))
+    if np.linalg.norm(frame.pose.position) > _JOINTS_MEET_WITHIN * length:
+        parts[frame.link].append(tube([np.zeros(3), frame.pose.position], _TIP_RADIUS * radius))
     links = tuple(joined(parts[link]) if parts[link] else _point(radius) for link in range(n))
     return ArmShapes(links, joined(parts[-1]) if parts[-1] else None, length)
 
@@ -161,7 +163,7 @@ def _travel(model: RobotModel, link: int) -> tuple[float, float]:
     ends = np.where(row == 0.0, 0.0, ends)
     low, high = np.minimum(*ends).sum() + model.offset[link], np.maximum(*ends).sum() + model.offset[link]
     if not (np.isfinite(low) and np.isfinite(high)):
-        return 0.0, TRAVEL
+        return 0.0, _ENDLESS_TRAVEL_M
     return float(low), float(high)
 
 
@@ -198,7 +200,7 @@ def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius:
     slider = joints[-1] + 1
     low, high = _travel(model, slider)
     middle = 0.5 * (low + high)
-    size = ARC * abs(middle)
+    size = _ARC_RADIUS * abs(middle)
     # unit vectors to the hubs of joint i and i + 1, both in the frame of link i: axes turn nothing about themselves
     toward = np.sign(middle) * (tree.rotation[slider] @ tree.axis[slider])
     parts[joints[-1]].append(tube([size * toward, max(abs(low), abs(high)) * toward], 0.8 * radius))
@@ -206,17 +208,19 @@ def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius:
         axis = tree.axis[joint]
         hub = axis if axis @ toward > 0.0 else -axis
         parts[joint].append(tube(size * _arc(hub, toward), 0.8 * radius))
-        parts[joint].append(tube(np.outer([size - HUB * radius, size + HUB * radius], hub), 1.3 * radius))
+        parts[joint].append(
+            tube(np.outer([size - _HUB_LENGTH * radius, size + _HUB_LENGTH * radius], hub), 1.3 * radius)
+        )
         toward = tree.rotation[joint] @ hub
     centre = tree.origin[joints[0]]
     foot = centre + 1.35 * size * toward
-    parts[-1].append(tube([centre + (size + HUB * radius) * toward, foot], 1.6 * radius))
+    parts[-1].append(tube([centre + (size + _HUB_LENGTH * radius) * toward, foot], 1.6 * radius))
 
 
 def _arc(a: Floats, b: Floats) -> Floats:
-    """Return unit vectors (STEPS, 3) from one to another, along the great circle."""
+    """Return unit vectors (N, 3) from one to another, along the great circle."""
     angle = float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
-    share = np.linspace(0.0, 1.0, STEPS)[:, None]
+    share = np.linspace(0.0, 1.0, _ARC_STEPS)[:, None]
     if angle < 1e-3:
         return np.vstack([a, a + 1e-3 * np.cross(a, [0.3, 0.5, 0.7])])
     return np.asarray((np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle))
@@ -224,7 +228,7 @@ def _arc(a: Floats, b: Floats) -> Floats:
 
 def _point(radius: float) -> Mesh:
     """Return what a link without any extent is drawn as."""
-    return tube([[0.0, 0.0, -0.1 * radius], [0.0, 0.0, 0.1 * radius]], TIP * radius)
+    return tube([[0.0, 0.0, -0.1 * radius], [0.0, 0.0, 0.1 * radius]], _TIP_RADIUS * radius)
 
 
 def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
@@ -240,8 +244,8 @@ def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
     except (CatenaryError, OSError) as error:
         return tubes, f"drawn as tubes: {error}"
     faces = sum(len(mesh.faces) for mesh in shapes.links)
-    if faces > LARGEST:
-        return tubes, f"drawn as tubes: its meshes have {faces} triangles, more than {LARGEST}"
+    if faces > _TRIANGLES:
+        return tubes, f"drawn as tubes: its meshes have {faces} triangles, more than {_TRIANGLES}"
     return shapes, None
 
 

@@ -14,7 +14,7 @@ from catenary.robots.model import RobotModel
 from catenary.view.shapes import ArmShapes
 
 Value = float | bool | str
-WIDEST = {"rad": np.pi, "m": 0.5}  # to either side of zero, of a joint without limits
+_ENDLESS_RANGE = {"rad": np.pi, "m": 0.5}  # to either side of zero, of a joint without limits
 
 
 class Change(NamedTuple):
@@ -89,7 +89,7 @@ def extent_of(shown: Shown) -> tuple[Floats, float]:
 
 def finite_ranges(limits: Bounded) -> JointRanges:
     """Return ranges of joints, all of them finite."""
-    widest = np.array([WIDEST[unit] for unit in limits.joint_units])
+    widest = np.array([_ENDLESS_RANGE[unit] for unit in limits.joint_units])
     lower = np.where(np.isfinite(limits.lower), limits.lower, -widest)
     upper = np.where(np.isfinite(limits.upper), limits.upper, widest)
     return JointRanges(limits.joint_names, limits.joint_units, lower, upper)

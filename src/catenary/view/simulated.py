@@ -38,23 +38,23 @@ from catenary.view.watched import operating_in_words, view_state
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
 
 # of the sensor, by what the page calls them
-FAULTS = {
+_SENSOR_FAULTS = {
     "unplugged": "drop_out", "stuck": "stuck", "wrong sign": "wrong_sign", "spikes": "spikes", "came loose": "jump",
 }  # fmt: skip
 # what takes the place of a reading that does not come (SensedGravity)
-AGED = {
+_AGED_READINGS = {
     ReadingStatus.STALE: "no new gravity: the last one is held",
     ReadingStatus.FALLBACK: "no new gravity: its mean direction of the last seconds is taken",
 }
 # of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
-RIGID_FRICTION = 0.02
-MOST_FRICTION = 4.0
-CHANGED_BY = {"payload_kg": "carry", "friction": "rub", "wear": "wear"}  # method of a robot with cables
-GOTO = "goto:"  # begins the name of a joint's slider
-MOTIONS = REST, GO_TO, RANDOM, ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
-ENABLE, PAUSE, HOME = LEVELS = ("enable", "pause", "home")
-OWN = "the robot's own position control"
-HOLD = "gravity compensation alone"
+_RIGID_FRICTION = 0.02
+_FRICTION_END = 4.0
+_CHANGED_BY = {"payload_kg": "carry", "friction": "rub", "wear": "wear"}  # method of a robot with cables
+_GOTO_PREFIX = "goto:"  # begins the name of a joint's slider
+_MOTIONS = _REST, _GO_TO, _RANDOM, _ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
+_ENABLE, _PAUSE, _HOME = _LEVELS = ("enable", "pause", "home")
+_OWN_CONTROL = "the robot's own position control"
+_HOLD_CONTROL = "gravity compensation alone"
 
 
 class PlantBase(NamedTuple):
@@ -86,7 +86,7 @@ class Surroundings:
         """Change something by the name of its control; False for an unknown name."""
         plant = self.plant
         if name == "sensor":
-            self._sensor.faults = (InjectedFault(FAULTS[value], plant.time),) if value in FAULTS else ()
+            self._sensor.faults = (InjectedFault(_SENSOR_FAULTS[value], plant.time),) if value in _SENSOR_FAULTS else ()
             return True
         if name in self._attitude:
             self._attitude[name] = float(value)
@@ -97,9 +97,9 @@ class Surroundings:
         elif name == "payload_kg" and isinstance(plant, MujocoPlant):
             plant.attach(Payload(float(value)) if float(value) > 0.0 else None)
         elif name == "friction" and isinstance(plant, MujocoPlant):
-            plant.rub(float(value) * RIGID_FRICTION * self._torque)
-        elif isinstance(plant, CablePlant) and name in CHANGED_BY:
-            getattr(plant, CHANGED_BY[name])(float(value))
+            plant.rub(float(value) * _RIGID_FRICTION * self._torque)
+        elif isinstance(plant, CablePlant) and name in _CHANGED_BY:
+            getattr(plant, _CHANGED_BY[name])(float(value))
         else:
             return False
         return True
@@ -119,8 +119,8 @@ class Surroundings:
         if reading is None:
             return ()
         said = []
-        if reading.status in AGED:
-            said.append(AGED[reading.status])
+        if reading.status in _AGED_READINGS:
+            said.append(_AGED_READINGS[reading.status])
         if reading.faults:
             said.append(f"sensor: {reading.faults.message}")
         return tuple(said)
@@ -133,8 +133,10 @@ def driving_tabs(
     drive = ControlTab(
         "Drive",
         (
-            Control("buttons", "level", "run level", None, LEVELS, "Home: against the stops, as a real RAVEN-II does."),
-            Control("choice", "motion", "motion", motion, MOTIONS if has_cables else MOTIONS[:3]),
+            Control(
+                "buttons", "level", "run level", None, _LEVELS, "Home: against the stops, as a real RAVEN-II does."
+            ),
+            Control("choice", "motion", "motion", motion, _MOTIONS if has_cables else _MOTIONS[:3]),
             Control("choice", "controller", "controller", controllers[0], controllers),
             *joint_sliders(limits, q),
         ),
@@ -147,11 +149,11 @@ def driving_tabs(
         ("rocking_deg", "rocking, to either side [deg]", 0.0, (0.0, 20.0, 0.5), "About x."),
         ("rocking_hz", "rocking [Hz]", 0.5, (0.1, 2.0, 0.1), ""),
         ("payload_kg", "payload [kg]", 0.0, (0.0, most, 0.05), "The controller does not know of it."),
-        ("friction", *rubs, (0.0, MOST_FRICTION, 0.1), ""),
+        ("friction", *rubs, (0.0, _FRICTION_END, 0.1), ""),
         ("wear", "cable wear [share]", 0.0, (0.0, 1.0, 0.05), "Stretch that stays, stiffness lost."),
     ]
     world = [Control("slider", *slider) for slider in sliders[: None if has_cables else -1]]
-    world.insert(5, Control("choice", "sensor", "gravity sensor's fault", "none", ("none", *FAULTS)))
+    world.insert(5, Control("choice", "sensor", "gravity sensor's fault", "none", ("none", *_SENSOR_FAULTS)))
     tabs = [drive, ControlTab("Surroundings", tuple(world))]
     if has_model:
         text = "The calibrated arm shows where the model says that the joints are. Switched on, the loop goes by it."
@@ -170,13 +172,13 @@ def joint_sliders(limits: Bounded, q: Floats) -> list[Control]:
         low = float(np.ceil(10.0 * scale * ranges.lower[j] - 1e-6) / 10.0)
         high = float(np.floor(10.0 * scale * ranges.upper[j] + 1e-6) / 10.0)
         value = float(np.clip(round(scale * float(q[j]), 1), low, high))
-        found.append(Control("slider", f"{GOTO}{name}", f"{name} [{shown}]", value, (low, high, 0.1)))
+        found.append(Control("slider", f"{_GOTO_PREFIX}{name}", f"{name} [{shown}]", value, (low, high, 0.1)))
     return found
 
 
-SHOW_EVERY = 40  # ticks: 25 states a second, which the page draws 20 of at most
-LISTEN_EVERY = 10  # ticks
-SAID = 8.0  # [s] for which a refusal stays on the page
+_SHOW_EVERY_TICKS = 40  # ticks: 25 states a second, which the page draws 20 of at most
+_LISTEN_EVERY_TICKS = 10  # ticks
+_SAID_FOR_S = 8.0  # [s] for which a refusal stays on the page
 
 
 class LeaveLoop(Exception):
@@ -207,12 +209,12 @@ class DrivenArm:
         self._corrector = None if loaded is None else self._switched(loaded)
         self._kinds = {kind.words: kind for kind in CONTROLLERS.values() if kind.fits(self.arm)}
         self._controllers = {words: kind.make(self.arm) for words, kind in self._kinds.items()}
-        self._controllers[HOLD] = make_hold("dg", self.arm)
+        self._controllers[_HOLD_CONTROL] = make_hold("dg", self.arm)
         usual = CONTROLLERS["dg"].words
         self._controller = self._controllers[usual]
-        self.control = OWN if model is not None else usual
+        self.control = _OWN_CONTROL if model is not None else usual
         self._goal = np.array(self._plant.measured_js().q)
-        self.motion = RANDOM
+        self.motion = _RANDOM
         self._recipe: steering.Motion | None = None
         self._trajectory = steering.SteeredTrajectory(self._goal)
         self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
@@ -225,7 +227,7 @@ class DrivenArm:
         legend = {"reported": "reported", "true": "true"}
         if self._corrector is not None:
             legend["calibrated"] = "calibrated"
-        others = [one for one in (*self._controllers, OWN) if one != self.control]
+        others = [one for one in (*self._controllers, _OWN_CONTROL) if one != self.control]
         tabs = driving_tabs(
             self._plant, self._goal, motion=self.motion, controllers=(self.control, *others),
             has_cables=self.surroundings.has_cables, has_model=self._corrector is not None,
@@ -253,7 +255,7 @@ class DrivenArm:
 
     def run_loop(self) -> LoopReport:
         """Run the control loop until something ends it; it ends by an exception, with the arm held and paused."""
-        own = self.control == OWN
+        own = self.control == _OWN_CONTROL
         start = self._plant.setpoint_js().q if own else self._plant.measured_js().q
         self._trajectory = steering.SteeredTrajectory(np.array(start))
         if self._recipe is not None:
@@ -272,14 +274,14 @@ class DrivenArm:
 
     def _observe(self, tick: Tick) -> None:
         self._count()
-        if tick.number % LISTEN_EVERY == 0:
+        if tick.number % _LISTEN_EVERY_TICKS == 0:
             self._listen(in_loop=True)
-        if tick.number % SHOW_EVERY == 0:
+        if tick.number % _SHOW_EVERY_TICKS == 0:
             setpoint = tick.reference.q
-            if self.control == HOLD:
+            if self.control == _HOLD_CONTROL:
                 setpoint = np.full(self._n, np.nan)
                 self._trajectory.rest_at(tick.state.q)
-            feedback = None if self.control == OWN else self._controller.feedback.copy()
+            feedback = None if self.control == _OWN_CONTROL else self._controller.feedback.copy()
             self._page.put(self._state(tick.state._replace(q=tick.q_nominal), setpoint, feedback))
 
     def _count(self) -> None:
@@ -318,7 +320,7 @@ class DrivenArm:
             error=state.q - self.arm.q_true() if operating.is_homed else None, **known,
         )  # fmt: skip
         notes = list(world.warnings())
-        if now - self._said[0] < SAID:
+        if now - self._said[0] < _SAID_FOR_S:
             notes.insert(0, self._said[1])
         doing = f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else ""
         kind = self._kinds.get(self.control)
@@ -344,15 +346,15 @@ class DrivenArm:
         name, value = change
         if self.surroundings.set(name, value):
             return
-        if name.startswith(GOTO):
-            self._go_to(name.removeprefix(GOTO), float(value))
-        elif name == "motion" and str(value) in MOTIONS:
+        if name.startswith(_GOTO_PREFIX):
+            self._go_to(name.removeprefix(_GOTO_PREFIX), float(value))
+        elif name == "motion" and str(value) in _MOTIONS:
             self._choose_motion(str(value))
-        elif name == "controller" and str(value) in (OWN, *self._controllers):
+        elif name == "controller" and str(value) in (_OWN_CONTROL, *self._controllers):
             self._choose_controller(str(value), in_loop=in_loop)
         elif name == "model" and self._corrector is not None:
             self._corrector.is_on = bool(value)
-        elif name == "level" and str(value) in LEVELS:
+        elif name == "level" and str(value) in _LEVELS:
             self._change_level(str(value), in_loop=in_loop)
 
     def _go_to(self, joint: str, value: float) -> None:
@@ -361,15 +363,15 @@ class DrivenArm:
         self._goal = self._goal.copy()
         goal = value / DISPLAY[self._plant.joint_units[j]][1]
         self._goal[j] = np.clip(goal, self._plant.lower[j], self._plant.upper[j])
-        self._choose_motion(GO_TO)
+        self._choose_motion(_GO_TO)
 
     def _choose_motion(self, motion: str) -> None:
         plant, model = self._plant, self.arm.model
         recipes: dict[str, Callable[[], steering.Motion | None]] = {
-            REST: lambda: None,
-            GO_TO: lambda: lambda q: steering.quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
-            RANDOM: lambda: steering.random_motions(model, plant, self._rng),
-            ZIGZAG: lambda: steering.zigzags(plant),
+            _REST: lambda: None,
+            _GO_TO: lambda: lambda q: steering.quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
+            _RANDOM: lambda: steering.random_motions(model, plant, self._rng),
+            _ZIGZAG: lambda: steering.zigzags(plant),
         }
         self._recipe = recipes[motion]()
         self.motion = motion
@@ -378,25 +380,25 @@ class DrivenArm:
 
     def _choose_controller(self, control: str, *, in_loop: bool) -> None:
         before, self.control = self.control, control
-        if control != OWN:
+        if control != _OWN_CONTROL:
             self._controller = self._controllers[control]
         self._values["controller"] = control
-        if in_loop and OWN in (before, control) and before != control:
-            raise LeaveLoop(ENABLE)
+        if in_loop and _OWN_CONTROL in (before, control) and before != control:
+            raise LeaveLoop(_ENABLE)
 
     def _change_level(self, level: str, *, in_loop: bool) -> None:
         """Leave the loop, which pauses the arm, or reach the level at once."""
         if not in_loop:
             self._reach_level(level)
-        elif level != ENABLE:
+        elif level != _ENABLE:
             raise LeaveLoop(level)
 
     def _reach_level(self, level: str) -> None:
         """Enable or home the arm, or leave it paused; the robot decides."""
         state = self._plant.operating_state().state
-        if level in (ENABLE, HOME) and state != "ENABLED":
+        if level in (_ENABLE, _HOME) and state != "ENABLED":
             self._plant.state_command("resume" if state == "PAUSED" else "enable")
-        if level == HOME:
+        if level == _HOME:
             self._plant.state_command("home")
 
     def _say(self, text: str) -> None:

@@ -13,8 +13,8 @@ from catenary.dynamics.kinematics import link_poses
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
-MOST_WARNINGS = 6
-LONGEST = 140  # characters of a warning
+_SHOWN_WARNINGS = 6
+_WORD_CHARACTERS = 140  # characters of a warning
 
 
 class ViewState(NamedTuple):
@@ -48,18 +48,18 @@ def unknown_state(n: int) -> ViewState:
 
 def shortened(state: ViewState) -> ViewState:
     """Return a state whose words take little room, whatever a robot's or a file's names are."""
-    warnings = tuple(_word(warning) for warning in state.warnings[:MOST_WARNINGS])
+    warnings = tuple(_word(warning) for warning in state.warnings[:_SHOWN_WARNINGS])
     return state._replace(mode=_word(state.mode), warnings=warnings)
 
 
 def _word(text: str) -> str:
     """Return a text cut, and without what is none, as in a file's name."""
-    return text[:LONGEST].encode(errors="replace").decode()
+    return text[:_WORD_CHARACTERS].encode(errors="replace").decode()
 
 
 ARMS = ("reported", "calibrated", "true")
-PATH = 400  # points of a tip's path
-STEP = 0.002  # times the arm's length: the least way from one of its points to the next
+_PATH_POINTS = 400  # points of a tip's path
+_PATH_STEP = 0.002  # times the arm's length: the least way from one of its points to the next
 
 
 class PlacedArm(NamedTuple):
@@ -116,8 +116,8 @@ class TipPaths:
 
     def __init__(self, length: float) -> None:
         """Begin without any point; the tip must travel a share of `length`, that of the arm [m], between points."""
-        self._step = STEP * length
-        self._points: dict[str, deque[Floats]] = {name: deque(maxlen=PATH) for name in ARMS}
+        self._step = _PATH_STEP * length
+        self._points: dict[str, deque[Floats]] = {name: deque(maxlen=_PATH_POINTS) for name in ARMS}
 
     def add(self, scene: Scene) -> None:
         """Take the tips of a picture."""

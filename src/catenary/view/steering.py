@@ -22,12 +22,12 @@ from catenary.workflows.robot.motion import (
     random_within,
 )
 
-STOP = 0.4  # [s] in which a motion that is left comes to rest
+_STOP_S = 0.4  # [s] in which a motion that is left comes to rest
 
 Motion = Callable[[Floats], Trajectory]  # makes a motion that begins at joint positions (n,) [rad|m]
-QUICKER = 2.5  # than a gentle go-to, which is for real robots
-SECONDS = 60.0  # of a random motion, after which the next one is drawn
-SPARSITY = 0.25  # of RAVEN-II's zig-zag
+_QUICKER = 2.5  # than a gentle go-to, which is for real robots
+_RANDOM_S = 60.0  # of a random motion, after which the next one is drawn
+_SPARSITY = 0.25  # of RAVEN-II's zig-zag
 
 
 class SteeredTrajectory:
@@ -57,8 +57,8 @@ class SteeredTrajectory:
         self._time = t
         slower = 0.0
         if self._next is not None:
-            rate = max(0.0, self._rate - step / STOP)
-            slower = -1.0 / STOP if rate > 0.0 else 0.0
+            rate = max(0.0, self._rate - step / _STOP_S)
+            slower = -1.0 / _STOP_S if rate > 0.0 else 0.0
             self._place += 0.5 * (self._rate + rate) * step
             self._rate = rate
         else:
@@ -119,8 +119,8 @@ class SwitchedCorrector:
 def quick_way(limits: Bounded, start: Floats, goal: Floats) -> Trajectory:
     """Return the way from one place to another, each (n,) [rad|m], all joints arriving together."""
     units = limits.joint_units
-    velocity = [QUICKER * GENTLE_VELOCITY[unit] for unit in units]
-    acceleration = [QUICKER * GENTLE_ACCELERATION[unit] for unit in units]
+    velocity = [_QUICKER * GENTLE_VELOCITY[unit] for unit in units]
+    acceleration = [_QUICKER * GENTLE_ACCELERATION[unit] for unit in units]
     return gentle_way(start, goal, units, max_velocity=velocity, max_acceleration=acceleration)
 
 
@@ -130,15 +130,15 @@ def random_motions(model: RobotModel, limits: Bounded, rng: np.random.Generator)
 
     def draw() -> Trajectory:
         if model.name in RAVEN_SIDES:
-            return random_sinusoids(rng, SECONDS)
-        return random_within(ranges, SECONDS, rng)
+            return random_sinusoids(rng, _RANDOM_S)
+        return random_within(ranges, _RANDOM_S, rng)
 
     return _after_the_way(limits, draw)
 
 
 def zigzags(limits: Bounded) -> Motion:
     """Return RAVEN-II's calibration zig-zag along joints 2 and 3."""
-    motion = zigzag("J2-J3", (SPARSITY,))
+    motion = zigzag("J2-J3", (_SPARSITY,))
     check_motion(limits, motion)
     return _after_the_way(limits, lambda: motion)
 

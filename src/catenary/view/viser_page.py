@@ -24,9 +24,11 @@ from catenary.view.shapes import grown
 from catenary.view.shown import Change, Control, Shown, accepted, extent_of
 from catenary.view.state import ARMS, Scene, TipPaths, ViewState, scene_of
 
-OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
-REFUSED = "Refused: open the whole address that this run printed, at 127.0.0.1 or localhost, and from no other page.\n"
-HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY"}
+_OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
+_REFUSED_TEXT = (
+    "Refused: open the whole address that this run printed, at 127.0.0.1 or localhost, and from no other page.\n"
+)
+_HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY"}
 
 
 @contextmanager
@@ -45,14 +47,14 @@ def gated(token: str) -> Iterator[None]:
             hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
             first, _, below = request.path.partition("?")[0].removeprefix("/").partition("/")
             knows = hmac.compare_digest(first.encode(errors="surrogateescape"), token.encode())
-            own = [f"http://{host}" for host in hosts if OWN_HOST.fullmatch(host)]
+            own = [f"http://{host}" for host in hosts if _OWN_HOST.fullmatch(host)]
             if knows and len(hosts) == len(own) == 1 and origins in ([], own):
                 request.path = f"/{below}"
                 answer = process_request(connection, request)
             else:
-                answer = connection.respond(FORBIDDEN, REFUSED)
+                answer = connection.respond(FORBIDDEN, _REFUSED_TEXT)
             if answer is not None:
-                answer.headers.update(HEADERS)
+                answer.headers.update(_HEADERS)
             return answer
 
         return serve(*args, process_request=admit, **options)
@@ -76,8 +78,8 @@ def require_gate(host: str, port: int, token: str) -> None:
                 )
 
 
-COLOURS = {"reported": "#3b6fb5", "calibrated": "#1f9d55", "true": "#a8a39a"}
-GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
+_COLOURS = {"reported": "#3b6fb5", "calibrated": "#1f9d55", "true": "#a8a39a"}
+_GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
 
 
 def status_html(state: ViewState) -> str:
@@ -93,7 +95,7 @@ def joints_html(shown: Shown, state: ViewState) -> str:
     """Return a table of the joints [deg|mm], a column in each arm's colour: calibrated with its interval, ? outside."""
     rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
     arms = [name for name in rows if name in shown.legend]
-    lines = [_row("th", ["", *(f"{_square(COLOURS[name])} {escape(shown.legend[name])}" for name in arms)])]
+    lines = [_row("th", ["", *(f"{_square(_COLOURS[name])} {escape(shown.legend[name])}" for name in arms)])]
     for j, (joint, si) in enumerate(zip(shown.model.joint_names, shown.model.joint_units, strict=True)):
         unit, scale = DISPLAY[si]
         about = f" \u00b1 {scale * state.interval[j]:.2f}" if np.isfinite(state.interval[j]) else ""
@@ -120,7 +122,7 @@ def gravity_html(state: ViewState) -> str:
     for name, vector in (("measured", state.gravity), ("assumed", state.assumed)):
         if np.isfinite(vector).all():
             x, y, z = vector
-            lines.append(f"{_square(GRAVITY_COLOURS[name])} gravity {name}: {x:.2f}, {y:.2f}, {z:.2f} m/s&sup2;")
+            lines.append(f"{_square(_GRAVITY_COLOURS[name])} gravity {name}: {x:.2f}, {y:.2f}, {z:.2f} m/s&sup2;")
     if len(lines) == 2:
         lines.append(f"{np.rad2deg(angle_between(state.gravity, state.assumed)):.1f} deg apart")
     if np.isfinite(state.gravity_age):
@@ -144,17 +146,17 @@ def _block(text: str) -> str:
     return f'<div style="font-size:0.75em;padding:0 0.9em 0.4em;line-height:1.5">{text}</div>'
 
 
-HOST = "127.0.0.1"  # viser's own default is every address
-OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
+_HOST = "127.0.0.1"  # viser's own default is every address
+_OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
 # shells about the true arm, so that those in the same place do not flicker; times the arm's length
-SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
-ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
-FROM_NOW = "s from now"
-SKY = 2.0  # light from above and below, in addition to viser's own
-LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
-PLOT_ASPECT = 1.6
-CURVES_WIDTH, MAIN_WIDTH, NARROW = 220, 300, 1000  # pixels; a window below the last has the curves folded away
-PREPARING = "**Preparing the robot.** It is compiled (the first time up to a minute) and homed, then appears here."
+_SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
+_ARROW_LENGTH = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
+_FROM_NOW = "s from now"
+_SKY_LIGHT = 2.0  # light from above and below, in addition to viser's own
+_PATH_LEAP_S = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
+_PLOT_ASPECT = 1.6
+_CURVES_WIDTH, _MAIN_WIDTH, _NARROW_WIDTH = 220, 300, 1000  # pixels; a window below the last has the curves folded away
+_PREPARING = "**Preparing the robot.** It is compiled (the first time up to a minute) and homed, then appears here."
 
 
 class ViserPage:
@@ -189,7 +191,7 @@ class ViserPage:
     def draw(self, state: ViewState) -> None:
         """Show a state in the picture."""
         scene = scene_of(self._shown.model, state)
-        if not 0.0 <= state.time - self._time <= LEAP:
+        if not 0.0 <= state.time - self._time <= _PATH_LEAP_S:
             self.forget_paths()
         self._time = state.time
         self._paths.add(scene)
@@ -217,7 +219,7 @@ class ViserPage:
         for name, path in self._path_nodes.items():
             if len(segments := self._paths.segments(name)):
                 path.points = segments.astype(np.float32)
-                path.colors = np.array(_rgb(COLOURS[name]), np.uint8)
+                path.colors = np.array(_rgb(_COLOURS[name]), np.uint8)
         with self._server.atomic():
             for (handle, legend), plot in zip(self._plots, self._curves.plots(self._joint), strict=True):
                 _draw_plot(handle, plot)
@@ -238,7 +240,7 @@ class ViserPage:
         scene.configure_default_lights(cast_shadow=False)
         # an environment map costs a browser that draws by software 4 s before the first picture
         scene.configure_environment_map(hdri=None)
-        scene.add_light_hemisphere("/sky", ground_color=(150, 150, 160), intensity=SKY)
+        scene.add_light_hemisphere("/sky", ground_color=(150, 150, 160), intensity=_SKY_LIGHT)
         floor = float(centre[2] - 1.05 * radius)
         scene.add_grid(
             "/floor", 4.0 * radius, 4.0 * radius, position=(0.0, 0.0, floor),
@@ -256,7 +258,7 @@ class ViserPage:
         empty = np.zeros((1, 2, 3), np.float32)
         self._path_nodes = {
             name: scene.add_line_segments(
-                f"/base/path_{name}", empty, _rgb(COLOURS[name]), thickness=2.0, thickness_units="screen"
+                f"/base/path_{name}", empty, _rgb(_COLOURS[name]), thickness=2.0, thickness_units="screen"
             )
             for name in ARMS
         }
@@ -267,22 +269,22 @@ class ViserPage:
 
     def _add_arm(self, name: str) -> list[Any]:
         scene, shapes = self._server.scene, self._shown.shapes
-        meshes = [grown(mesh, SHELL[name] * shapes.length) for mesh in shapes.links]
+        meshes = [grown(mesh, _SHELL[name] * shapes.length) for mesh in shapes.links]
         self._roots[name] = scene.add_frame(f"/base/{name}", show_axes=False, visible=False)
         return [
             scene.add_mesh_simple(
-                f"/base/{name}/link_{i}", mesh.vertices, mesh.faces, color=_rgb(COLOURS[name]),
-                opacity=OPACITY[name], side="front", cast_shadow=False, receive_shadow=False,
+                f"/base/{name}/link_{i}", mesh.vertices, mesh.faces, color=_rgb(_COLOURS[name]),
+                opacity=_OPACITY[name], side="front", cast_shadow=False, receive_shadow=False,
             )
             for i, mesh in enumerate(meshes)
         ]  # fmt: skip
 
     def _add_arrow(self, name: str, place: Floats) -> Any:
         length = self._shown.shapes.length
-        points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, -ARROW * length]]], np.float32)
+        points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, -_ARROW_LENGTH * length]]], np.float32)
         size = 1.0 if name == "measured" else 0.8
         arrow = self._server.scene.add_arrows(
-            f"/gravity_{name}", points, _rgb(GRAVITY_COLOURS[name]), shaft_radius=0.009 * size * length,
+            f"/gravity_{name}", points, _rgb(_GRAVITY_COLOURS[name]), shaft_radius=0.009 * size * length,
             head_radius=0.022 * size * length, head_length=0.06 * length, position=place, visible=False,
         )  # fmt: skip
         if name == "measured":
@@ -314,7 +316,7 @@ class ViserPage:
         return True
 
     def _draw_gravity(self, scene: Scene) -> None:
-        length = ARROW * self._shown.shapes.length
+        length = _ARROW_LENGTH * self._shown.shapes.length
         for name, vector in (("measured", scene.measured), ("assumed", scene.assumed)):
             arrow = self._arrows[name]
             if arrow.visible != (vector is not None):
@@ -329,7 +331,7 @@ class ViserPage:
         gui.reset()
         gui.set_panel_label(shown.title)
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(MAIN_WIDTH)
+        gui.main_panel.set_width(_MAIN_WIDTH)
         self._status = gui.add_html("")
         self._joints = gui.add_html("")
         self._gravity = gui.add_html("")
@@ -348,13 +350,13 @@ class ViserPage:
             gui.add_button("Wipe the tip's paths").on_click(lambda _: self.forget_paths())
         plots = gui.add_panel()
         plots.dock_left()
-        plots.set_width(CURVES_WIDTH)
+        plots.set_width(_CURVES_WIDTH)
         with plots.add_tab("Curves"):
             names = shown.model.joint_names
             joint = gui.add_dropdown("joint", names, initial_value=names[0])
             joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
             self._plots = [(_add_plot(gui, one, self._curves.span), gui.add_html("")) for one in self._curves.plots(0)]
-        self._server.on_client_connect(lambda one: plots.minimize() if one.camera.image_width < NARROW else None)
+        self._server.on_client_connect(lambda one: plots.minimize() if one.camera.image_width < _NARROW_WIDTH else None)
 
     def _add_control(self, control: Control) -> Any:
         gui, name, hint = self._server.gui, control.name, control.hint or None
@@ -390,22 +392,22 @@ def open_server(port: int) -> tuple[Any, str]:
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     token = secrets.token_urlsafe(16)
     with gated(token):
-        server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
-    require_gate(HOST, server.get_port(), token)
+        server = viser.ViserServer(host=_HOST, port=port, label="catenary", verbose=False)
+    require_gate(_HOST, server.get_port(), token)
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
     server.gui.set_panel_label("catenary: preparing ...")
-    server.gui.add_markdown(PREPARING)
-    return server, f"http://{HOST}:{server.get_port()}/{token}/"
+    server.gui.add_markdown(_PREPARING)
+    return server, f"http://{_HOST}:{server.get_port()}/{token}/"
 
 
 def _add_plot(gui: Any, plot: Plot, span: tuple[float, float]) -> Any:
     from viser import uplot
 
     nothing = (np.zeros(1), np.zeros(1))
-    series = (uplot.Series(label=FROM_NOW), uplot.Series(label=""))
+    series = (uplot.Series(label=_FROM_NOW), uplot.Series(label=""))
     # seconds from now, so that the axis stays: the page keeps how far it is zoomed, and loses it on an axis that moves
     scales = {"x": uplot.Scale(time=False, range=span)}
-    return gui.add_uplot(nothing, series, title=plot.title, aspect=PLOT_ASPECT, scales=scales, legend={"show": False})
+    return gui.add_uplot(nothing, series, title=plot.title, aspect=_PLOT_ASPECT, scales=scales, legend={"show": False})
 
 
 def _draw_plot(handle: Any, plot: Plot) -> None:
@@ -415,7 +417,7 @@ def _draw_plot(handle: Any, plot: Plot) -> None:
     known = plot.known()
     if not known:
         return
-    series = [uplot.Series(label=FROM_NOW)]
+    series = [uplot.Series(label=_FROM_NOW)]
     for curve in known:
         line = uplot.Series(label=curve.label, stroke=curve.colour, width=2.0, points={"show": False})
         series.append(uplot.Series(**line, dash=(4.0, 4.0)) if curve.dashed else line)

@@ -35,7 +35,7 @@ PROGRAM = """
 import patience
 from catenary.crtk import client
 for place, name, value in patience.longer_limits():
-    if name in ("PATIENCE", "COMMAND_TIMEOUT"):
+    if name in ("_ANSWER_WITHIN_S", "_COMMAND_TIMEOUT_S"):
         setattr(place, name, value)
 client.CrtkClient.__init__.__kwdefaults__["connect_timeout"] = patience.PATIENCE
 import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()

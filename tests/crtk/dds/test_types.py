@@ -7,7 +7,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from catenary.crtk.dds import types as names
-from catenary.crtk.dds.types import DISTRIBUTIONS, distribution, message_hash
+from catenary.crtk.dds.types import _DISTRIBUTIONS, distribution, message_hash
 from catenary.crtk.message_bytes import CDR, codec
 from catenary.errors import InputError
 from catenary.recording.messages import MESSAGES, current_name
@@ -70,13 +70,13 @@ def test_hashes_are_those_that_ros2_topic_info_prints() -> None:
 
 def test_the_distribution_is_the_one_given_else_the_one_sourced_else_the_default(monkeypatch) -> None:
     monkeypatch.delenv("ROS_DISTRO", raising=False)
-    assert distribution() == DISTRIBUTIONS["jazzy"]
+    assert distribution() == _DISTRIBUTIONS["jazzy"]
     monkeypatch.setenv("ROS_DISTRO", "humble")
-    assert distribution() == DISTRIBUTIONS["humble"]
+    assert distribution() == _DISTRIBUTIONS["humble"]
     monkeypatch.setenv("ROS_DISTRO", "noetic")  # ROS 1's
-    assert distribution() == DISTRIBUTIONS["jazzy"]
+    assert distribution() == _DISTRIBUTIONS["jazzy"]
 
 
 def test_another_distribution_is_refused_with_the_choices() -> None:
-    with pytest.raises(InputError, match=f'"foxy": expected one of {", ".join(DISTRIBUTIONS)}'):
+    with pytest.raises(InputError, match=f'"foxy": expected one of {", ".join(_DISTRIBUTIONS)}'):
         distribution("foxy")

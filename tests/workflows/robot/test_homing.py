@@ -88,7 +88,7 @@ def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
 
 
 def test_a_homing_that_ends_early_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catenary.crtk.client.HOMING_TIMEOUT", 1.0)
+    monkeypatch.setattr("catenary.crtk.client._HOMING_TIMEOUT_S", 1.0)
     setup = RobotOnLoopback(LongHoming(ready=False))
     _, client = robot_over(setup.transport, simulated=True)
     with client, pytest.raises(NotReadyError, match=r"not done after 1 s|not confirmed within") as failure:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from catenary.errors import InputError
 
-BEGIN, END = "--ros-args", "--"
+BEGIN, _END = "--ros-args", "--"
 _TOPIC = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 _WORD = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NODE = ("__node", "__name")
@@ -55,7 +55,7 @@ def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
     for word in words:
         if word == BEGIN:
             is_ros = True
-        elif is_ros and word == END:
+        elif is_ros and word == _END:
             is_ros = False
         else:
             (ros if is_ros else own).append(word)

@@ -44,14 +44,14 @@ from catenary.crtk.dds.types import (
     ros_type,
     sequence,
 )
-from catenary.crtk.transport import UNNAMED
+from catenary.crtk.transport import UNNAMED_NODE
 from catenary.errors import InputError, TransportError
 
-RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
-LARGEST = 232  # number of a domain, by the ports that DDS makes of it
-_MOST_PROGRAMS = 120  # on one machine that find each other without multicast
+_RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
+_LAST_DOMAIN = 232  # number of a domain, by the ports that DDS makes of it
+_PROGRAMS = 120  # on one machine that find each other without multicast
 _FAST_DDS = "1.15"  # its vendor's number; from version 3 on (Kilted) both disagree on what is said of types
-_MOST_BYTES = 2**26  # of a message from the network
+_MESSAGE_BYTES = 2**26  # of a message from the network
 _logger = logging.getLogger(__name__)
 _domains: dict[int, Domain | None] = {}  # a process has each once, until it ends; None: somebody else's in it
 _lock = threading.Lock()
@@ -60,8 +60,8 @@ _lock = threading.Lock()
 def domain_number() -> int:
     """Return the domain's number, ROS_DOMAIN_ID."""
     text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not (text.isascii() and text.isdigit() and int(text) <= LARGEST):
-        raise InputError(f'ROS_DOMAIN_ID "{text}": expected a whole number from 0 to {LARGEST}')
+    if not (text.isascii() and text.isdigit() and int(text) <= _LAST_DOMAIN):
+        raise InputError(f'ROS_DOMAIN_ID "{text}": expected a whole number from 0 to {_LAST_DOMAIN}')
     return int(text)
 
 
@@ -90,7 +90,7 @@ def _settings() -> str:
     peers = [] if wide in ("OFF", "SYSTEM_DEFAULT") else _peers()
     if wide == "LOCALHOST":
         peers.insert(0, "localhost")
-    found = f"<Internal><MaxSampleSize>{_MOST_BYTES} B</MaxSampleSize></Internal>"
+    found = f"<Internal><MaxSampleSize>{_MESSAGE_BYTES} B</MaxSampleSize></Internal>"
     found += f"<Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
     if wide in ("LOCALHOST", "OFF"):
         found += "<General><AllowMulticast>false</AllowMulticast></General>"
@@ -101,7 +101,7 @@ def _settings() -> str:
         places = "".join(f'<Peer address="{peer}"/>' for peer in peers)
         found += (
             f"<Discovery><ParticipantIndex>auto</ParticipantIndex>"
-            f"<MaxAutoParticipantIndex>{_MOST_PROGRAMS}</MaxAutoParticipantIndex>"
+            f"<MaxAutoParticipantIndex>{_PROGRAMS}</MaxAutoParticipantIndex>"
             f"{f'<Peers>{places}</Peers>' if places else ''}</Discovery>"
         )
     return f"<CycloneDDS><Domain>{found}</Domain></CycloneDDS>"
@@ -112,8 +112,8 @@ def _range() -> str:
     if os.environ.get("ROS_LOCALHOST_ONLY", "") == "1":
         return "LOCALHOST"
     wide = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"
-    if wide not in RANGES:
-        raise InputError(f'ROS_AUTOMATIC_DISCOVERY_RANGE "{wide}": expected one of {", ".join(RANGES)}')
+    if wide not in _RANGES:
+        raise InputError(f'ROS_AUTOMATIC_DISCOVERY_RANGE "{wide}": expected one of {", ".join(_RANGES)}')
     return wide
 
 
@@ -126,7 +126,7 @@ def _peers() -> list[str]:
     return found
 
 
-_NEVER = 0  # [ns] that a publisher waits for its readers
+_NO_WAIT_NS = 0  # [ns] that a publisher waits for its readers
 
 
 class Quality(NamedTuple):
@@ -139,7 +139,7 @@ class Quality(NamedTuple):
 def profile(quality: Quality, depth: int, user_data: str = "") -> Qos:
     """Return the policies of a reader or writer that keeps `depth` messages."""
     policies = [
-        Policy.Reliability.Reliable(_NEVER) if quality.is_reliable else Policy.Reliability.BestEffort,
+        Policy.Reliability.Reliable(_NO_WAIT_NS) if quality.is_reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if quality.is_latched else Policy.Durability.Volatile,
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True),
@@ -169,8 +169,8 @@ def _struct(name: str, **members: Any) -> Any:
     return make_idl_struct(f"{name}_", f"rmw_dds_common::msg::dds_::{name}_", members)
 
 
-MANY = 1000  # of anything that is taken at once
-HANDLES = 2**64  # what Cyclone calls ends of topics by; its Python gives half of them as negative numbers
+_TAKEN_AT_ONCE = 1000  # of anything that is taken at once
+_HANDLES = 2**64  # what Cyclone calls ends of topics by; its Python gives half of them as negative numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +209,7 @@ class Directory:
         for reader, known in zip(self._ends, (self.publications, self.subscriptions), strict=True):
             for sample in taken(reader):
                 self.changes += 1
-                handle = sample.sample_info.instance_handle % HANDLES
+                handle = sample.sample_info.instance_handle % _HANDLES
                 if not sample.sample_info.valid_data:
                     known.pop(handle, None)
                 elif handle not in known:
@@ -233,7 +233,7 @@ class Directory:
         """Return the name of the node that an end belongs to; its program's number where that is no ROS node."""
         if end.participant == self._own[0]:
             return self._own[1]
-        return self._nodes.get(end.participant, {}).get(end.guid, f"{UNNAMED}{end.participant.hex()}")
+        return self._nodes.get(end.participant, {}).get(end.guid, f"{UNNAMED_NODE}{end.participant.hex()}")
 
     def process(self, end: Endpoint) -> str:
         """Return the node's name, a space, and what differs when it is started again."""
@@ -258,14 +258,14 @@ class Directory:
 def taken(reader: DataReader[Any]) -> Iterator[Any]:
     """Return all that a reader has."""
     while True:
-        samples = reader.take(MANY)
+        samples = reader.take(_TAKEN_AT_ONCE)
         yield from samples
-        if len(samples) < MANY:
+        if len(samples) < _TAKEN_AT_ONCE:
             return
 
 
-_LOOK = 100_000_000  # [ns] between looks where nothing comes
-_LEFT = 0.02  # [s] after which nobody else refers to what was ended
+_LOOK_EVERY_NS = 100_000_000  # [ns] between looks where nothing comes
+_LET_GO_AFTER_S = 0.02  # [s] after which nobody else refers to what was ended
 Came = Callable[[Endpoint], None]
 
 
@@ -286,7 +286,7 @@ class Program:
             topic = Topic(self._participant, DISCOVERY, discovery_types(distribution.gid)[-1])
             self._presence = DataWriter(self._participant, topic, profile(Quality(is_latched=True), 1))
             # more than one of them is kept, since programs are not told apart
-            told = DataReader(self._participant, topic, profile(Quality(is_latched=True), MANY))
+            told = DataReader(self._participant, topic, profile(Quality(is_latched=True), _TAKEN_AT_ONCE))
             self.directory = Directory(self._participant, told, (self.gid, self.node))
             self._waitset = WaitSet(self._participant)
         except DDSException as error:
@@ -329,7 +329,7 @@ class Program:
         with self.lock:
             if self._ends.pop(reader_or_writer, None) is None:
                 return
-            self._ended.append((time.monotonic() + _LEFT, reader_or_writer))
+            self._ended.append((time.monotonic() + _LET_GO_AFTER_S, reader_or_writer))
             if self._takers.pop(id(reader_or_writer), None) is not None:
                 self._waitset.detach(reader_or_writer)
             self._tell()
@@ -357,7 +357,7 @@ class Program:
 
     def ends(self, known: Mapping[int, Endpoint], handles: Iterable[int]) -> list[Endpoint]:
         """Return what Cyclone calls by these handles; it is looked up anew only where one is not known yet."""
-        found = [handle % HANDLES for handle in handles]
+        found = [handle % _HANDLES for handle in handles]
         if not known.keys() >= set(found):
             self.look()
         return [known[handle] for handle in found if handle in known]
@@ -392,7 +392,7 @@ class Program:
 
     def _receive(self) -> None:
         while not self._stopped:
-            self._waitset.wait(round(_LEFT * 1e9) if self._ended else _LOOK)
+            self._waitset.wait(round(_LET_GO_AFTER_S * 1e9) if self._ended else _LOOK_EVERY_NS)
             self._waitset.set_trigger(False)
             try:
                 self.look()

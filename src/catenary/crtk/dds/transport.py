@@ -18,10 +18,10 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.program import Endpoint, Program, Quality, taken
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_type
-from catenary.crtk.inbox import UNTAKEN, Origin
+from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import CDR, codec
-from catenary.crtk.transport import SETTLE, HeardTopic, Publisher, Transport, wait_until_settled
+from catenary.crtk.transport import SETTLE_S, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 
 _USUAL = Quality()
@@ -54,7 +54,7 @@ class ListenedTopic(HeardTopic):
         if quality in self._readers:
             return
         taker = partial(self._take, quality)
-        self._readers[quality] = self._program.reader(self.dds_name, self.type_name, quality, UNTAKEN, taker)
+        self._readers[quality] = self._program.reader(self.dds_name, self.type_name, quality, UNTAKEN_MESSAGES, taker)
 
     def end(self) -> None:
         """Receive no more: nobody listens."""
@@ -163,7 +163,7 @@ class DdsTransport(Transport):
     # one that ends says so; one that is killed is missed when its lease has run out, Cyclone's or Fast DDS's
     lapses = (0, 10 * SECOND, 20 * SECOND)
 
-    def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE) -> None:
+    def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE_S) -> None:
         """Join the domain of ROS_DOMAIN_ID, and wait until nothing new is known of others for `settle` [s]."""
         self._arguments = arguments or RosArguments()
         super().__init__(self._arguments.node or name)

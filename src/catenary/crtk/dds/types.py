@@ -60,19 +60,19 @@ class Distribution(NamedTuple):
 
 
 # rmw's storage of a gid had 24 bytes up to Humble; type hashes came with Iron (REP 2016)
-DISTRIBUTIONS: Mapping[str, Distribution] = MappingProxyType(
+_DISTRIBUTIONS: Mapping[str, Distribution] = MappingProxyType(
     {"humble": Distribution(24, False)} | dict.fromkeys(("iron", "jazzy", "kilted", "rolling"), Distribution(16, True))
 )
-DEFAULT = "jazzy"  # the newest with support of five years
+_DEFAULT_DISTRIBUTION = "jazzy"  # the newest with support of five years
 
 
 def distribution(name: str | None = None) -> Distribution:
-    """Return a distribution: the one named, else ROS_DISTRO where ROS 2's setup was sourced, else `DEFAULT`."""
+    """Return a distribution: the one named, else ROS_DISTRO where ROS 2's setup was sourced, else jazzy."""
     if name is None:
-        return DISTRIBUTIONS.get(os.environ.get("ROS_DISTRO", ""), DISTRIBUTIONS[DEFAULT])
-    if name not in DISTRIBUTIONS:
-        raise InputError(f'ROS 2 distribution "{name}": expected one of {", ".join(DISTRIBUTIONS)}')
-    return DISTRIBUTIONS[name]
+        return _DISTRIBUTIONS.get(os.environ.get("ROS_DISTRO", ""), _DISTRIBUTIONS[_DEFAULT_DISTRIBUTION])
+    if name not in _DISTRIBUTIONS:
+        raise InputError(f'ROS 2 distribution "{name}": expected one of {", ".join(_DISTRIBUTIONS)}')
+    return _DISTRIBUTIONS[name]
 
 
 @cache

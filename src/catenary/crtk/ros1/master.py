@@ -15,8 +15,8 @@ from urllib.parse import urlparse
 
 from catenary.errors import TransportError
 
-DEFAULT_URI = "http://localhost:11311"
-PATIENCE = 2.0  # [s] for an answer
+_DEFAULT_URI = "http://localhost:11311"
+_ANSWER_WITHIN_S = 2.0  # [s] for an answer
 
 
 class Refused(Exception):
@@ -29,12 +29,12 @@ class _LimitedTransport(xmlrpc.client.Transport):
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         """Return a connection with a time limit, whatever the process's default is."""
         connection = super().make_connection(host)
-        connection.timeout = PATIENCE
+        connection.timeout = _ANSWER_WITHIN_S
         return connection
 
 
 class Master:
-    """Questions to a master, each answered within `PATIENCE`, or TransportError is raised."""
+    """Questions to a master, each answered within `_ANSWER_WITHIN_S`, or TransportError is raised."""
 
     def __init__(self, uri: str, caller: str) -> None:
         """Prepare; nothing is asked yet."""
@@ -44,7 +44,7 @@ class Master:
         except ValueError:
             valid = False
         if not valid:
-            raise TransportError(f'ROS_MASTER_URI "{uri}": expected http://HOST:PORT, such as {DEFAULT_URI}')
+            raise TransportError(f'ROS_MASTER_URI "{uri}": expected http://HOST:PORT, such as {_DEFAULT_URI}')
         self.uri = uri
         self._caller = caller
 
@@ -74,7 +74,7 @@ class Master:
         if parts.hostname is None:
             return False
         try:
-            with socket.create_connection((parts.hostname, parts.port), PATIENCE):
+            with socket.create_connection((parts.hostname, parts.port), _ANSWER_WITHIN_S):
                 return True
         except OSError:
             return False
@@ -118,7 +118,7 @@ class Master:
 
         thread = threading.Thread(target=ask, daemon=True)
         thread.start()
-        thread.join(PATIENCE + 0.5)
+        thread.join(_ANSWER_WITHIN_S + 0.5)
         result = answer[0] if answer else TimeoutError("no answer")
         if isinstance(result, Exception):
             if uri != self.uri:
@@ -147,4 +147,4 @@ def bound_to_all(environment: Mapping[str, str]) -> str | None:
 
 def master_uri(given: str | None = None) -> str:
     """URI of the master: the one given, else ROS_MASTER_URI, else this machine's."""
-    return given or os.environ.get("ROS_MASTER_URI") or DEFAULT_URI
+    return given or os.environ.get("ROS_MASTER_URI") or _DEFAULT_URI

@@ -60,8 +60,8 @@ def service_class(name: str) -> type:
     return type(name.rpartition("/")[2], (), attributes)
 
 
-WATCH = 0.5  # [s] between looks at the master
-END = 5.0  # [s] a program waits at its end, and that of a topic, until the master has been told
+_LOOK_EVERY_S = 0.5  # [s] between looks at the master
+_END_WITHIN_S = 5.0  # [s] a program waits at its end, and that of a topic, until the master has been told
 _logger = logging.getLogger(__name__)
 _node: "Node | None" = None
 
@@ -150,7 +150,7 @@ class Node:
         """End something, which tells the master, in a thread: rospy waits without limit, and loses a Ctrl-C then."""
         thread = threading.Thread(target=end, daemon=True)
         thread.start()
-        thread.join(END if self.up else WATCH)
+        thread.join(_END_WITHIN_S if self.up else _LOOK_EVERY_S)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():
@@ -160,7 +160,7 @@ class Node:
                 if self.up:
                     _logger.warning("%s; connected topics continue", error)
                 self.up = False
-            threading.Event().wait(WATCH)
+            threading.Event().wait(_LOOK_EVERY_S)
 
     def _look(self) -> None:
         """Register again with a master that is another process, or that has forgotten this node."""
@@ -220,7 +220,7 @@ def _end() -> None:
     """Shut the node down; where another thread does, as after `rosnode kill`, wait until the master has been told."""
     if _node is not None:
         _node._tell(lambda: rospy.signal_shutdown("the program ends"))
-    if rospy.core._shutdown_lock.acquire(timeout=END):
+    if rospy.core._shutdown_lock.acquire(timeout=_END_WITHIN_S):
         rospy.core._shutdown_lock.release()
 
 

@@ -33,7 +33,7 @@ from rospy.impl import tcpros_base
 
 from catenary.crtk.inbox import Origin
 from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import ANY
+from catenary.crtk.message_bytes import MESSAGE_BYTES
 from catenary.crtk.transport import HeardTopic, Publisher
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone
@@ -79,12 +79,12 @@ def _pass_over(topic: str, buffer: BytesIO, sock: Any) -> None:
     (size,) = _LENGTH.unpack(buffer.read(_LENGTH.size))
     buffer.seek(end)
     takes = _takes.get(topic)
-    if takes(size) if takes is not None else size <= ANY:
+    if takes(size) if takes is not None else size <= MESSAGE_BYTES:
         return
     rest = buffer.getvalue()[_LENGTH.size + size : end]
     buffer.seek(0)
     buffer.truncate()
-    if size > ANY:
+    if size > MESSAGE_BYTES:
         raise TransportTerminated(f"{topic}: a message of {size} bytes was announced")
     left = _LENGTH.size + size - end
     while left > 0:

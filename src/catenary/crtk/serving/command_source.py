@@ -16,26 +16,26 @@ at any time.
 from collections.abc import Set
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.exclusive_control import STOPPING
+from catenary.crtk.exclusive_control import STOPPING_COMMANDS
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import stamp_of
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.topic_names import COMMAND, CrtkTopic
 from catenary.crtk.transport import Transport
 
-OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
-SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
-LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
-LARGEST = 2048  # bytes of a command that is looked at, ours: what is larger costs a tick its time
-ALWAYS_OBEYED = (*STOPPING, "console/power_off")
+_OLDEST_STAMP_NS = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
+_SETTLE_NS = SECOND  # [ns] after a connection to a client that was there before the server
+_DEAD_CLIENT_NS = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
+_COMMAND_BYTES = 2048  # bytes of a command that is looked at, ours: what is larger costs a tick its time
+_ALWAYS_OBEYED = (*STOPPING_COMMANDS, "console/power_off")
 # tenths of a millisecond that a command takes at most: inverse kinematics, of two arms
-COSTS = {
+_COSTS = {
     "geometry_msgs/PoseStamped": 3,
     "geometry_msgs/TransformStamped": 3,
     "geometry_msgs/TwistStamped": 3,
     "raven_2/raven_automove": 4,
 }
-OF_A_TOPIC = 4  # messages that are looked at in a tick: two clients at 1 kHz, and as many again of a backlog
+TOPIC_COMMANDS_A_TICK = 4  # messages that are looked at in a tick: two clients at 1 kHz, and as many again of a backlog
 
 
 class CommandSource:
@@ -52,9 +52,9 @@ class CommandSource:
         self._set = 0  # [ns] by which the clock of the day has been set
         self._connected: int | None = None
         self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
-        self._subscription = transport.subscribe(topic.name, topic.type, largest=LARGEST)
+        self._subscription = transport.subscribe(topic.name, topic.type, largest=_COMMAND_BYTES)
         self._missed = self._oversized = 0
-        self.cost = COSTS.get(topic.type, 1)
+        self.cost = _COSTS.get(topic.type, 1)
         self.moves = topic.moves
         self.heard: dict[str, int] = {}  # by `Arrival.process`, when its newest came [ns], of all that were taken last
 
@@ -66,7 +66,7 @@ class CommandSource:
         """Drop what waits, and return how many commands that were."""
         return self._subscription.forget()
 
-    def take(self, now: int, most: int = OF_A_TOPIC) -> list[Arrival]:
+    def take(self, now: int, most: int = TOPIC_COMMANDS_A_TICK) -> list[Arrival]:
         """Return those commands that are fresh of the `most` that have waited longest, oldest first; `now` in ns."""
         came = self._subscription.take_arrivals(most=most)
         self._set, self.heard = self._transport.clock.set_by(), {one.process: one.time for one in came}
@@ -80,7 +80,7 @@ class CommandSource:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
             self._missed = lost
         if heard.oversized > self._oversized:
-            text = f"{heard.oversized - self._oversized} commands of more than {LARGEST} bytes dropped"
+            text = f"{heard.oversized - self._oversized} commands of more than {_COMMAND_BYTES} bytes dropped"
             to = () if self.topic.arm is None else (self.topic.arm,)
             self._reports.say(f"{self.topic.name}: too large", text, now, to=to)
             self._oversized = heard.oversized
@@ -97,18 +97,18 @@ class CommandSource:
             return
         if self._connected is None and connected:
             self._connected = now
-        since, least = (self._begin, LONGEST_WAIT) if self._connected is None else (self._connected, SETTLE)
+        since, least = (self._begin, _DEAD_CLIENT_NS) if self._connected is None else (self._connected, _SETTLE_NS)
         self._waits = 0 <= now - since < least  # a clock that was set back ends it too
 
     def _is_fresh(self, arrival: Arrival, now: int) -> bool:
         message = arrival.message
         said = message.string.strip() if self.topic.type == COMMAND else self.topic.verb
-        if said in ALWAYS_OBEYED:
+        if said in _ALWAYS_OBEYED:
             return True
         stamp = stamp_of(message)
         if stamp:
             stamp -= self._set
-            if now - stamp > OLDEST:
+            if now - stamp > _OLDEST_STAMP_NS:
                 age = (now - stamp) / SECOND
                 self._reports.say(f"{self.topic.name}: old", f"stamped {age:.2f} s ago, not obeyed", now)
                 return False
@@ -118,11 +118,11 @@ class CommandSource:
         # a program that is known not to have published the topic when the server began; one that was there before the
         # server, and has been connected for less than a second
         is_newcomer = where and self._old and self._old.isdisjoint((arrival.process, f"{name} "))
-        is_from_before = arrival.process in self._old and 0 <= now - self._since.get(name, now) < SETTLE
+        is_from_before = arrival.process in self._old and 0 <= now - self._since.get(name, now) < _SETTLE_NS
         sent = now if arrival.sent is None else arrival.sent - self._set
         if (self._waits and not is_newcomer) or (arrival.is_first and is_from_before):
             kind, reason = "from before", "its client was there before this server"
-        elif arrival.is_first and now - sent > OLDEST:
+        elif arrival.is_first and now - sent > _OLDEST_STAMP_NS:
             kind, reason = "old", f"sent {(now - sent) / SECOND:.2f} s before it came"
         elif arrival.is_renewed:
             kind, reason = "after a break", "said while its client was not connected"

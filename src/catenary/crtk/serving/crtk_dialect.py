@@ -31,14 +31,14 @@ from catenary.crtk.serving.dialect import (
     joints_and_tool,
     single_number,
 )
-from catenary.crtk.serving.served_arm import BASE, ServedArm
+from catenary.crtk.serving.served_arm import BASE_FRAME, ServedArm
 from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, jacobian, torques_for
 from catenary.crtk.topic_names import CrtkTopic, topics
 from catenary.errors import CatenaryError, InputError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 
-TOOL_TYPE = "LARGE_NEEDLE_DRIVER:400006[..]"  # name:model[versions]; the tool of the catalogue's PSM
-CONVERT = "cisst_msgs/ConvertFloat64Array"
+_TOOL_TYPE = "LARGE_NEEDLE_DRIVER:400006[..]"  # name:model[versions]; the tool of the catalogue's PSM
+_CONVERT = "cisst_msgs/ConvertFloat64Array"
 Set = Callable[[ServedArm, Message], None]
 _Number, _Switch, _Text = (message_class(f"std_msgs/{name}") for name in ("Float64", "Bool", "String"))
 _Wrench, _WrenchStamped = (message_class(f"geometry_msgs/{name}") for name in ("Wrench", "WrenchStamped"))
@@ -62,23 +62,23 @@ def _desired_state(arm: ServedArm) -> str:
 
 def _ratio(arm: ServedArm) -> float:
     """Return the ratio of speed and acceleration; 0 where they differ, as the dVRK says it."""
-    return arm.speed_ratio if arm.speed_ratio == arm.acceleration_ratio else 0.0
+    return arm.settings.speed_ratio if arm.settings.speed_ratio == arm.settings.acceleration_ratio else 0.0
 
 
-BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
-STATE = Event(
-    lambda arm: (arm.state, arm.tick // BUSY_EVERY if arm.state.is_busy else 0),
+_BUSY_EVERY_TICKS = 100  # ticks between two operating states of an arm that is busy
+_STATE = Event(
+    lambda arm: (arm.state, arm.tick // _BUSY_EVERY_TICKS if arm.state.is_busy else 0),
     lambda told, stamp: operating_state_message(told[0], stamp),
 )
-EVENTS = {  # a dVRK's
+_EVENTS = {  # a dVRK's
     "desired_state": Event(_desired_state, lambda state, _: _Text(state)),
     "goal_reached": Event(
         lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended, _: _Switch(ended[1])
     ),
-    "tool_type": Event(lambda _: TOOL_TYPE, lambda tool, _: _Text(tool)),
+    "tool_type": Event(lambda _: _TOOL_TYPE, lambda tool, _: _Text(tool)),
     "trajectory_j/ratio": Event(_ratio, lambda ratio, _: _Number(ratio)),
-    "trajectory_j/ratio_v": Event(lambda arm: arm.speed_ratio, lambda ratio, _: _Number(ratio)),
-    "trajectory_j/ratio_a": Event(lambda arm: arm.acceleration_ratio, lambda ratio, _: _Number(ratio)),
+    "trajectory_j/ratio_v": Event(lambda arm: arm.settings.speed_ratio, lambda ratio, _: _Number(ratio)),
+    "trajectory_j/ratio_a": Event(lambda arm: arm.settings.acceleration_ratio, lambda ratio, _: _Number(ratio)),
 }
 
 
@@ -88,17 +88,17 @@ def _set_ratio(arm: ServedArm, message: Message, which: tuple[str, ...]) -> None
     if not 0.0 < ratio <= 1.0:
         raise InputError(f"ratio {ratio:g}: expected above 0 and at most 1")
     for name in which:
-        setattr(arm, name, ratio)
+        setattr(arm.settings, name, ratio)
 
 
 def _set_base_frame(arm: ServedArm, message: Message) -> None:
     """Place the arm's base: poses and steps of its tool are in that frame from now on; forces stay in its own axes."""
-    arm.base, arm.base_name = pose_of(message), message.header.frame_id or BASE
+    arm.settings.base, arm.settings.base_name = pose_of(message), message.header.frame_id or BASE_FRAME
 
 
 def _set_tool_type(_: ServedArm, message: Message) -> None:
-    if message.data not in (TOOL_TYPE, TOOL_TYPE.partition("[")[0]):
-        raise InputError(f'tool "{message.data}": the simulated arm carries a {TOOL_TYPE} and no other')
+    if message.data not in (_TOOL_TYPE, _TOOL_TYPE.partition("[")[0]):
+        raise InputError(f'tool "{message.data}": the simulated arm carries a {_TOOL_TYPE} and no other')
 
 
 def _emulate_tool_present(_: ServedArm, message: Message) -> None:
@@ -106,7 +106,7 @@ def _emulate_tool_present(_: ServedArm, message: Message) -> None:
         raise InputError("the tool of the simulated arm cannot be taken off")
 
 
-SETTINGS: dict[str, Set] = {
+_SETTINGS: dict[str, Set] = {
     "trajectory_j/set_ratio": partial(_set_ratio, which=("speed_ratio", "acceleration_ratio")),
     "trajectory_j/set_ratio_v": partial(_set_ratio, which=("speed_ratio",)),
     "trajectory_j/set_ratio_a": partial(_set_ratio, which=("acceleration_ratio",)),
@@ -116,7 +116,7 @@ SETTINGS: dict[str, Set] = {
 }
 
 
-FORWARD, INVERSE = "crtk_msgs/QueryForwardKinematics", "crtk_msgs/QueryInverseKinematics"
+_FORWARD, _INVERSE = "crtk_msgs/QueryForwardKinematics", "crtk_msgs/QueryInverseKinematics"
 
 
 def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
@@ -136,12 +136,12 @@ def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
     def tool(request: Message) -> Pose:
         return arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
 
-    forward = answered(FORWARD, lambda request: {"cp": local_pose(arm.placed(tool(request)), 0).pose})
+    forward = answered(_FORWARD, lambda request: {"cp": local_pose(arm.settings.placed(tool(request)), 0).pose})
     yield Service(f"{place}/forward_kinematics", *forward)
     if arm.tool.jaw_is_apart:
-        local = answered(FORWARD, lambda request: {"cp": local_pose(tool(request), 0).pose})
+        local = answered(_FORWARD, lambda request: {"cp": local_pose(tool(request), 0).pose})
         yield Service(f"{place}/local/forward_kinematics", *local)
-    yield Service(f"{place}/inverse_kinematics", *answered(INVERSE, lambda request: {"jp": _joints_at(arm, request)}))
+    yield Service(f"{place}/inverse_kinematics", *answered(_INVERSE, lambda request: {"jp": _joints_at(arm, request)}))
 
 
 def _joints_at(arm: ServedArm, request: Message) -> Floats:
@@ -149,7 +149,7 @@ def _joints_at(arm: ServedArm, request: Message) -> Floats:
     n = len(arm.reported)
     near = arm.setpoint.q if not len(request.jp) else arm.whole(as_array("jp", request.jp, (n,)))
     goal = Pose(rotation_of(request.cp.orientation), as_array("position", tuple(request.cp.position), (3,)))
-    q = arm.tool.joints(arm.unplaced(goal), near)
+    q = arm.tool.joints(arm.settings.unplaced(goal), near)
     arm.require_inside(q)
     return q[:n]
 
@@ -159,17 +159,17 @@ def actuator_service(place: str, joints: Floats) -> Service:
 
     def answer(request: Message) -> Message:
         actuators = as_array("input", request.input, (len(joints),))
-        return message_class(f"{CONVERT}Response")(output=joints @ actuators)
+        return message_class(f"{_CONVERT}Response")(output=joints @ actuators)
 
-    return Service(f"{place}/actuator_to_joint_position", CONVERT, answer)
+    return Service(f"{place}/actuator_to_joint_position", _CONVERT, answer)
 
 
 # from the setpoint: a RAVEN-II's shoulder that covers 0.25 rad as fast as it may comes to a stop in FAULT
-SERVO_REACH = {"rad": 0.2, "m": 0.02}
+_SERVO_REACH = {"rad": 0.2, "m": 0.02}
 
 
 def _frame_of(arm: ServedArm, frame: FrameOfForces) -> FrameOfForces:
-    is_absolute = frame is FrameOfForces.BODY and arm.forces_in_base_axes
+    is_absolute = frame is FrameOfForces.BODY and arm.settings.forces_in_base_axes
     return FrameOfForces.TOOL_IN_BASE_AXES if is_absolute else frame
 
 
@@ -177,7 +177,7 @@ def measured_cf(arm: ServedArm, stamp: int, frame: FrameOfForces) -> Message:
     """Return the force [N] and moment [Nm] that the tool exerts, by the torques beyond the arm's own weight."""
     frame = _frame_of(arm, frame)
     x, y, z, a, b, c = exerted(arm.measured_tool, frame).tolist()
-    where = "tool" if frame is FrameOfForces.BODY else BASE
+    where = "tool" if frame is FrameOfForces.BODY else BASE_FRAME
     return _WrenchStamped(header(stamp, where), _Wrench(Vector3(x, y, z), Vector3(a, b, c)))
 
 
@@ -195,7 +195,7 @@ def _layout(rows: int, columns: int) -> Message:
 
 def local_pose(pose: Pose, stamp: int) -> Message:
     """Return a pose in the arm's own base."""
-    return pose_message(pose, stamp, BASE)
+    return pose_message(pose, stamp, BASE_FRAME)
 
 
 # what is published of each arm in every tick, verb by verb
@@ -235,7 +235,7 @@ class CrtkDialect(Dialect):
         self._events = [
             (arm, event, publishers[verb, name])
             for name, arm in self.arms.items()
-            for verb, event in {"operating_state": STATE, **EVENTS}.items()
+            for verb, event in {"operating_state": _STATE, **_EVENTS}.items()
             if (verb, name) in publishers
         ]
         self._happened: list[Any] = [None] * len(self._events)
@@ -262,7 +262,7 @@ class CrtkDialect(Dialect):
 
 def _has(arm: ServedArm, verb: str) -> bool:
     """Return whether an arm has what a verb needs."""
-    if verb.startswith("local/") or verb in EVENTS or verb in SETTINGS:  # a dVRK's
+    if verb.startswith("local/") or verb in _EVENTS or verb in _SETTINGS:  # a dVRK's
         return arm.tool.jaw_is_apart
     if verb == "jaw/servo_jf":
         return arm.tool.has_jaws and "servo_jf_of" in arm.plant.supports
@@ -270,14 +270,14 @@ def _has(arm: ServedArm, verb: str) -> bool:
 
 
 def _switch(attribute: str) -> Obey:
-    return lambda arm, message: setattr(arm, attribute, bool(message.data))
+    return lambda arm, message: setattr(arm.settings, attribute, bool(message.data))
 
 
 # what moves nothing
 _SET: dict[str, Set] = {
     "use_gravity_compensation": _switch("compensates_gravity"),
     "body/set_cf_orientation_absolute": _switch("forces_in_base_axes"),
-    **SETTINGS,
+    **_SETTINGS,
 }
 
 
@@ -319,9 +319,9 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
     """Go towards joint positions near the setpoint: a client that stood still for seconds makes no arm leap."""
     q = _goal(arm, message)
     for name, unit, way in zip(arm.reported, arm.plant.joint_units, q - arm.setpoint.q, strict=False):
-        if abs(way) > SERVO_REACH[unit]:
+        if abs(way) > _SERVO_REACH[unit]:
             raise InputError(
-                f"servo_jp: {name} is {way:+.3g} {unit} from its setpoint, expected at most {SERVO_REACH[unit]:g}; "
+                f"servo_jp: {name} is {way:+.3g} {unit} from its setpoint, expected at most {_SERVO_REACH[unit]:g}; "
                 "move_jp goes farther"
             )
     arm.go_towards(q)
@@ -336,11 +336,11 @@ def _moved(arm: ServedArm, message: Message) -> Pose:
 def _step_of(arm: ServedArm, message: Message) -> Floats:
     """Return the step [m] and the turn, a rotation vector [rad], of a message, (2, 3) in the arm's own axes."""
     pose = pose_of(message)
-    return arm.unturned(np.array([pose.position, rotation_vector(pose.rotation)]))
+    return arm.settings.unturned(np.array([pose.position, rotation_vector(pose.rotation)]))
 
 
 def _servo_cv(arm: ServedArm, message: Message) -> None:
-    moves.servo_twist(arm, arm.unturned(np.array([message.twist.linear, message.twist.angular])).ravel())
+    moves.servo_twist(arm, arm.settings.unturned(np.array([message.twist.linear, message.twist.angular])).ravel())
 
 
 _OBEYED: dict[str, Obey] = {
@@ -348,13 +348,15 @@ _OBEYED: dict[str, Obey] = {
     "servo_jr": lambda arm, message: arm.increment(_increments(arm, message)),
     "servo_jv": lambda arm, message: arm.run_at(_increments(arm, message, "velocity")),
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
-    "servo_cp": lambda arm, message: moves.servo_pose(arm, arm.unplaced(pose_of(message))),
+    "servo_cp": lambda arm, message: moves.servo_pose(arm, arm.settings.unplaced(pose_of(message))),
     "servo_cr": lambda arm, message: moves.servo_pose_increment(arm, *_step_of(arm, message)),
     "servo_cv": _servo_cv,
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),
-    "move_cp": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, arm.unplaced(pose_of(message)))),
+    "move_cp": lambda arm, message: arm.move_when_planned(
+        moves.straight_move(arm, arm.settings.unplaced(pose_of(message)))
+    ),
     "move_cr": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),

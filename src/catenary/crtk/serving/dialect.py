@@ -114,7 +114,7 @@ def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, 
     """
 
     def pose(arm: ServedArm, pose: Pose, stamp: int) -> Message:
-        return pose_message(arm.placed(pose), stamp, arm.base_name, child=child)
+        return pose_message(arm.settings.placed(pose), stamp, arm.settings.base_name, child=child)
 
     return {
         "measured_js": lambda arm, stamp: _joint_state(arm, arm.measured, stamp),
@@ -127,10 +127,8 @@ def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, 
 
 
 def _twist(arm: ServedArm, twist: Floats, stamp: int) -> Message:
-    if arm.base is not None:
-        twist = (twist.reshape(2, 3) @ arm.base.rotation.T).ravel()
-    x, y, z, a, b, c = twist.tolist()
-    return _TwistStamped(header(stamp, arm.base_name), _Twist(Vector3(x, y, z), Vector3(a, b, c)))
+    x, y, z, a, b, c = arm.settings.turned(twist.reshape(2, 3)).ravel().tolist()
+    return _TwistStamped(header(stamp, arm.settings.base_name), _Twist(Vector3(x, y, z), Vector3(a, b, c)))
 
 
 def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:

@@ -16,12 +16,12 @@ from catenary.trajectories.reference import SampledTrajectory, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 
 # a third of what a setpoint may do, and there in half a second
-SPEED = {"rad": 0.8, "m": 0.016}  # [rad/s], [m/s]
-ACCELERATION = {"rad": 1.6, "m": 0.032}  # [rad/s2], [m/s2]
-_SPACING = 0.002  # [m] of poses along a line
-_TURN = 0.02  # [rad] likewise
-_MOST_PIECES = 256  # half a metre; farther ones are longer, so that a message sizes no array
-_FLAT = 1e-3  # [rad|m] least slope of a way, so that one without any ends too
+_SPEED = {"rad": 0.8, "m": 0.016}  # [rad/s], [m/s]
+_ACCELERATION = {"rad": 1.6, "m": 0.032}  # [rad/s2], [m/s2]
+_SPACING_M = 0.002  # [m] of poses along a line
+_SPACING_RAD = 0.02  # [rad] likewise
+_PIECES = 256  # half a metre; farther ones are longer, so that a message sizes no array
+_LEAST_SLOPE = 1e-3  # [rad|m] least slope of a way, so that one without any ends too
 
 
 def joint_move(arm: ServedArm, q: Floats) -> Callable[[], Trajectory]:
@@ -48,8 +48,8 @@ def _planned(arm: ServedArm, q: Floats, goal: Pose) -> Iterator[Trajectory | Non
         yield None
     start = tool.pose(q)
     way, turn = goal.position - start.position, rotation_vector(start.rotation.T @ goal.rotation)
-    pieces = max(np.linalg.norm(way) / _SPACING, np.linalg.norm(turn) / _TURN)
-    count = min(max(4, int(np.ceil(pieces))), _MOST_PIECES)
+    pieces = max(np.linalg.norm(way) / _SPACING_M, np.linalg.norm(turn) / _SPACING_RAD)
+    count = min(max(4, int(np.ceil(pieces))), _PIECES)
     shares = np.arange(1, count + 1)[:, np.newaxis] / count
     rotations = start.rotation @ Rotation.from_rotvec(shares * turn).as_matrix()
     positions = start.position + shares * way
@@ -64,8 +64,8 @@ def _planned(arm: ServedArm, q: Floats, goal: Pose) -> Iterator[Trajectory | Non
 
 def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
     units = arm.plant.joint_units
-    speed = arm.speed_ratio * np.array([SPEED[unit] for unit in units])
-    return speed, arm.acceleration_ratio * np.array([ACCELERATION[unit] for unit in units])
+    speed = arm.settings.speed_ratio * np.array([_SPEED[unit] for unit in units])
+    return speed, arm.settings.acceleration_ratio * np.array([_ACCELERATION[unit] for unit in units])
 
 
 def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Trajectory | None]:
@@ -73,7 +73,7 @@ def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Tra
     path = CubicSpline(shares, rows)
     yield None
     dense = np.linspace(0.0, 1.0, 4 * len(rows))
-    steepest, bent = (np.abs(path(dense, order)).max(axis=0) + _FLAT for order in (1, 2))
+    steepest, bent = (np.abs(path(dense, order)).max(axis=0) + _LEAST_SLOPE for order in (1, 2))
     # half of the acceleration for the bends of the way, half for getting faster along it
     fastest = min(float((velocity / steepest).min()), float(np.sqrt(0.5 * acceleration / bent).min()))
     soonest = float((0.5 * acceleration / steepest).min())
@@ -95,8 +95,8 @@ class _AlongRows(SampledTrajectory):
         return self._path(place), slope * speed, bend * speed**2 + slope * quickening
 
 
-REFUSED = 0.075  # [m] from the setpoint: the RAVEN-II refuses a servo_cp beyond
-CLIPPED = 0.015  # [m] a servo_cp goes at most
+_REFUSED_FROM_M = 0.075  # [m] from the setpoint: the RAVEN-II refuses a servo_cp beyond
+_CLIPPED_TO_M = 0.015  # [m] a servo_cp goes at most
 
 
 def servo_pose(arm: ServedArm, pose: Pose) -> None:
@@ -104,10 +104,12 @@ def servo_pose(arm: ServedArm, pose: Pose) -> None:
     start = arm.tool.pose(arm.setpoint.q)
     way = pose.position - start.position
     distance = float(np.linalg.norm(way))
-    if distance > REFUSED:
-        raise InputError(f"servo_cp: {1e3 * distance:.1f} mm from the setpoint, expected at most {1e3 * REFUSED:.0f}")
-    if distance > CLIPPED:
-        share = CLIPPED / distance
+    if distance > _REFUSED_FROM_M:
+        raise InputError(
+            f"servo_cp: {1e3 * distance:.1f} mm from the setpoint, expected at most {1e3 * _REFUSED_FROM_M:.0f}"
+        )
+    if distance > _CLIPPED_TO_M:
+        share = _CLIPPED_TO_M / distance
         turn = share * rotation_vector(start.rotation.T @ pose.rotation)
         pose = Pose(start.rotation @ rotation_from_vector(turn), start.position + share * way)
     arm.go_towards(arm.tool.joints(pose, arm.setpoint.q))

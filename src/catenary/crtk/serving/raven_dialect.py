@@ -10,9 +10,9 @@ from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
 from catenary.crtk.serving import moves
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, jaw, joints_and_tool, single_number
-from catenary.crtk.serving.served_arm import JAWS, ServedArm
+from catenary.crtk.serving.served_arm import JAW_JOINTS, ServedArm
 from catenary.crtk.serving.state_machine import robot_state
-from catenary.crtk.topic_names import GRAV_DIR, RAVEN, CrtkTopic
+from catenary.crtk.topic_names import GRAV_DIR, RAVEN_TOPICS, CrtkTopic
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.raven2.topics import CHANNELS, RAVENSTATE, STATE_COLUMNS
@@ -73,7 +73,7 @@ class RavenState:
         joints = [measured.q, measured.qd, setpoint.q, *rows(_TELEMETRY)]
         self._floats[:, channels] = self._factors * joints
         self._counts[:, channels] = rows(_COUNTS)
-        arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
+        arrays["grasp_d"][place] = setpoint.q[-JAW_JOINTS:].sum()
         # velocity and angular velocity of the tool in its own axes; the robot, too, sends them twice
         twist = (arm.measured_tool.twist.reshape(2, 3) @ arm.measured_tool.pose.rotation).ravel()
         for twice in ("jac_vel", "jac_f"):
@@ -88,7 +88,7 @@ class RavenState:
 
 
 _JointState = message_class("sensor_msgs/JointState")
-SLOW = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
+_RVIZ_EVERY_NS = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
 # rviz's model of the arms; each twice: as measured, and as set with a 2 behind
 _RVIZ = ("shoulder", "elbow", "insertion", "tool_roll", "wrist_joint", "grasper_joint_1", "grasper_joint_2")
 _RVIZ_NAMES = tuple(f"{name}_{side}{what}" for what in ("", "2") for side in "LR" for name in _RVIZ)
@@ -122,7 +122,7 @@ class RavenDialect(Dialect):
                 raise InputError(
                     f"dialect raven: the {name} arm has {found} joints, expected {len(_RVIZ)}; other robots speak crtk"
                 )
-        super().__init__(arms, RAVEN, _PUBLISHED, _OBEYED)
+        super().__init__(arms, RAVEN_TOPICS, _PUBLISHED, _OBEYED)
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])
         self._slow: int | None = None
 
@@ -140,7 +140,7 @@ class RavenDialect(Dialect):
         super().publish(now)
         if self._whole.heard:
             self._whole.publish(self._raven_state.message(now))
-        if self._slow is None or not 0 <= now - self._slow < SLOW:
+        if self._slow is None or not 0 <= now - self._slow < _RVIZ_EVERY_NS:
             self._slow = now
             if self._joint_states.heard:
                 gold, green = self.arms["gold"], self.arms["green"]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from catenary.crtk.clock import SECOND
 
 _logger = logging.getLogger(__name__)
-LONGEST = 500  # characters of a text: a message may have quoted much of what was sent
-QUIET = 5 * SECOND  # [ns] between two sayings of the same kind
+_TEXT_CHARACTERS = 500  # characters of a text: a message may have quoted much of what was sent
+_QUIET_NS = 5 * SECOND  # [ns] between two sayings of the same kind
 
 
 @dataclass
@@ -35,11 +35,11 @@ class Reports:
 
         Clients of the arms in `to` are told when it is logged, with `each` each time; `now` in ns.
         """
-        text = text[:LONGEST]
+        text = text[:_TEXT_CHARACTERS]
         report = self.kinds.setdefault(kind, Report(text))
         report.count += times
         report.text = text
-        is_fresh = report.said is None or not 0 <= now - report.said < QUIET
+        is_fresh = report.said is None or not 0 <= now - report.said < _QUIET_NS
         if is_fresh or each:
             self._told.extend((arm, f"{kind}: {text}") for arm in to)
         if is_fresh:

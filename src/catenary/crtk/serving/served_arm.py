@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -16,16 +16,52 @@ from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
 
 # messages of one tick that are added up; more than two clients at 1 kHz send, so that a backlog gets shorter
-MOST_A_TICK = 4
-BACKLOG = 0.25  # [s] that an increment waits at most
-FOLLOW = 0.1  # [s] after its last command during which a goal, a velocity or a torque counts: the watchdog
+_INCREMENTS_A_TICK = 4
+_BACKLOG_S = 0.25  # [s] that an increment waits at most
+_FOLLOW_S = 0.1  # [s] after its last command during which a goal, a velocity or a torque counts: the watchdog
 
 
-JAWS = 2  # joints, the last ones
-BASE = "base"  # frame of all poses
-FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
-LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
+JAW_JOINTS = 2  # joints, the last ones
+BASE_FRAME = "base"  # frame of all poses
+_SETPOINT_SPEED = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
+_LEAST_BUSY_S = (
+    0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
+)
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
+
+
+class ArmSettings:
+    """What clients set of an arm and what moves nothing; poses of its tool are theirs, in the frame that they chose."""
+
+    def __init__(self) -> None:
+        self.compensates_gravity = False
+        self.forces_in_base_axes = False  # what is below body/ is in base axes
+        self.speed_ratio = self.acceleration_ratio = 1.0  # of those that moves have
+        self.base: Pose | None = None  # of the arm's base in frame `base_name`; None: the same
+        self.base_name = BASE_FRAME
+
+    def placed(self, pose: Pose) -> Pose:
+        """Return a pose in the arm's base as clients have it."""
+        return pose if self.base is None else self.base @ pose
+
+    def unplaced(self, pose: Pose) -> Pose:
+        """Return a client's pose in the arm's own base."""
+        return pose if self.base is None else self.base.inverse() @ pose
+
+    def turned(self, vector: Floats) -> Floats:
+        """Return vectors (..., 3) in the arm's own axes as clients have them."""
+        return vector if self.base is None else vector @ self.base.rotation.T
+
+    def unturned(self, vector: Floats) -> Floats:
+        """Return a client's vectors (..., 3) in the arm's own axes."""
+        return vector if self.base is None else vector @ self.base.rotation
+
+
+class _Push(NamedTuple):
+    """Torques that were commanded."""
+
+    tau: Floats  # (n,), NaN for a joint that holds its setpoint
+    until: float  # tick at which they lapse
 
 
 class ServedArm:
@@ -51,16 +87,12 @@ class ServedArm:
         self.lower, self.upper = plant.lower, plant.upper
         self.place = ""  # namespace of its commands
         self.obeys = ""  # topic of the command that it obeyed last
-        self.most = plant.period * np.array([FASTEST[unit] for unit in plant.joint_units])
+        self.most = plant.period * np.array([_SETPOINT_SPEED[unit] for unit in plant.joint_units])
         self._increments: deque[tuple[Floats, int]] = deque()  # that wait (n,), and the ticks in which they came
         self._goal: Floats | None = None  # (n,) that is approached by clamped steps
         self._steps = 0  # that are left to it: so many as there were messages, or for a while
-        self._follow_ticks = max(1, round(FOLLOW / plant.period))
-        self.compensates_gravity = False
-        self.forces_in_base_axes = False  # what is below body/ is in base axes
-        self.speed_ratio = self.acceleration_ratio = 1.0  # of those that moves have
-        self.base: Pose | None = None  # of its base in frame `base_name`, which its poses are in; None: the same
-        self.base_name = BASE
+        self._follow_ticks = max(1, round(_FOLLOW_S / plant.period))
+        self.settings = ArmSettings()
         self.moves_ended = 0, False  # how many, and whether the last one got there
         self._before: tuple[Floats, bool] | None = None  # setpoint of the last tick, whether it was ready
         self.tick = 0
@@ -68,9 +100,8 @@ class ServedArm:
         self.changes = 0  # times that its state was read
         self._doing: Iterator[Floats | None] = iter(())  # where to set it (n,) in each tick, by the command that acts
         self._is_moving = False  # along a trajectory, or one is being planned
-        self._torque: Floats | None = None
+        self._push: _Push | None = None
         self._pushed: Floats | None = None  # torques (n,) that were asked for in this tick
-        self._until = 0  # tick at which the torque lapses
         self._jaw_wanted: Callable[[], Trajectory] | None = None
         self._jaw: tuple[Trajectory, int] | None = None  # of a jaw that moves beside the arm
         self._arrived = self._was_moving = False
@@ -115,15 +146,16 @@ class ServedArm:
             raise InputError("the arm takes no torques")
         if np.isnan(tau).any() and "servo_jf_of" not in self.plant.supports:
             raise InputError("the arm takes torques of all its joints only")
-        if self._torque is None:
-            self._do(self._push())
+        if self._push is None:
+            self._do(self._exert())
             self._jaw = self._jaw_wanted = None
-        self._torque, self._until = tau, self.tick + self._follow_ticks
+        self._push = _Push(tau, self.tick + self._follow_ticks)
 
     def go_limp(self) -> None:
         """Command zero torque, or gravity's alone, until something else is commanded."""
-        self.push_with(np.zeros(len(self.names)))
-        self._until = 2**62
+        torques = np.zeros(len(self.names))
+        self.push_with(torques)
+        self._push = _Push(torques, np.inf)
 
     def move(self, make: Callable[[], Trajectory]) -> None:
         """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
@@ -135,7 +167,7 @@ class ServedArm:
 
     def move_jaw(self, make: Callable[[], Trajectory]) -> None:
         """Move the jaw along a trajectory of all joints: beside what the arm does where it is apart, as a dVRK does."""
-        if self.tool.jaw_is_apart and self._torque is None:
+        if self.tool.jaw_is_apart and self._push is None:
             self._jaw_wanted = make
         else:
             self.move(make)
@@ -155,8 +187,8 @@ class ServedArm:
         self._increments.clear()
         self._goal, self._steps = None, 0
         self._doing, self._is_moving = way, False
-        if self._torque is not None:
-            self._torque = None
+        if self._push is not None:
+            self._push = None
             if self.is_ready and self._takes_positions:
                 self._send(self.measured.q)
 
@@ -184,18 +216,6 @@ class ServedArm:
         ):
             if not lower - 1e-9 <= value <= upper + 1e-9:
                 raise LimitError(f'joint "{name}": {value:.6g} {unit} outside [{lower:.6g}, {upper:.6g}]')
-
-    def placed(self, pose: Pose) -> Pose:
-        """Return a pose in the arm's base as clients have it: in the frame that they gave it, if they did."""
-        return pose if self.base is None else self.base @ pose
-
-    def unplaced(self, pose: Pose) -> Pose:
-        """Return a client's pose in the arm's own base."""
-        return pose if self.base is None else self.base.inverse() @ pose
-
-    def unturned(self, vector: Floats) -> Floats:
-        """Return a client's vectors (..., 3) in the arm's own axes."""
-        return vector if self.base is None else vector @ self.base.rotation
 
     def jaw_increments(self, angle: float) -> Floats:
         """Return increments (n,) that open the jaws by an angle [rad], half with each of two."""
@@ -277,14 +297,14 @@ class ServedArm:
 
         However messages bunch up, their way is the same, and nothing leaps. The robot itself loses what is over.
         """
-        waiting, patience = self._increments, max(1, round(BACKLOG / self.plant.period))
+        waiting, patience = self._increments, max(1, round(_BACKLOG_S / self.plant.period))
         while True:
             while waiting and self.tick - waiting[0][1] > patience:
                 waiting.popleft()
             if not waiting:
                 return
             total = waiting.popleft()[0]
-            for _ in range(min(MOST_A_TICK - 1, len(waiting))):
+            for _ in range(min(_INCREMENTS_A_TICK - 1, len(waiting))):
                 more = total + waiting[0][0]
                 if (np.abs(more) > self.most).any():
                     break
@@ -327,12 +347,12 @@ class ServedArm:
         """Return where a trajectory that began in a tick is now (n,), and whether it ends there."""
         time = (self.tick + 1 - begin) * self.plant.period
         q = np.array(trajectory(min(time, trajectory.duration)).q)
-        return q, time >= max(trajectory.duration, LEAST_BUSY)
+        return q, time >= max(trajectory.duration, _LEAST_BUSY_S)
 
-    def _push(self) -> Iterator[Floats | None]:
-        while self._torque is not None and self.tick < self._until:
-            tau, q = self._torque, self.measured.q
-            if self.compensates_gravity:
+    def _exert(self) -> Iterator[Floats | None]:
+        while self._push is not None and self.tick < self._push.until:
+            tau, q = self._push.tau, self.measured.q
+            if self.settings.compensates_gravity:
                 tau = tau + self.gravity_torque(q, self.measured.gravity)
             self._pushed = tau
             # a robot that bounds nothing by itself is not pushed farther
@@ -344,7 +364,7 @@ class ServedArm:
             else:
                 self.plant.servo_jf(tau)
             yield None
-        self._torque = None
+        self._push = None
         yield self.measured.q  # the firmware holds where the arm is
 
     def _report_limits(self, asked: Floats) -> None:

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from catenary.crtk.client import STARTS
+from catenary.crtk.client import STARTS_TEXT
 from catenary.crtk.clock import SECOND
-from catenary.crtk.exclusive_control import WATCH, Commander, another_robot, require_no_other_robot
+from catenary.crtk.exclusive_control import WATCH_EVERY_NS, Commander, another_robot, require_no_other_robot
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message
-from catenary.crtk.serving.command_source import OF_A_TOPIC, CommandSource
+from catenary.crtk.serving.command_source import TOPIC_COMMANDS_A_TICK, CommandSource
 from catenary.crtk.serving.dialect import Dialect, LazyPublisher
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
@@ -25,7 +25,7 @@ from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.crtk.topic_names import (
     BUTTON,
     BUTTON_TYPE,
-    CONSOLE,
+    CONSOLE_COMMANDS,
     DIAGNOSTICS,
     DIAGNOSTICS_TYPE,
     JOINT_STATE,
@@ -40,7 +40,7 @@ from catenary.topics import Topic
 _Array, _Status, _KeyValue = (
     message_class(f"diagnostic_msgs/{name}") for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
 )
-OK, WARN, ERROR = 0, 1, 2  # levels
+_OK, _WARN, _ERROR = 0, 1, 2  # levels
 
 
 class Diagnostics:
@@ -70,9 +70,9 @@ class Diagnostics:
     def _status(self, name: str, arm: ServedArm) -> Message:
         state = arm.state
         refused = sum(one.count for kind, one in self._reports.kinds.items() if kind.endswith(": refused"))
-        level, text = (OK, state.state) if state.is_homed or state.is_busy else (WARN, f"{state.state}, not homed")
+        level, text = (_OK, state.state) if state.is_homed or state.is_busy else (_WARN, f"{state.state}, not homed")
         if state.state == "FAULT":
-            level, text = ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
+            level, text = _ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
         values = {**state._asdict(), "commands refused": refused}
         pairs = tuple(_KeyValue(key, str(value)) for key, value in values.items())
         return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
@@ -108,10 +108,12 @@ class ServedEncoders:
                 lazy.publish(joint_state_message(self._joints, stamp, values))
 
 
-ANNOUNCED = 0.6  # [s] until all of a network know of a robot: ROS 1's master is asked twice a second
-STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
+_ANNOUNCED_WITHIN_S = 0.6  # [s] until all of a network know of a robot: ROS 1's master is asked twice a second
+_STOPPING_VERBS = ("hold", "free")  # commands after which nothing is obeyed that waited
 _String = message_class("std_msgs/String")
-MOST = 8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
+_COMMAND_COST_A_TICK = (
+    8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
+)
 
 
 class Server:
@@ -194,7 +196,7 @@ class Server:
         self.ticks += 1
         # a topic a tick: whoever has just connected reads at once, as of a robot that publishes to nobody too
         self._heard[self.ticks % len(self._heard)].watch()
-        if not 0 <= now - self._watched < WATCH:
+        if not 0 <= now - self._watched < WATCH_EVERY_NS:
             self._watched = now
             for source in self._sources:
                 source.watch(now)
@@ -204,7 +206,7 @@ class Server:
 
     def require_alone(self) -> None:
         """Refuse to begin beside another robot of this name, which may have been announced at the same time."""
-        self.transport.sleep(ANNOUNCED)
+        self.transport.sleep(_ANNOUNCED_WITHIN_S)
         if other := another_robot(self.transport, self._joints):
             raise TransportError(other)
 
@@ -214,10 +216,12 @@ class Server:
 
     def _take_in(self, now: int) -> None:
         """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
-        left, waiting = MOST, 0
+        left, waiting = _COMMAND_COST_A_TICK, 0
         for k, source in enumerate(self._sources):
-            free = left - MOST // 2 if k < self._others else left  # state commands leave half to the others
-            count = min(len(source), OF_A_TOPIC, free // source.cost)
+            free = (
+                left - _COMMAND_COST_A_TICK // 2 if k < self._others else left
+            )  # state commands leave half to the others
+            count = min(len(source), TOPIC_COMMANDS_A_TICK, free // source.cost)
             left -= count * source.cost
             if count and k < self._others:  # who asks for a state reads the robot next
                 for lazy in self._heard:
@@ -241,7 +245,7 @@ class Server:
         for name, arm in self.arms.items():
             if arm.machine.can_change:
                 refused = arm.machine.press_button()
-                said.append(f"{name}: {refused}" if refused else f"{name}{STARTS}")
+                said.append(f"{name}: {refused}" if refused else f"{name}{STARTS_TEXT}")
         return said
 
     def start(self) -> None:
@@ -276,14 +280,14 @@ class Server:
     def _pressed(self, request: Message) -> Message:
         said = self.press_button()
         return message_class(f"{BUTTON_TYPE}Response")(
-            success=any(text.endswith(STARTS) for text in said), message="; ".join(said)
+            success=any(text.endswith(STARTS_TEXT) for text in said), message="; ".join(said)
         )
 
     def _obey(self, source: CommandSource, arrival: Arrival, now: int) -> None:
         topic, message, process = source.topic, arrival.message, arrival.process
         try:
             if topic.commands_state:
-                for text in CONSOLE.get(topic.verb) or (message.string,):
+                for text in CONSOLE_COMMANDS.get(topic.verb) or (message.string,):
                     self._state_command(topic, text, now)
             elif topic.name == BUTTON:
                 self.reports.say("button", "; ".join(self.press_button()), now, to=tuple(self.arms), each=True)
@@ -294,7 +298,7 @@ class Server:
                         is_busy = self.arms[name].state.is_busy
                         self._commanders[name].require_free(process, now, is_moving=is_busy)
                 self._dialect.obey(topic, message)
-                if topic.verb in STOPS and topic.arm is not None:
+                if topic.verb in _STOPPING_VERBS and topic.arm is not None:
                     self._forget_others(self.arms[topic.arm], now)
                 for name in moved if source.moves else ():
                     self._commanders[name].commands(topic.name, process, now)

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, cast
 
 from catenary.crtk.dialects import dialect_named
-from catenary.crtk.exclusive_control import STOPPING
+from catenary.crtk.exclusive_control import STOPPING_COMMANDS
 from catenary.errors import NotReadyError
 from catenary.plant import STATE_COMMANDS, TRANSITIONS, OperatingState, Plant, StateCommand, StateName
 
@@ -60,7 +60,7 @@ class StateMachine:
             return f'"{name}": ignored, expected one of {", ".join(STATE_COMMANDS)}'
         if not self.can_change:
             return f"{name}: ignored, the arm is parked"
-        if self.held_by and name not in STOPPING:
+        if self.held_by and name not in STOPPING_COMMANDS:
             return f"{name}: ignored, {self.held_by}"
         state = self._plant.operating_state()
         if _ASKED_FOR.get(name) == state.state:

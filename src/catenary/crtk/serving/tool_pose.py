@@ -25,7 +25,7 @@ from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, identity_pose
 
-SEARCH = 15  # steps of a search from the pose before, or 75 mm beside: a tick has no time for more
+_SEARCH_STEPS = 15  # steps of a search from the pose before, or 75 mm beside: a tick has no time for more
 
 
 class ToolPose:
@@ -65,7 +65,7 @@ class ToolPose:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws."""
         self.require_reach(pose)
         start = np.clip(self.to_model @ near, self.model.lower, self.model.upper)
-        return self._with_jaws(inverse_kinematics(self.model, pose, start, max_iterations=SEARCH), near)
+        return self._with_jaws(inverse_kinematics(self.model, pose, start, max_iterations=_SEARCH_STEPS), near)
 
     def require_reach(self, pose: Pose) -> None:
         """Refuse a pose farther away than the arm is long, before anything is worked out."""
@@ -84,7 +84,9 @@ class ToolPose:
         else:
             found = np.empty((len(positions), model.n))
             for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
-                start = found[k] = inverse_kinematics(model, Pose(rotation, position), start, max_iterations=SEARCH)
+                start = found[k] = inverse_kinematics(
+                    model, Pose(rotation, position), start, max_iterations=_SEARCH_STEPS
+                )
         return self._with_jaws(found, near)
 
     def prepare(self) -> None:
@@ -118,7 +120,7 @@ def _reach(model: RobotModel) -> float:
     return float(links + slides.sum())
 
 
-NOT_FELT = 1e-4  # share of the Jacobian's largest gain below which joints do not feel a force: it reads zero
+_UNFELT_GAIN = 1e-4  # share of the Jacobian's largest gain below which joints do not feel a force: it reads zero
 
 
 class ToolState:
@@ -158,7 +160,7 @@ class ToolState:
 
 def wrench_of(jacobian: Floats, tau: Floats) -> Floats:
     """Return the wrench F (6,) of least size with J^T F = tau, for J (6, n) and tau (n,)."""
-    return np.array(np.linalg.lstsq(jacobian.T, tau, rcond=NOT_FELT)[0], dtype=float)
+    return np.array(np.linalg.lstsq(jacobian.T, tau, rcond=_UNFELT_GAIN)[0], dtype=float)
 
 
 class FrameOfForces(Enum):
