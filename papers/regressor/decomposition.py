@@ -58,7 +58,7 @@ def block_texts(model: RobotModel, joint: int) -> list[str]:
     for frame in range(-1, len(model.link_names)):
         for along in range(3):
             terms = full_entry(model, joint, frame, np.eye(3)[along], _DOWN, row)
-            short = terms is not None and len(terms) <= formulas.SHORT
+            short = terms is not None and len(terms) <= formulas.SHORT_TERMS
             name = f"Z{joint + 1},{3 * (frame + 1) + along + 1}"
             texts.append(formulas.terms_text(terms or {}) if short else name)
     return texts
@@ -98,7 +98,7 @@ def _dotted(a: formulas.SymbolicVector, b: formulas.SymbolicVector) -> formulas.
                 product = tuple(sorted(left + right))
                 total[product] = total.get(product, 0.0) + x * y
     found = formulas.cleaned(total)
-    return found if len(found) <= formulas.MOST else None
+    return found if len(found) <= formulas._MAX_TERMS else None
 
 
 @run(revision=1)
