@@ -1,16 +1,22 @@
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.collision.scene import floor_at, scene_of
-from catenary.dynamics.kinematics import Configuration
-from catenary.errors import InputError
+from catenary.collision import scene
+from catenary.collision.scene import _LOOK_COUNT, body_of, box_at, floor_at, mesh_at, scene_of
+from catenary.dynamics.kinematics import Configuration, forward_kinematics
+from catenary.errors import FileFormatError, InputError, MissingPackageError
 from catenary.robots.catalog import load_robot
+from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Shape, TriangleMesh
 from catenary.robots.shapes import load_geometry
-from colliding_arm import PANDA, apart, box_arm, capsule_arm, write_arm
+from catenary.spatial import Pose, rotation_from_vector
+from colliding_arm import PANDA, apart, box_arm, capsule_arm, motion, write_arm
 from tests.descriptions.collisions import colliding, of_capsules, read_geometry, with_pairs
 
 Q = np.random.default_rng(0).uniform(PANDA.lower, PANDA.upper, (60, PANDA.n))
@@ -154,3 +160,123 @@ def test_pairs_that_touch_everywhere_are_left_out_and_told():
     assert ("q4", "q6") in names
     assert len(kept.pairs) < len(scene.pairs)
     assert not any("floor" in pair for pair in names)  # obstacles stay: a floor above the robot is no joint
+
+
+POSE = Pose(rotation_from_vector([0.3, -0.5, 0.2]), np.array([0.1, 0.2, -0.3]))
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+TETRAHEDRON = TriangleMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+
+
+def body(form):
+    return body_of(Shape("link", 0, POSE, form))
+
+
+def test_balls_about_forms_hold_them():
+    rng = np.random.default_rng(0)
+    sphere = rng.normal(size=(500, 3))
+    sphere /= np.linalg.norm(sphere, axis=1)[:, None]
+    angle = rng.uniform(0, 6.28, 500)
+    rim = np.column_stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), rng.choice([-0.5, 0.5], 500)])
+    for form, points in (
+        (Ball(0.4), 0.4 * sphere),
+        (Capsule(0.2, 1.0), [[0, 0, 0.7], [0, 0, -0.7], [0.2, 0, 0.5]]),
+        (Box(0.2, 0.6, 0.3), CORNERS * [0.2, 0.6, 0.3]),
+        (Cylinder(0.2, 1.0), rim),
+        (Ellipsoid(0.2, 0.6, 0.3), sphere * [0.2, 0.6, 0.3]),
+        (TETRAHEDRON, TETRAHEDRON.vertices),
+    ):
+        one, there = body(form), points @ POSE.rotation.T + POSE.position
+        assert np.linalg.norm(there - one.centre, axis=1).max() < one.radius + 1e-6, form
+    assert body(HalfSpace()).is_plane
+
+
+def test_what_is_missing_is_said(monkeypatch):
+    scene._coal.cache_clear()
+    monkeypatch.setitem(__import__("sys").modules, "coal", None)
+    with pytest.raises(MissingPackageError, match=r"pip install .*coal"):
+        body(Box(1, 1, 1))
+
+
+def test_obstacles_stand_where_they_were_put(tmp_path):
+    assert floor_at(-0.2).pose.position[2] == -0.2
+    box = box_at(3, [1, 2, 3, 0.1, 0.2, 0.3])
+    assert box.name == "box 3"
+    assert tuple(box.form) == (0.1, 0.2, 0.3)
+    (tmp_path / "table.stl").write_text("solid")
+    assert_array_equal(mesh_at(tmp_path / "table.stl", [1, 2, 3]).pose.position, [1, 2, 3])
+
+
+def test_what_cannot_stand_anywhere_is_refused(tmp_path):
+    with pytest.raises(InputError, match="floor: height nan"):
+        floor_at(np.nan)
+    with pytest.raises(InputError, match="box 1: expected six numbers"):
+        box_at(1, [1, 2, 3])
+    with pytest.raises(InputError, match="box 1: size 0, expected above zero"):
+        box_at(1, [1, 2, 3, 1, 0, 1])
+    with pytest.raises(FileFormatError, match="no such mesh"):
+        mesh_at(tmp_path / "none.stl", [0, 0, 0])
+
+
+CAPSULES = apart(capsule_arm(), [floor_at(0.25)])
+BOXES = apart(box_arm(), [floor_at(-0.2), box_at(1, [0.5, 0.0, 0.6, 0.2, 0.2, 0.2])])
+
+
+def smallest(scene, path, rows):
+    placed = Configuration(scene.model, path.sample(np.linspace(0.0, path.duration, rows))[0])
+    known = scene.lower_bounds(placed)
+    least = np.inf
+    for place in np.argsort(known, axis=None):
+        row, pair = (int(k) for k in np.unravel_index(place, known.shape))
+        if known[row, pair] >= least:
+            break
+        least = min(least, scene.distance(placed, row, pair))
+    return least
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 0.05), st.floats(0.05, 1.2))
+@settings(max_examples=12)
+def test_a_motion_is_kept_clear_where_a_fine_look_finds_nothing_nearer(seed, margin, amplitude):
+    path = motion(PANDA, seed, amplitude)
+    found = CAPSULES.clearance(path, margin)
+    least = smallest(CAPSULES, path, 1500)
+    if found.is_kept:
+        assert least >= margin
+        event("kept")
+    else:
+        assert found.distance < margin + 1e-4
+        assert least < margin + 0.005  # a fine look comes as near, but for what lies between its rows
+
+
+@given(st.integers(0, 10**6), st.floats(0.05, 1.0))
+@settings(max_examples=10)
+def test_the_same_of_boxes_by_coal(seed, amplitude):
+    path = motion(PANDA, seed, amplitude)
+    found = BOXES.clearance(path, 0.01)
+    least = smallest(BOXES, path, 600)
+    assert least >= 0.01 if found.is_kept else least < 0.015
+    if found.is_kept:
+        assert found.distance >= 0.01
+
+
+def test_a_small_thing_that_is_passed_between_two_looks_is_found():
+    path = motion(PANDA, 3, 1.5, centre=np.array([0.0, 0.9, 0.0, -1.2, 0.0, 2.0, 0.0]))
+    times = np.linspace(0.0, path.duration, _LOOK_COUNT + 1)
+    tip = forward_kinematics(PANDA, path.sample(times)[0])[1]
+    k = int(np.argmax(np.linalg.norm(np.diff(tip, axis=0), axis=1)))
+    passed = forward_kinematics(PANDA, path.sample(times[k : k + 2].mean(keepdims=True))[0])[1][0]
+    scene = scene_of(PANDA, capsule_arm(radius=0.001), [box_at(1, [*passed, 1e-3, 1e-3, 1e-3])])
+    # the hand's own capsule alone: the links before it would be in the way as well
+    is_hand = [set(scene.names(p)) == {PANDA.link_names[-1], "box 1"} for p in range(len(scene.pairs))]
+    scene = replace(scene, pairs=scene.pairs[is_hand])
+    assert smallest(scene, path, _LOOK_COUNT + 1) > 0.01
+    found = scene.clearance(path, 1e-3)
+    assert not found.is_kept
+    assert times[k] < found.time < times[k + 1]
+
+
+def test_a_motion_that_stands_still_is_looked_at_little():
+    path = motion(PANDA, 0, 1e-6, centre=np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0]))
+    found = CAPSULES.clearance(path, 0.005)
+    assert found.is_kept
+    assert found.instants < 300
+    assert found.distance == pytest.approx(smallest(CAPSULES, path, 3), abs=1e-5)

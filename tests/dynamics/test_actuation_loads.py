@@ -43,12 +43,6 @@ def test_every_effect_acts_along_its_combination():
 
 
 @given(st.tuples(finite, finite), st.tuples(finite, finite))
-def test_friction_takes_power_never_gives_it(q, qd):
-    tau = columns(q, qd, [0, 0])[:, :2]
-    assert (np.asarray(qd) @ tau >= 0.0).all()
-
-
-@given(st.tuples(finite, finite), st.tuples(finite, finite))
 def test_a_rotor_takes_the_power_that_its_kinetic_energy_gains(qd, qdd):
     power = np.asarray(qd) @ columns([0, 0], qd, qdd)[:, 3]
     step = 1e-6

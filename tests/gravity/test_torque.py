@@ -1,6 +1,8 @@
 import warnings
+from dataclasses import replace
 from functools import partial
 
+import mujoco
 import numpy as np
 import pinocchio
 import pytest
@@ -9,13 +11,20 @@ from numpy.testing import assert_allclose, assert_array_equal
 import catenary
 from catenary.dynamics.robot_kernels import _FEW_CALLS
 from catenary.errors import ImplausibleWarning, InputError
-from catenary.gravity.torque import center_of_mass_jacobian, gravity_delta, gravity_torque, potential_energy
+from catenary.gravity.torque import (
+    center_of_mass,
+    center_of_mass_jacobian,
+    gravity_delta,
+    gravity_torque,
+    potential_energy,
+)
 from catenary.robots.catalog import load_robot
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL
 from oracles.floating_base import by_mujoco, by_pinocchio, held
+from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
 from oracles.paper_gravity import paper_gravity_torque
-from oracles.pinocchio_trees import pinocchio_model, pinocchio_vector
+from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
 from oracles.random_trees import Floats, RandomRobot
 
 RAVEN = load_robot("raven2")
@@ -154,3 +163,31 @@ def test_firmware_for_a_level_base_plus_the_delta_is_the_whole_gravity_torque(ra
         whole = gravity_torque(robot.model, q, LEVEL) + gravity_delta(robot.model, q, gravity)
         assert_allclose(whole, gravity_torque(robot.model, q, gravity), atol=1e-11)
         assert_array_equal(gravity_delta(robot.model, q, LEVEL), np.zeros(robot.model.n))  # nothing to add
+
+
+def test_it_is_where_mujoco_and_pinocchio_have_it(random_robots, rng) -> None:
+    for robot in random_robots[::2]:
+        m = robot.model
+        q = rng.normal(size=m.n)
+        mj, pin = mujoco_model(robot), pinocchio_model(robot)
+        data, pin_data = mujoco_data(robot, mj, q), pin.createData()
+        x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
+        # Pinocchio counts the moving links alone, MuJoCo also those fixed to the base
+        assert_allclose(center_of_mass(m, q), pinocchio.centerOfMass(pin, pin_data, x), atol=1e-10)
+        if np.isclose(mj.body_subtreemass[0], m.tree.mass.sum()):
+            assert_allclose(center_of_mass(m, q), data.subtree_com[0], atol=1e-10)
+        linear = np.zeros((3, mj.nv))
+        mujoco.mj_jacSubtreeCom(mj, data, linear, 0)
+        share = mj.body_subtreemass[0] / m.tree.mass.sum()
+        expected = share * linear[:, mujoco_order(robot, mj)] @ m.coupling
+        assert_allclose(center_of_mass_jacobian(m, q), expected, atol=1e-10, err_msg=m.name)
+        J = np.asarray(pinocchio.jacobianCenterOfMass(pin, pin_data, x)).reshape(3, -1)
+        expected = J[:, pinocchio_order(robot, pin)] @ m.coupling
+        assert_allclose(center_of_mass_jacobian(m, q), expected, atol=1e-10, err_msg=m.name)
+
+
+def test_what_has_no_mass_is_refused() -> None:
+    arm = load_robot("raven2")
+    empty = replace(arm, tree=arm.tree._replace(mass=np.zeros(3)))
+    with pytest.raises(InputError, match="no moving link has a mass"):
+        center_of_mass(empty, np.zeros(3))

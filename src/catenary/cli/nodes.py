@@ -189,9 +189,9 @@ class GravitySensor:
 
     def topic(self) -> tuple[str, str]:
         """Return the topic's name and type."""
-        from catenary.crtk.gravity_topic import TYPES
+        from catenary.crtk.gravity_topic import GRAVITY_TYPES
 
-        given = zip((self.imu, self.accel, self.vector), TYPES, strict=True)
+        given = zip((self.imu, self.accel, self.vector), GRAVITY_TYPES, strict=True)
         return next((name, kind) for name, kind in given if name is not None)
 
 

@@ -134,9 +134,7 @@ def mesh_at(path: Path, place: Sequence[float]) -> Shape:
 
 
 POSES = 60  # at which it is looked for pairs that always touch
-_LOOK_COUNT = (
-    128  # along a motion: a pair is measured where the balls about it let less time pass, and the nearest is told
-)
+_LOOK_COUNT = 128  # along a motion: a pair is measured where balls about it let less time pass; the nearest is told
 _FINEST_M = 2e-5  # [m] closer to the margin than this counts as within it
 Names = tuple[str, str]
 

@@ -17,9 +17,7 @@ from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 
 IN_95_PERCENT = 1.96  # standard deviations
-_SINGULAR_RATIO = (
-    1e-3  # of a Jacobian's largest singular value, with rad and m alike: less, and a direction is not told
-)
+_SINGULAR_RATIO = 1e-3  # of a Jacobian's largest singular value, rad and m alike: less, and a direction is not told
 
 
 class ExternalTorque(NamedTuple):

@@ -26,15 +26,12 @@ from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 _CHUNK_ROWS = 4000  # rows whose regressor is held in memory at a time
 _RANDOM_ROWS = 400
-_DEPENDENT_RATIO = (
-    1e-8  # of the largest column; random motion of exact geometry leaves a gap of eight decades around it
-)
+_DEPENDENT_RATIO = 1e-8  # of the largest column; random motion of exact geometry leaves eight decades around it
 # angles that a file rounds (1.5708, 1.57) show 4e-6 to 9e-4 of a column beside exact ones, which no recording shows;
 # the least own share of a column of the catalogue's robots is 0.02
 _ROUNDED_RATIO = 2e-3
-_SEEN_RATIO = (
-    1e-5  # of the largest column: more than a link's under gravity along an axis of 3.1416 for pi; others: 0.008
-)
+# of the largest column: more than a link's under gravity along an axis of 3.1416 for pi; others: 0.008
+_SEEN_RATIO = 1e-5
 _ROUNDING_RATIO = 1e-9  # of the largest entry of `combination`
 # by 30 deg about a horizontal axis 40 deg from x: along nothing that a robot's axes are likely to lie along
 TILTED = (

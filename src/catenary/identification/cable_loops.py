@@ -22,17 +22,13 @@ from catenary.verdict.pairs import MOVED_DEG_MM, play
 _BLOCK_COUNT, _MIN_BLOCKS = 8, 4  # of time, whose spread gives the intervals; with reversals (rows of a slope, too)
 _TURN_SHARE = 0.05  # share of a joint's range that it must go back by for a reversal to count
 _SMOOTHING_S = 0.01  # [s] to either side, over which readings are averaged; speeds over thrice that
-_MOVING_SHARE, _FOLLOWING_SHARE = (
-    0.25,
-    0.5,
-)  # of a joint's RMS speed, of its motor's: slower rows tell nothing of friction
+# of a joint's RMS speed, of its motor's: slower rows tell nothing of friction
+_MOVING_SHARE, _FOLLOWING_SHARE = 0.25, 0.5
 _OWN_VARIANCE_SHARE = 0.1  # of the variance of a joint's direction that pose and speed must leave
 _STANDING_JUMPS, _BACKLASH_JUMPS = 3.0, 4.0  # of what an encoder jumps by; of that, the least lost motion that is told
 _EVEN_RATIO = 2.0  # at most, between the 16th and 84th percentile of lost motion, where a joint moves alone
-_SAME_DIFFERENCE, _APART_FACTOR = (
-    0.3,
-    3.0,
-)  # difference of a wind-up's halves that is none; factor from which neither is a stiffness
+# difference of a wind-up's halves that is none; factor from which neither is a stiffness
+_SAME_DIFFERENCE, _APART_FACTOR = 0.3, 3.0
 _MIN_WINDUP_S = 0.3  # [s] that a wind-up lasts at least: in a faster one rotor inertia looks like friction
 _MAX_ROWS = 6000
 _NO_BACKLASH_TEXT = (

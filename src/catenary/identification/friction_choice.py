@@ -8,7 +8,7 @@ and more than that differs from block to block.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -107,8 +107,8 @@ def choose_friction(
             parts[key] = FrictionPart(actuation.friction[part.friction].name, part.kind, part.scale, gain)
     friction = list(actuation.friction)
     for (kind, place), candidate in chosen.items():
-        value = True if candidate.scale is None else candidate.scale
-        friction[place] = replace(friction[place], **{kind: value})
+        given: dict[str, Any] = {kind: True if candidate.scale is None else candidate.scale}
+        friction[place] = replace(friction[place], **given)
     return replace(actuation, friction=tuple(friction)), tuple(parts.values())
 
 
@@ -167,6 +167,7 @@ def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequenc
     """Return the parts that frictions lack and could have, their columns behind the first ones."""
     found: list[_Candidate] = []
     tried = [term for term in FRICTION_TERMS.values() if term.kind in kinds and not term.usual]
+    tried.sort(key=lambda term: term.scale is not None)  # what has no grid of scales first
     if samples[0].history is None:
         tried = [term for term in tried if term.memory is None]
     for place, friction in enumerate(actuation.friction):

@@ -23,10 +23,8 @@ _DAY_ROWS, _MAX_ROWS = 600, 6000  # that are looked at, of each of several days,
 _WORSE_RATIO = 1.3  # times the training residual, from which on another cause is asked for
 _LEFT_SHARE = 0.6  # of what load and zeros leave squared, at most, that a cause leaves
 _NOTHING_LEFT_SHARE = 1e-3  # of the torque
-_MIN_GAIN_CHANGE, _MIN_TILT_RAD = (
-    0.1,
-    np.deg2rad(3.0),
-)  # from the one identified: less spoils less than friction of other days
+# from the one identified: less spoils less than friction of other days
+_MIN_GAIN_CHANGE, _MIN_TILT_RAD = 0.1, np.deg2rad(3.0)
 
 
 def cause_findings(

@@ -32,9 +32,7 @@ from catenary.units import TORQUE_UNIT
 from catenary.verdict.finding import Finding
 
 _SIGNIFICANT_DEVIATIONS = 3.0  # standard deviations of the estimate
-_TORQUE_SHARE = (
-    0.2  # torque of the payload over what stays unexplained: less is seen in unloaded recordings of other days
-)
+_TORQUE_SHARE = 0.2  # of the payload, over what stays unexplained: less is seen in unloaded recordings of other days
 _TORQUE_SHARE_ANYWHERE = 0.4  # the same where mass, place and link are free to follow a drift of the arm
 _CORRELATED_S = 1.0  # [s] over which residuals hang together: friction and cables remember
 _TOLD_DEVIATION = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it

@@ -68,11 +68,8 @@ _compiled_memory = cache(compiled)
 _MIN_RATE_CORRELATION = 0.5  # least correlation of a velocity with the derivative of its position
 _MOVING_RMS = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
 _RATE_SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
-_CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = (
-    0.99,
-    0.02,
-    0.03,
-)  # correlation, spread and distance from 1 of slopes that stamps make; real 0.012
+# correlation, spread and distance from 1 of slopes that stamps make; real 0.012
+_CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = 0.99, 0.02, 0.03
 
 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:

@@ -32,9 +32,8 @@ from catenary.verdict.finding import Finding
 # above zero; an axis whose torque has the wrong sign seems to drive itself as strongly.
 _SURE_DEVIATIONS = 3.0  # standard deviations below zero of the power that friction takes
 _NOTABLE_POWER_SHARE = 0.05  # of the mean torque times the mean speed
-_MENDED_SHARE = (
-    0.35  # of the product of all axes' mean squares: at most this is left when one axis's sign is turned back
-)
+# of the product of all axes' mean squares: at most this is left when one axis's sign is turned back
+_MENDED_SHARE = 0.35
 _NO_RESIDUAL = 1e-3  # relative residual that counts as none
 _DOUBTFUL_RESIDUAL = 0.1  # relative residual from which on it is asked whether axes are swapped or turned
 _LOOKED_ROWS = 600  # that are looked at
@@ -316,9 +315,8 @@ def mounting_finding(model: RobotModel, samples: Samples) -> Finding | None:
     )
 
 
-_COURSE_LEFT_SHARE = (
-    0.4  # of the product of all axes' mean squares, at most; untouched runs of four real arms keep 0.74 or more
-)
+# of the product of all axes' mean squares, at most; untouched runs of four real arms keep 0.74 or more
+_COURSE_LEFT_SHARE = 0.4
 _MAX_LAG_S, _LAG_COUNT = 0.2, 41  # [s] by which torques may be late or early, and how many such times are tried
 _DELAY_TOLERANCE_S = 0.012  # [s]: intervals of those arms' delays contain zero, and are about 10 ms wide at best
 _CHANGE_TIMES = np.linspace(0.15, 0.85, 15)  # of the recording, at which a change is tried

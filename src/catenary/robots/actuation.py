@@ -89,7 +89,8 @@ class Friction(_FrictionParts):  # type: ignore[misc]  # its fields are those of
     def only(self, kept: Callable[[FrictionTerm], bool], **changes: str) -> "Friction":
         """Return it with no other terms than some of its own."""
         left_out = [FRICTION_TERMS[kind] for kind in self.parts if not kept(FRICTION_TERMS[kind])]
-        return replace(self, **{term.kind: None if term.scale else False for term in left_out}, **changes)
+        without: dict[str, Any] = {term.kind: None if term.scale else False for term in left_out}
+        return replace(self, **without, **changes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,7 +294,7 @@ def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
         elif len(moved) > 1 or value != 0.0:
             left_out.append(f"{term.kind} {term.name}")
     # a solver's zero may lie a rounding below
-    return JointDrives(*(np.maximum(values, 0.0) for values in drives.values()), tuple(left_out))
+    return JointDrives(**{key: np.maximum(v, 0.0) for key, v in drives.items()}, left_out=tuple(left_out))
 
 
 def check_actuation(where: str, actuation: Actuation, n: int) -> None:

@@ -177,8 +177,7 @@ def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: 
     return replace(cut, values=values, effort_scale=None if scale is None else scale[free])
 
 
-_DESCRIPTION_ENDINGS = (".urdf", ".xml", ".mjcf")  # that have shapes, too
-_DVRK_ENDING = ".json"
+XML_ENDINGS = (".urdf", ".xml", ".mjcf")  # of descriptions that may state shapes
 
 
 class DescribedRobot(Settings):
@@ -209,7 +208,7 @@ def described_table(path: Path) -> DescribedRobot | None:
 def description_of(path: Path, named: str) -> Path:
     """Return the file that a table names as its description, or as the instrument's."""
     place = path.parent / named
-    kinds = (*_DESCRIPTION_ENDINGS, _DVRK_ENDING)
+    kinds = (*XML_ENDINGS, ".json")
     if place.suffix.lower() not in kinds or not place.is_file():
         raise ConfigError(f'{path}: description "{named}": expected a {", ".join(kinds)} file beside it')
     return place

@@ -18,7 +18,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.robots import geometry
 from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
-from catenary.robots.cut import described_table, description_of
+from catenary.robots.cut import XML_ENDINGS, described_table, description_of
 from catenary.robots.dh_table import RobotTable
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf
 from catenary.robots.model import RobotModel
@@ -26,7 +26,6 @@ from catenary.robots.urdf import named_elements, number_of, numbers_of, origin_o
 from catenary.spatial import Pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]
-_DESCRIPTION_ENDINGS = (".urdf", ".xml", ".mjcf")  # endings of files that may state shapes, beside tables
 _URDF_FORMS = ("box", "cylinder", "sphere", "capsule", "mesh")
 _DENSITY_KG_M3 = 1000.0  # [kg/m3] of water
 _NO_LENGTH_M = 1e-6  # [m] a segment of less is a point
@@ -71,7 +70,7 @@ def described_geometry(
         if (described := described_table(path)) is None:
             return table_shapes(path, model)
         path = description_of(path, described.description)
-    if path.suffix.lower() not in _DESCRIPTION_ENDINGS:
+    if path.suffix.lower() not in XML_ENDINGS:
         return None
     content = read_bounded(path, MOST_XML)
     if xml_root_tag(content, str(path)) == "robot":
