@@ -198,7 +198,7 @@ def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch, rng):
         strided = np.repeat(q[0], 2)[::2]
         assert (kernel(strided, gravity[0]) == given[0]).all()
         with monkeypatch.context() as patch:
-            patch.setattr("catenary.gravity.compact_regressor.MANY", 5)
+            patch.setattr("catenary.gravity.compact_regressor.MANY_CONFIGURATIONS", 5)
             assert (regressor.Z(q, gravity) == given).all()
             assert (regressor.Z(q, gravity[0])[0] == given[0]).all()
 
