@@ -3,11 +3,6 @@
 import gzip
 import json
 import os
-import re
-import shutil
-import subprocess
-import sys
-import textwrap
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -346,24 +341,3 @@ def test_a_path_that_is_no_utf8_is_read_like_any_other(container: str, tmp_path:
     assert again.name == "\\udce9"
     json.dumps([again.name, *again.notes], ensure_ascii=False).encode()  # into cards and pages
     assert catenary("check", str(folder / os.fsdecode(b"\xe9.parquet"))).code in (0, 1)
-
-
-def test_the_walk_of_contributing_adds_a_format(tmp_path: Path) -> None:
-    """On a copy of the package: a reader, a record, and `import` and `check` read such a file."""
-    root = Path(__file__).parents[2]
-    walk = (root / "CONTRIBUTING.md").read_text("utf-8").partition("### Add a file format")[2].partition("### ")[0]
-    reader, record = (textwrap.dedent(text) for text in re.findall(r" *```python\n(.*?) *```", walk, re.DOTALL))
-    package = shutil.copytree(root / "src" / "catenary", tmp_path / "catenary")
-    (package / "recording" / "import_formats" / "json_lines.py").write_text(reader)
-    registry = package / "file_formats.py"
-    registry.write_text(registry.read_text().replace("FORMATS = (\n", f"FORMATS = (\n    {record}", 1))
-    rows = [{"t": float(t), "q1": float(q[0]), "q2": float(q[1])} for t, q in zip(T, Q, strict=True)]
-    (tmp_path / "lab.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
-    how = ["--map", "q_nominal=q1,q2", "--units", "rad"]
-    for command in (["import", "lab.jsonl", *how, "--out", "lab.parquet"], ["check", "lab.jsonl", *how]):
-        called = [sys.executable, "-m", "catenary", *command]
-        done = subprocess.run(
-            called, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True
-        )
-        assert done.returncode <= 1, done.stderr.decode()  # 1: check misses an encoder
-    assert_array_equal(read_log(tmp_path / "lab.parquet").q_nominal, Q[:, :2])
