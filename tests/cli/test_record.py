@@ -110,7 +110,7 @@ def test_minutes_of_full_reversals_are_a_file_that_follow_takes(tmp_path: Path, 
 
 
 def test_minutes_of_full_reversals_are_recorded_anew_each_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kinds, "SWEEPS", 1)  # a tenth of the minutes
+    monkeypatch.setattr(kinds, "MIN_SWEEPS", 1)  # a tenth of the minutes
     for name in ("refresh", "refresh_2"):
         assert catenary("excite", tmp_path / "arm", "--refresh", "--json").json["recording"] == name
     found = catenary("extract", tmp_path / "arm", "--json").json

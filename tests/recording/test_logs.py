@@ -234,7 +234,7 @@ def test_rows_that_unpack_to_gigabytes_are_refused_before_they_do(tmp_path: Path
 
 
 def test_pages_that_unpack_too_far_are_refused_before_they_do(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(parquet_files, "MOST", 100_000)
+    monkeypatch.setattr(parquet_files, "MAX_UNPACKED_BYTES", 100_000)
     path = _written(tmp_path / "log.parquet", {"x": ["a" * 100_000, "b" * 100_000]}, compression="zstd")
     assert path.stat().st_size < 5000
     with pytest.raises(FileFormatError, match="its pages would unpack to more than 100000 bytes"):
