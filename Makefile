@@ -20,7 +20,7 @@ export PYTHONDONTWRITEBYTECODE =
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
-	@echo "make test        set up, run the tests (11 minutes from nothing on two processors); EXAMPLES=100 of each law and of cases alike, as CI tries"
+	@echo "make test        set up, run the tests (11 minutes from nothing on two processors); EXAMPLES=100 of each law and all cases alike"
 	@echo "make test-slow   the tests that take long: hours simulated, endurance (ENDURANCE_MINUTES=30: of several tools at one robot), other programs"
 	@echo "make test-ros2   served robots and rclpy itself, from its wheels, both ways: DISTROS=\"kilted jazzy\" (minutes the first time)"
 	@echo "make acceptance  programs of dVRK and CRTK against a served PSM, over ROS 1 and 2 (PROGRAMS=a folder of their clones); rewrites a table of docs/crtk.md"

@@ -38,7 +38,7 @@ FIRST = (
     "tests/cli/test_calibrate.py", "tests/real_data/test_identification.py", "tests/website/test_site.py",
     "tests/cli/test_gravity.py",
 )  # fmt: skip
-EXAMPLES = int(os.environ.get("EXAMPLES", "25"))  # of each law, and of a hundred cases alike; CI tries 100
+EXAMPLES = int(os.environ.get("EXAMPLES", "25"))  # of each law, and of a hundred cases alike; 100 tries all
 LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream
 
 
