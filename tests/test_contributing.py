@@ -95,7 +95,7 @@ def test_a_friction_term_is_added_by_its_record_alone(tmp_path: Path) -> None:
     terms = walk.src / "robots" / "friction_terms.py"
     before, end, after = terms.read_text().partition(")  # fmt: skip\nFRICTION_TERMS")
     terms.write_text(f"{before}{record.strip()},\n{end}{after}")
-    walk.add("docs/identification.md", "| `viscous` |", row)
+    walk.add("docs/identification.md", "| `presliding` |", row)
     walk.test("test_friction_terms.py", "quadratic")
     arm = load_robot("raven2")
     q, qd, qdd = sinusoids(np.random.default_rng(0), arm, np.arange(6000) / 200.0)

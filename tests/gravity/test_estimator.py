@@ -243,6 +243,7 @@ def test_poses_and_a_payload_are_learnt_beside_a_pd(start: list[float] | None) -
         JointPD(STIFF_KP, STIFF_KD),
         Poses(POSES, 2.5),
         observers=[estimator, lambda tick: seen.append((tick.time, estimator.s_hat))],
+        max_speed=5.0,
     )
     before = next(s for time, s in seen if time >= 14.9)
     s, heavier = (compact_regressor(model).parameters() for model in (PLANAR, LOADED))

