@@ -101,7 +101,7 @@ def deploy_on_robot(
         true.append(plant.external_encoders())
         ticks.append(tick)
 
-    planned = np.max([np.abs(trajectory(t).qd) for t in np.arange(0.0, trajectory.duration, 0.01)], axis=0)
+    planned = np.abs(trajectory.sample(np.arange(0.0, trajectory.duration, 0.01))[1]).max(axis=0)
     max_speed = np.array([2.0 * MAX_SPEED[unit] for unit in plant.joint_units])  # jaws follow the wrist, and swing
     max_speed[places] = np.maximum(max_speed[places], 1.5 * planned)  # the motion was checked before it began
     report = run_loop(
