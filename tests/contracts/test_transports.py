@@ -327,7 +327,9 @@ def test_other_programs_that_publish_a_topic_are_known_while_they_live(transport
     eventually(lambda: transport.other_publishers(topic), transport)
     ours.close()
     # over DDS a program is known before its name is
-    eventually(lambda: [k.partition(" ")[0][-len(name) :] for k in transport.other_publishers(topic)] == [name], transport)
+    eventually(
+        lambda: [k.partition(" ")[0][-len(name) :] for k in transport.other_publishers(topic)] == [name], transport
+    )
     rivals.kill(name)
     eventually(lambda: not transport.other_publishers(topic), transport)  # over DDS when its lease has run out
 
