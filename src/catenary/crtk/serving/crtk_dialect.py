@@ -354,10 +354,8 @@ _OBEYED: dict[str, Obey] = {
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),
-    "move_cp": lambda arm, message: arm.move_when_planned(
-        moves.straight_move(arm, arm.settings.unplaced(pose_of(message)))
-    ),
-    "move_cr": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _moved(arm, message))),
+    "move_cp": lambda arm, message: arm.move(moves.pose_move(arm, arm.settings.unplaced(pose_of(message)))),
+    "move_cr": lambda arm, message: arm.move(moves.pose_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
     "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),

@@ -86,7 +86,6 @@ class ServedArm:
         self.machine = StateMachine(plant, dialect)
         self.lower, self.upper = plant.lower, plant.upper
         self.place = ""  # namespace of its commands
-        self.obeys = ""  # topic of the command that it obeyed last
         self.most = plant.period * np.array([_SETPOINT_SPEED[unit] for unit in plant.joint_units])
         self._increments: deque[tuple[Floats, int]] = deque()  # that wait (n,), and the ticks in which they came
         self._goal: Floats | None = None  # (n,) that is approached by clamped steps
@@ -99,7 +98,7 @@ class ServedArm:
         self.reports_time = 0  # [ns] of the tick, for what is reported in it
         self.changes = 0  # times that its state was read
         self._doing: Iterator[Floats | None] = iter(())  # where to set it (n,) in each tick, by the command that acts
-        self._is_moving = False  # along a trajectory, or one is being planned
+        self._is_moving = False  # along a trajectory
         self._push: _Push | None = None
         self._pushed: Floats | None = None  # torques (n,) that were asked for in this tick
         self._jaw_wanted: Callable[[], Trajectory] | None = None
@@ -159,11 +158,7 @@ class ServedArm:
 
     def move(self, make: Callable[[], Trajectory]) -> None:
         """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
-
-        def way() -> Iterator[Floats]:
-            yield from self._follow(make())
-
-        self._do(way())
+        self._do(self._follow(make))
 
     def move_jaw(self, make: Callable[[], Trajectory]) -> None:
         """Move the jaw along a trajectory of all joints: beside what the arm does where it is apart, as a dVRK does."""
@@ -171,11 +166,6 @@ class ServedArm:
             self._jaw_wanted = make
         else:
             self.move(make)
-
-    def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
-        """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
-        self._do(self._follow_planned(plan))
-        self._is_moving = True
 
     def hold(self) -> None:
         """Forget all commands and stay."""
@@ -320,8 +310,8 @@ class ServedArm:
                 self._goal, self._steps = None, 0
             yield self.setpoint.q + step
 
-    def _follow(self, trajectory: Trajectory) -> Iterator[Floats]:
-        begin, self._is_moving = self.tick, True
+    def _follow(self, make: Callable[[], Trajectory]) -> Iterator[Floats]:
+        trajectory, begin, self._is_moving = make(), self.tick, True
         while self._is_moving:
             q, has_ended = self._along(trajectory, begin)
             if self.tool.jaw_is_apart:
@@ -329,19 +319,6 @@ class ServedArm:
             if has_ended:
                 self._is_moving, self._arrived = False, True
             yield q
-
-    def _follow_planned(self, plan: Iterator[Trajectory | None]) -> Iterator[Floats | None]:
-        trajectory = None
-        while trajectory is None:
-            try:
-                trajectory = next(plan)
-            except CatenaryError as error:  # the mechanism cannot follow all the way
-                self._do(iter(()))
-                kind = f"{self.obeys}: refused"
-                self.reports.say(kind, str(error), self.reports_time, to=(self.arm,), each=True)
-                return
-            yield None
-        yield from self._follow(trajectory)
 
     def _along(self, trajectory: Trajectory, begin: int) -> tuple[Floats, bool]:
         """Return where a trajectory that began in a tick is now (n,), and whether it ends there."""
