@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,9 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
 from catenary.plant import Bounded, JointRanges
 from catenary.robots.model import RobotModel
-from catenary.view.shapes import ArmShapes
+
+if TYPE_CHECKING:  # what draws shapes comes with the extra `view`, which is looked for first
+    from catenary.view.shapes import ArmShapes
 
 Value = float | bool | str
 _ENDLESS_RANGE = {"rad": np.pi, "m": 0.5}  # to either side of zero, of a joint without limits
@@ -64,7 +66,7 @@ class Shown:
 
     title: str
     model: RobotModel
-    shapes: ArmShapes
+    shapes: "ArmShapes"
     tabs: tuple[ControlTab, ...] = ()
     start: Floats | None = None  # (n,) [rad|m] where the camera finds it; the middle of its ranges when None
     legend: Mapping[str, str] = field(default_factory=dict)  # by arm: what it is

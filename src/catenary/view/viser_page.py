@@ -20,7 +20,6 @@ from catenary.errors import CatenaryError
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
 from catenary.view.curves import Curves, Plot
-from catenary.view.shapes import grown
 from catenary.view.shown import Change, Control, Shown, accepted, extent_of
 from catenary.view.state import ARMS, Scene, TipPaths, ViewState, scene_of
 
@@ -249,7 +248,7 @@ class ViserPage:
         self._base = scene.add_frame("/base", axes_length=0.12 * length, axes_radius=0.006 * length, origin_radius=0.0)
         if shown.shapes.base is not None:
             base = shown.shapes.base
-            scene.add_mesh_simple("/base/foot", base.vertices, base.faces, color=(70, 74, 82))
+            scene.add_mesh_simple("/base/foot", np.asarray(base.vertices), np.asarray(base.faces), color=(70, 74, 82))
         self._roots: dict[str, Any] = {}
         self._arms = {name: self._add_arm(name) for name in ARMS}
         # next to the arm in the camera's view; it turns with the base but does not move
@@ -269,14 +268,15 @@ class ViserPage:
 
     def _add_arm(self, name: str) -> list[Any]:
         scene, shapes = self._server.scene, self._shown.shapes
-        meshes = [grown(mesh, _SHELL[name] * shapes.length) for mesh in shapes.links]
+        out = _SHELL[name] * shapes.length
         self._roots[name] = scene.add_frame(f"/base/{name}", show_axes=False, visible=False)
         return [
             scene.add_mesh_simple(
-                f"/base/{name}/link_{i}", mesh.vertices, mesh.faces, color=_rgb(_COLOURS[name]),
+                f"/base/{name}/link_{i}", np.asarray(mesh.vertices + out * mesh.vertex_normals), np.asarray(mesh.faces),
+                color=_rgb(_COLOURS[name]),
                 opacity=_OPACITY[name], side="front", cast_shadow=False, receive_shadow=False,
             )
-            for i, mesh in enumerate(meshes)
+            for i, mesh in enumerate(shapes.links)
         ]  # fmt: skip
 
     def _add_arrow(self, name: str, place: Floats) -> Any:
