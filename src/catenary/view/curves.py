@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.monitor import Snapshot
 from catenary.plant import Jointed
 from catenary.units import DISPLAY, TORQUE_UNIT
-from catenary.view.state import ViewState
+from catenary.view.state import numbers
 
 _SPAN_S = 30.0  # [s]
 SPACING_S = 0.1  # [s] between two of their points
@@ -48,22 +49,29 @@ def _level(values: Floats) -> Floats:
 _REPORTED, _CALIBRATED, _TRUE, _GRAVITY, _PD, _REST = ("#4b6b94", "#1f9d55", "#e07b00", "#7a4fbf", "#c0392b", "#8a8f98")
 
 
+# of a snapshot
+_OF_JOINTS = ("q", "true", "calibrated", "interval", "setpoint", "tau", "gravity_tau", "feedback")
+
+
 class Curves:
     """What is drawn of the last half minute of states, or of the part of a recording around the present one.
 
-    A recording has for fields of ViewState that are numbers of joints an array (K, n) [SI], and its `time` (K,) [s].
+    A recording has an array (K, n) [SI] for each of _OF_JOINTS that it knows, and its `time` (K,) [s].
     """
 
-    def __init__(self, joints: Jointed, recording: Mapping[str, Floats] | None = None) -> None:
-        """Begin without any state."""
+    def __init__(
+        self, joints: Jointed, recording: Mapping[str, Floats] | None = None, nominal_hz: float = np.nan
+    ) -> None:
+        """Begin without any state of a robot whose ticks come at a rate [Hz]."""
         self._names, self._units, self._recording = joints.joint_names, joints.joint_units, recording
+        self._nominal_hz = nominal_hz
         self.span = (
             (-_SPAN_S, 0.0) if recording is None else (-0.5 * _SPAN_S, 0.5 * _SPAN_S)
         )  # [s] from now that is drawn
-        self._states: deque[ViewState] = deque(maxlen=round(_SPAN_S / SPACING_S))
+        self._states: deque[Snapshot] = deque(maxlen=round(_SPAN_S / SPACING_S))
         self._now = 0.0
 
-    def add(self, state: ViewState) -> None:
+    def add(self, state: Snapshot) -> None:
         """Take a state; those too close to the last are left out, and time that goes back restarts them."""
         self._now = state.time
         if self._states and state.time < self._states[-1].time:
@@ -78,13 +86,15 @@ class Curves:
             near = np.abs(self._recording["time"] - self._now) <= 0.5 * _SPAN_S
             part = {key: column[near] for key, column in self._recording.items()}
             return joint_plots(part, part["time"] - self._now, joint, name, unit)
-        numbers = (field for field in ViewState._fields if field not in ("mode", "warnings", "values"))
-        columns = {key: np.array([getattr(state, key) for state in self._states], dtype=float) for key in numbers}
-        time = columns["time"] - (self._states[-1].time if self._states else 0.0)
+        n, states = len(self._names), self._states
+        columns = {key: np.array([numbers(getattr(state, key), n) for state in states]) for key in _OF_JOINTS}
+        time, rate, late, age = np.array(
+            [(s.time - states[-1].time, s.rate_hz or np.nan, s.late, s.gravity_age) for s in states], dtype=float
+        ).T.reshape(4, -1)
         loop = (
-            Curve("rate %", 100.0 * columns["rate"], _REPORTED),
-            Curve("late ticks/s", columns["late"], _PD),
-            Curve("gravity age ms", 1e3 * columns["gravity_age"], _GRAVITY),
+            Curve("rate %", 100.0 * rate / self._nominal_hz, _REPORTED),
+            Curve("late ticks/s", late, _PD),
+            Curve("gravity age ms", 1e3 * age, _GRAVITY),
         )
         return (*joint_plots(columns, time, joint, name, unit), Plot("loop", time, loop))
 

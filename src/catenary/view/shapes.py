@@ -34,7 +34,7 @@ def bar(start: Floats, end: Floats, radius: float) -> Mesh:
     way = end - start
     mesh = trimesh.creation.capsule(np.linalg.norm(way) / radius, 1.0, count=_CAPSULE_FACETS)
     mesh.apply_translation(-mesh.bounds.mean(axis=0)).apply_scale(radius)
-    mesh.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], way))
+    mesh.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], way))  # type: ignore[no-untyped-call]
     return mesh.apply_translation(0.5 * (start + end))
 
 

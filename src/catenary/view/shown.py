@@ -71,6 +71,7 @@ class Shown:
     start: Floats | None = None  # (n,) [rad|m] where the camera finds it; the middle of its ranges when None
     legend: Mapping[str, str] = field(default_factory=dict)  # by arm: what it is
     recording: Mapping[str, Floats] | None = None  # of which curves are drawn; those of the states when None
+    nominal_hz: float = math.nan  # at which a robot's ticks should come
 
 
 def extent_of(shown: Shown) -> tuple[Floats, float]:

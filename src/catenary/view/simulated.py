@@ -33,8 +33,6 @@ from catenary.view import steering
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
 from catenary.view.shown import Change, Control, ControlTab, Shown, Value, finite_ranges
-from catenary.view.state import ViewState
-from catenary.view.watched import operating_in_words, view_state
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
 
 # of the sensor, by what the page calls them
@@ -235,7 +233,7 @@ class DrivenArm:
         shapes, why = shapes_of(self._robot, self.arm.model)
         if why is not None:
             self._say(why)
-        return Shown(title, self.arm.model, shapes, tabs, self._goal, legend)
+        return Shown(title, self.arm.model, shapes, tabs, self._goal, legend, nominal_hz=1.0 / self._plant.period)
 
     def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
         """Run until the page is gone, `ended` says so, or Ctrl-C."""
@@ -277,12 +275,12 @@ class DrivenArm:
         if tick.number % _LISTEN_EVERY_TICKS == 0:
             self._listen(in_loop=True)
         if tick.number % _SHOW_EVERY_TICKS == 0:
-            setpoint = tick.reference.q
+            setpoint: Floats | None = tick.reference.q
             if self.control == _HOLD_CONTROL:
-                setpoint = np.full(self._n, np.nan)
+                setpoint = None
                 self._trajectory.rest_at(tick.state.q)
             feedback = None if self.control == _OWN_CONTROL else self._controller.feedback.copy()
-            self._page.put(self._state(tick.state._replace(q=tick.q_nominal), setpoint, feedback))
+            self._show(tick.state._replace(q=tick.q_nominal), setpoint, feedback)
 
     def _count(self) -> None:
         now, late = time.perf_counter(), 0 if self._paced is None else self._paced.late
@@ -298,10 +296,10 @@ class DrivenArm:
         self._listen(in_loop=False)
         state = self._plant.measured_js()
         self.surroundings.read(state.time)
-        self._page.put(self._state(state, self._plant.setpoint_js().q, None))
+        self._show(state, self._plant.setpoint_js().q, None)
 
-    def _state(self, state: JointState, setpoint: Floats, feedback: Floats | None) -> ViewState:
-        """Return what is shown of a state whose q is as reported."""
+    def _show(self, state: JointState, setpoint: Floats | None, feedback: Floats | None) -> None:
+        """Show a state whose q is as reported."""
         plant, world, now = self._plant, self.surroundings, time.perf_counter()
         reading = world.reading
         gravity = state.gravity if reading is None else reading.gravity
@@ -312,24 +310,20 @@ class DrivenArm:
             known = {"calibrated": corrector.calibrated, "inside": corrector.inside, "interval": corrector.interval}
             if isinstance(world.plant, CablePlant):
                 known["encoder"] = world.plant.external_encoders()
-        snapshot = Snapshot(
+        notes = [self._said[1]] if now - self._said[0] < _SAID_FOR_S else []
+        kind = self._kinds.get(self.control)
+        shot = Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint, tau=state.tau, gravity=gravity,
             gravity_tau=gravity_torque(self.arm.model, state.q, gravity), fault=fault_of(plant), operating=operating,
             gravity_age=state.gravity_age if reading is None else reading.age, lower=plant.lower, upper=plant.upper,
             rate_hz=self._ticks.hertz(now), late=self._late.within(now),
-            error=state.q - self.arm.q_true() if operating.is_homed else None, **known,
+            error=state.q - self.arm.q_true() if operating.is_homed else None,
+            feedback=state.tau if feedback is None else feedback, actual=world.actual(),
+            assumed={"level": LEVEL, "sensed": gravity}.get(kind.gravity or "") if kind else None,
+            doing=f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else "",
+            notes=(*notes, *world.warnings()), **known,
         )  # fmt: skip
-        notes = list(world.warnings())
-        if now - self._said[0] < _SAID_FOR_S:
-            notes.insert(0, self._said[1])
-        doing = f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else ""
-        kind = self._kinds.get(self.control)
-        assumed = {"level": LEVEL, "sensed": gravity}.get(kind.gravity or "") if kind else None
-        return view_state(
-            snapshot, self._n, 1.0 / plant.period, feedback=state.tau if feedback is None else feedback, notes=notes,
-            assumed=assumed, actual=world.actual(), mode=operating_in_words(operating) + doing,
-            values=self._values,
-        )  # fmt: skip
+        self._page.put(shot, self._values)
 
     # what somebody changes
 

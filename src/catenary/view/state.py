@@ -1,7 +1,6 @@
-"""The state that the view shows, one instant as numbers and words, and its picture: poses of arms, tips and arrows."""
+"""The picture of a robot at one instant: poses of arms, tips and arrows."""
 
 from collections import deque
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,52 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
+from catenary.monitor import Snapshot
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
-
-_SHOWN_WARNINGS = 6
-_WORD_CHARACTERS = 140  # characters of a warning
-
-
-class ViewState(NamedTuple):
-    """An arm at one instant; NaN for what is not known. Joints are the model's."""
-
-    time: float  # [s] of the robot
-    q: Floats  # (n,) [rad|m] reported
-    calibrated: Floats  # (n,) [rad|m]
-    interval: Floats  # (n,) half-width about `calibrated` [rad|m]
-    inside: Floats  # (n,) 1 inside the model's valid range, 0 outside
-    true: Floats  # (n,) [rad|m]
-    setpoint: Floats  # (n,) [rad|m]
-    tau: Floats  # (n,) [Nm|N] as commanded
-    gravity_tau: Floats  # (n,) [Nm|N] what holds the arm still
-    feedback: Floats  # (n,) [Nm|N] what the errors asked for: the PD term
-    gravity: Floats  # (3,) [m/s2] as measured, in the base frame
-    assumed: Floats  # (3,) [m/s2] as the controller takes it to be
-    actual: Floats  # (3,) [m/s2] as it is, which a simulation knows
-    gravity_age: float = np.inf  # [s]; infinite for gravity that is not measured
-    rate: float = np.nan  # at which ticks come, as a share of what it should be
-    late: float = 0.0  # ticks late within the last second
-    mode: str = ""  # what the robot does, in words
-    warnings: tuple[str, ...] = ()
-    values: Mapping[str, float | bool | str] = {}  # of the page's controls, where the program has set them
-
-
-def unknown_state(n: int) -> ViewState:
-    """Return the state of an arm of n joints of which nothing is known yet."""
-    return ViewState(0.0, *np.full((9, n), np.nan), *np.full((3, 3), np.nan))
-
-
-def shortened(state: ViewState) -> ViewState:
-    """Return a state whose words take little room, whatever a robot's or a file's names are."""
-    warnings = tuple(_word(warning) for warning in state.warnings[:_SHOWN_WARNINGS])
-    return state._replace(mode=_word(state.mode), warnings=warnings)
-
-
-def _word(text: str) -> str:
-    """Return a text cut, and without what is none, as in a file's name."""
-    return text[:_WORD_CHARACTERS].encode(errors="replace").decode()
-
 
 ARMS = ("reported", "calibrated", "true")
 _PATH_POINTS = 400  # points of a tip's path
@@ -79,10 +35,22 @@ class Scene(NamedTuple):
     assumed: Floats | None  # likewise, as the controller assumes
 
 
-def scene_of(model: RobotModel, state: ViewState) -> Scene:
-    """Return the picture of a state."""
-    rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
-    known = {name: q for name, q in rows.items() if np.isfinite(q).all()}
+def numbers(values: Floats | None, n: int) -> Floats:
+    """Return those of the first n joints or axes, (n,); NaN for what is not known."""
+    found = np.full(n, np.nan)
+    if values is not None:
+        found[: len(values)] = values[:n]
+    return found
+
+
+def joints_of(shot: Snapshot, n: int) -> dict[str, Floats]:
+    """Return where each of ARMS has its first n joints [rad|m]."""
+    return {name: numbers(q, n) for name, q in zip(ARMS, (shot.q, shot.calibrated, shot.true), strict=True)}
+
+
+def scene_of(model: RobotModel, shot: Snapshot) -> Scene:
+    """Return the picture of a robot whose first joints are the model's."""
+    known = {name: q for name, q in joints_of(shot, model.n).items() if np.isfinite(q).all()}
     arms = {}
     if known:
         frame = model.frame()
@@ -93,8 +61,8 @@ def scene_of(model: RobotModel, state: ViewState) -> Scene:
                 tip = turned[frame.link] @ tip + moved[frame.link]
             wxyz = np.roll(Rotation.from_matrix(turned).as_quat(), 1, axis=-1)
             arms[name] = PlacedArm(wxyz, moved, tip)
-    down = state.actual if np.isfinite(state.actual).all() else state.gravity
-    return Scene(base_orientation(down), arms, _arrow(state.gravity), _arrow(state.assumed))
+    felt = shot.gravity if shot.actual is None else shot.actual
+    return Scene(base_orientation(LEVEL if felt is None else felt), arms, _arrow(shot.gravity), _arrow(shot.assumed))
 
 
 def base_orientation(gravity: ArrayLike) -> Floats:
@@ -107,8 +75,9 @@ def base_orientation(gravity: ArrayLike) -> Floats:
     return np.asarray(np.roll(turn.as_quat(canonical=True), 1))
 
 
-def _arrow(gravity: Floats) -> Floats | None:
-    return gravity / float(np.linalg.norm(LEVEL)) if np.isfinite(gravity).all() else None
+def _arrow(gravity: Floats | None) -> Floats | None:
+    known = gravity is not None and np.isfinite(gravity).all()
+    return gravity / float(np.linalg.norm(LEVEL)) if gravity is not None and known else None
 
 
 class TipPaths:

@@ -7,7 +7,7 @@ import hmac
 import logging
 import re
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from html import escape
 from http.client import FORBIDDEN, OK, HTTPConnection
@@ -17,11 +17,12 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import CatenaryError
+from catenary.monitor import Snapshot
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
 from catenary.view.curves import Curves, Plot
-from catenary.view.shown import Change, Control, Shown, accepted, extent_of
-from catenary.view.state import ARMS, Scene, TipPaths, ViewState, scene_of
+from catenary.view.shown import Change, Control, Shown, Value, accepted, extent_of
+from catenary.view.state import ARMS, Scene, TipPaths, joints_of, numbers, scene_of
 
 _OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
 _REFUSED_TEXT = (
@@ -81,24 +82,25 @@ _COLOURS = {"reported": "#3b6fb5", "calibrated": "#1f9d55", "true": "#a8a39a"}
 _GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
 
 
-def status_html(state: ViewState) -> str:
+def status_html(state: Snapshot) -> str:
     """Return what the robot does, and warnings."""
-    lines = [f"<b>{escape(state.mode)}</b> &nbsp; {state.time:.1f} s" if state.mode else f"{state.time:.1f} s"]
-    lines += [f'<span style="color:#c0392b">&#9888; {escape(warning)}</span>' for warning in state.warnings]
-    if not state.warnings:
+    lines, warnings = [f"<b>{escape(state.state)}</b> &nbsp; {state.time:.1f} s"], state.warnings()
+    lines += [f'<span style="color:#c0392b">&#9888; {escape(warning)}</span>' for warning in warnings]
+    if not warnings:
         lines.append('<span style="color:#1f9d55">no warnings</span>')
     return _block("<br>".join(lines))
 
 
-def joints_html(shown: Shown, state: ViewState) -> str:
+def joints_html(shown: Shown, state: Snapshot) -> str:
     """Return a table of the joints [deg|mm], a column in each arm's colour: calibrated with its interval, ? outside."""
-    rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
+    n = shown.model.n
+    rows, intervals = joints_of(state, n), numbers(state.interval, n)
     arms = [name for name in rows if name in shown.legend]
     lines = [_row("th", ["", *(f"{_square(_COLOURS[name])} {escape(shown.legend[name])}" for name in arms)])]
     for j, (joint, si) in enumerate(zip(shown.model.joint_names, shown.model.joint_units, strict=True)):
         unit, scale = DISPLAY[si]
-        about = f" \u00b1 {scale * state.interval[j]:.2f}" if np.isfinite(state.interval[j]) else ""
-        marks = {"calibrated": f"{about}{'?' if state.inside[j] == 0.0 else ''}"}
+        about = f" \u00b1 {scale * intervals[j]:.2f}" if np.isfinite(intervals[j]) else ""
+        marks = {"calibrated": f"{about}{'' if state.inside is None or state.inside[j] else '?'}"}
         values = [(scale * rows[name][j], marks.get(name, "")) for name in arms]
         cells = [f"{value:.2f}{mark}" if np.isfinite(value) else "-" for value, mark in values]
         lines.append(_row("td", [escape(f"{joint} [{unit}]"), *cells]))
@@ -115,14 +117,14 @@ def _square(colour: str, *, dashed: bool = False) -> str:
     return f'<span style="color:{colour}">{"&#9476;" if dashed else "&#9632;"}</span>'
 
 
-def gravity_html(state: ViewState) -> str:
+def gravity_html(state: Snapshot) -> str:
     """Return the gravity vectors and what tells them apart."""
     lines = []
     for name, vector in (("measured", state.gravity), ("assumed", state.assumed)):
-        if np.isfinite(vector).all():
+        if vector is not None:
             x, y, z = vector
             lines.append(f"{_square(_GRAVITY_COLOURS[name])} gravity {name}: {x:.2f}, {y:.2f}, {z:.2f} m/s&sup2;")
-    if len(lines) == 2:
+    if state.gravity is not None and state.assumed is not None:
         lines.append(f"{np.rad2deg(angle_between(state.gravity, state.assumed)):.1f} deg apart")
     if np.isfinite(state.gravity_age):
         lines.append(f"measured {1e3 * state.gravity_age:.0f} ms ago")
@@ -166,11 +168,11 @@ class ViserPage:
         self._shown, self._tell = shown, tell
         self._server = server
         self._paths = TipPaths(shown.shapes.length)
-        self._curves = Curves(shown.model, shown.recording)
+        self._curves = Curves(shown.model, shown.recording, shown.nominal_hz)
         self._time = 0.0  # of the last picture
         self._set: dict[str, Floats] = {}  # what was sent of each node last
         self._handles: dict[str, Any] = {}  # of controls
-        self._values: dict[str, float | bool | str] = {}  # of controls, as they were set last
+        self._values: dict[str, Value] = {}  # of controls, as they were set last
         self._joint = 0
         self._wanted = dict.fromkeys(ARMS, True)
         self._build_scene()
@@ -187,7 +189,7 @@ class ViserPage:
 
     # what changes
 
-    def draw(self, state: ViewState) -> None:
+    def draw(self, state: Snapshot) -> None:
         """Show a state in the picture."""
         scene = scene_of(self._shown.model, state)
         if not 0.0 <= state.time - self._time <= _PATH_LEAP_S:
@@ -203,12 +205,12 @@ class ViserPage:
                 self._draw_arm(name, scene)
             self._draw_gravity(scene)
 
-    def write(self, state: ViewState) -> None:
-        """Show a state's words and numbers, less often than the picture."""
+    def write(self, state: Snapshot, values: Mapping[str, Value]) -> None:
+        """Show a state's words and numbers, and values of controls, less often than the picture."""
         self._status.content = status_html(state)
         self._joints.content = joints_html(self._shown, state)
         self._gravity.content = gravity_html(state)
-        for name, value in state.values.items():
+        for name, value in values.items():
             if name in self._handles and self._values.get(name) != value:
                 self._values[name] = value
                 self._handles[name].value = value
