@@ -14,7 +14,6 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats, frozen
 from catenary.devices.encoder_rig import JOINTS, EncoderRig, Registration
@@ -85,41 +84,32 @@ class CountTracker:
         late = max(_LATENESS_S, period)
         if self._raw is None:
             return self._go_on(raw, time)
-        gap = max(0.0, time - self._time)
-        step = self._step(self._raw, raw)
+        gap, step = max(0.0, time - self._time), self._step(self._raw, raw)
         if gap > _SILENCE_S:
             return self._go_on(raw, time, f"nothing came for {gap:.1f} s: the board may have started anew")
-        if (
-            max(abs(value) for value in raw) <= _NEAR_ZERO_COUNTS
-            and np.abs(np.subtract(raw, self._raw)).max() > _RESTART_COUNTS
-        ):
+        leap = np.abs(np.subtract(raw, self._raw)).max()
+        if max(map(abs, raw)) <= _NEAR_ZERO_COUNTS and leap > _RESTART_COUNTS:
             return self._go_on(raw, time, "all counts are zero at once: the board started anew")
         if ((gap + late) * self._speed > self._range / 2).any():
             return self._go_on(raw, time, f"nothing came for {gap:.2f} s, too long for {self._rig.bits} bits")
-        far = np.abs(step) > (gap + late) * self._speed + _FLICKER_COUNTS
-        if self._candidate is None:
-            if not far.any():
-                return self._go_on(raw, time, step=step)
-            self._candidate = raw, time, 1
-            return Tracked(Verdict.REJECTED, self._counts, self._told(far, step))
-        return self._doubt(self._candidate, raw, time, step, late)
-
-    def _doubt(self, candidate: tuple[Raw, float, int], raw: Raw, time: float, step: Floats, late: float) -> Tracked:
-        """Judge a row after one that was rejected: is it near the last good one, or near the rejected one?"""
-        other, since, agree = candidate
-        gap = max(0.0, time - since)
-        # shares of what joints move in the time of a row, and of two; not of all rejected ones, or any leap would
-        # fit after a while
-        follow = np.abs(self._step(other, raw)) / ((gap + late) * self._speed + _FLICKER_COUNTS)
-        back = np.abs(step) / ((gap + 2.0 * late) * self._speed + _FLICKER_COUNTS)
-        follows = bool(follow.max() <= 1.0)
-        if back.max() <= 1.0 and back.max() <= follow.max():
+        # shares of what joints move since the last good row, and since the rejected one: where there is one not of
+        # all that passed since the good one, or any leap would fit after a while
+        follow, agree = np.full(3, np.inf), 0
+        if self._candidate is not None:
+            other, since, agree = self._candidate
+            gap = max(0.0, time - since)
+            follow = np.abs(self._step(other, raw)) / ((gap + late) * self._speed + _FLICKER_COUNTS)
+            gap += late
+        back = np.abs(step) / ((gap + late) * self._speed + _FLICKER_COUNTS)
+        if back.max() <= min(1.0, follow.max()):
             return self._go_on(raw, time, step=step)
-        self._candidate = raw, time, agree + 1 if follows else 1
+        agree = agree + 1 if follow.max() <= 1.0 else 1
         far = np.abs(step) > late * self._speed
-        reason = self._told(far if far.any() else np.ones(3, dtype=bool), step)
-        if follows and agree + 1 >= _CONFIRMING_ROWS:
+        leaps = [f"{name} by {step[j]:+.0f} counts" for j, name in enumerate(JOINTS) if far[j] or not far.any()]
+        reason = f"leapt beyond what a joint moves in the time: {', '.join(leaps)}"
+        if agree >= _CONFIRMING_ROWS:
             return self._go_on(raw, time, reason)
+        self._candidate = raw, time, agree
         return Tracked(Verdict.REJECTED, self._counts, reason)
 
     def _step(self, before: Raw, after: Raw) -> Floats:
@@ -133,10 +123,6 @@ class CountTracker:
         counts = self._rig.direction * np.array(raw, dtype=float) if step is None else self._counts + step
         self._counts, self._raw, self._time, self._candidate = frozen(counts), raw, time, None
         return Tracked(Verdict.LOST if loss else Verdict.GOOD, self._counts, loss)
-
-    def _told(self, far: NDArray[np.bool_], step: Floats) -> str:
-        leaps = [f"{name} by {step[j]:+.0f} counts" for j, name in enumerate(JOINTS) if far[j]]
-        return f"leapt beyond what a joint moves in the time: {', '.join(leaps)}"
 
 
 _QUEUE_ROWS = 4096  # samples that wait to be taken: 40 s at 100 Hz
@@ -305,7 +291,7 @@ class EncoderBoard(SerialBoard):
         if verdict is Verdict.LOST:
             self._lose(reason)
         self.tally.rows += 1
-        self._registration.update(moment, counts)
+        self._registration.update(counts)
         zero = self._registration.zero
         q = _UNKNOWN if zero is None else frozen(self.rig.positions(counts, zero))
         sample = EncoderSample(moment, counts, q, zero is not None)
