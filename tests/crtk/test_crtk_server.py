@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import pose_message, pose_of
-from catenary.crtk.serving.moves import joint_move, pose_move
+from catenary.crtk.serving.served_arm import joint_move, pose_move
 from catenary.spatial import Pose, rotation_from_rpy
 from oracles.cable_arms import ROBOTS, homed_plant
 from served_robot import JointState, ServedRobot, shoulder

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.devices.encoder_board import CountTracker, Verdict
-from catenary.devices.encoder_rig import EncoderRig, Registration
+from catenary.devices.encoder_board import CountTracker, EncoderRig, Registration, Verdict
 from catenary.errors import InputError
 from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant

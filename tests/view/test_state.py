@@ -11,7 +11,7 @@ from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL, rotation_from_quaternion
 from catenary.view.page_process import _SHOWN_NOTES, PageProcess, newest, shortened
-from catenary.view.state import _PATH_POINTS, TipPaths, base_orientation, scene_of
+from catenary.view.shown import _PATH_POINTS, TipPaths, base_orientation, scene_of
 from view.arms import RAVEN, Q, state
 
 

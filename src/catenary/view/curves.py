@@ -10,7 +10,7 @@ from catenary.arrays import Floats
 from catenary.monitor import Snapshot
 from catenary.plant import Jointed
 from catenary.units import DISPLAY, TORQUE_UNIT
-from catenary.view.state import numbers
+from catenary.view.shown import numbers
 
 _SPAN_S = 30.0  # [s]
 SPACING_S = 0.1  # [s] between two of their points

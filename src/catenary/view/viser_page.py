@@ -21,8 +21,20 @@ from catenary.monitor import Snapshot
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
 from catenary.view.curves import Curves, Plot
-from catenary.view.shown import Change, Control, Shown, Value, accepted, extent_of
-from catenary.view.state import ARMS, Scene, TipPaths, joints_of, numbers, scene_of
+from catenary.view.shown import (
+    ARMS,
+    Change,
+    Control,
+    Scene,
+    Shown,
+    TipPaths,
+    Value,
+    accepted,
+    extent_of,
+    joints_of,
+    numbers,
+    scene_of,
+)
 
 _OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
 _REFUSED_TEXT = (
