@@ -7,27 +7,12 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Flags, Floats, as_array
 from catenary.control.correction import Fade, StateCorrector
-from catenary.plant import Bounded, JointState
-from catenary.robots.catalog import RAVEN_SIDES
-from catenary.robots.model import RobotModel
-from catenary.trajectories.reference import InTurn, Reference, Rest, Trajectory
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.zigzag import zigzag
-from catenary.view.shown import finite_ranges
-from catenary.workflows.robot.motion import (
-    GENTLE_ACCELERATION,
-    GENTLE_VELOCITY,
-    check_motion,
-    gentle_way,
-    random_within,
-)
+from catenary.plant import JointState
+from catenary.trajectories.reference import Reference, Rest, Trajectory
 
 _STOP_S = 0.4  # [s] in which a motion that is left comes to rest
 
 Motion = Callable[[Floats], Trajectory]  # makes a motion that begins at joint positions (n,) [rad|m]
-_QUICKER = 2.5  # than a gentle go-to, which is for real robots
-_RANDOM_S = 60.0  # of a random motion, after which the next one is drawn
-_SPARSITY = 0.25  # of RAVEN-II's zig-zag
 
 
 class SteeredTrajectory:
@@ -114,38 +99,3 @@ class SwitchedCorrector:
         out[:] = state.q + correction - self._fade.left_out(correction, self.is_on != self._was_on)
         self._was_on = self.is_on
         inside[:], interval[:] = self.inside, self.interval
-
-
-def quick_way(limits: Bounded, start: Floats, goal: Floats) -> Trajectory:
-    """Return the way from one place to another, each (n,) [rad|m], all joints arriving together."""
-    units = limits.joint_units
-    velocity = [_QUICKER * GENTLE_VELOCITY[unit] for unit in units]
-    acceleration = [_QUICKER * GENTLE_ACCELERATION[unit] for unit in units]
-    return gentle_way(start, goal, units, max_velocity=velocity, max_acceleration=acceleration)
-
-
-def random_motions(model: RobotModel, limits: Bounded, rng: np.random.Generator) -> Motion:
-    """Return random motions, one after the other: in a RAVEN-II's calibration box, or in the middle of the ranges."""
-    ranges = finite_ranges(limits)
-
-    def draw() -> Trajectory:
-        if model.name in RAVEN_SIDES:
-            return random_sinusoids(rng, _RANDOM_S)
-        return random_within(ranges, _RANDOM_S, rng)
-
-    return _after_the_way(limits, draw)
-
-
-def zigzags(limits: Bounded) -> Motion:
-    """Return RAVEN-II's calibration zig-zag along joints 2 and 3."""
-    motion = zigzag("J2-J3", (_SPARSITY,))
-    check_motion(limits, motion)
-    return _after_the_way(limits, lambda: motion)
-
-
-def _after_the_way(limits: Bounded, draw: Callable[[], Trajectory]) -> Motion:
-    def begin(q: Floats) -> Trajectory:
-        motion = draw()
-        return InTurn([quick_way(limits, q, motion(0.0).q), motion])
-
-    return begin

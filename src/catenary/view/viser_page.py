@@ -25,7 +25,6 @@ from catenary.view.shown import (
     ARMS,
     Change,
     Control,
-    Scene,
     Shown,
     TipPaths,
     Value,
@@ -182,7 +181,6 @@ class ViserPage:
         self._paths = TipPaths(shown.shapes.length)
         self._curves = Curves(shown.model, shown.recording, shown.nominal_hz)
         self._time = 0.0  # of the last picture
-        self._set: dict[str, Floats] = {}  # what was sent of each node last
         self._handles: dict[str, Any] = {}  # of controls
         self._values: dict[str, Value] = {}  # of controls, as they were set last
         self._joint = 0
@@ -202,7 +200,7 @@ class ViserPage:
     # what changes
 
     def draw(self, state: Snapshot) -> None:
-        """Show a state in the picture."""
+        """Show a state in the picture; viser sends what differs."""
         scene = scene_of(self._shown.model, state)
         if not 0.0 <= state.time - self._time <= _PATH_LEAP_S:
             self.forget_paths()
@@ -210,12 +208,18 @@ class ViserPage:
         self._paths.add(scene)
         self._curves.add(state)
         with self._server.atomic():
-            self._place(self._base, "base", scene.base_wxyz, None)
-            for name, arrow in self._arrows.items():
-                self._place(arrow, f"arrow {name}", scene.base_wxyz, None)
+            self._base.wxyz = scene.base_wxyz
             for name in ARMS:
-                self._draw_arm(name, scene)
-            self._draw_gravity(scene)
+                arm = scene.arms.get(name)
+                self._roots[name].visible = arm is not None and self._wanted[name]
+                if arm is not None:
+                    for node, wxyz, position in zip(self._arms[name], arm.wxyz, arm.positions, strict=True):
+                        node.wxyz, node.position = wxyz, position
+            for arrow, vector in zip(self._arrows, (scene.measured, scene.assumed), strict=True):
+                arrow.wxyz, arrow.visible = scene.base_wxyz, vector is not None
+                if vector is not None:
+                    length = _ARROW_LENGTH * self._shown.shapes.length
+                    arrow.points = np.array([[np.zeros(3), length * vector.round(3)]], np.float32)
 
     def write(self, state: Snapshot, values: Mapping[str, Value]) -> None:
         """Show a state's words and numbers, and values of controls, less often than the picture."""
@@ -267,7 +271,7 @@ class ViserPage:
         self._arms = {name: self._add_arm(name) for name in ARMS}
         # next to the arm in the camera's view; it turns with the base but does not move
         corner = centre + radius * np.array([-0.75, -0.8, 0.75])
-        self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
+        self._arrows = [self._add_arrow(name, corner) for name in ("measured", "assumed")]
         empty = np.zeros((1, 2, 3), np.float32)
         self._path_nodes = {
             name: scene.add_line_segments(
@@ -304,39 +308,6 @@ class ViserPage:
         if name == "measured":
             self._server.scene.add_label("/gravity_measured/label", "gravity", anchor="bottom-center")
         return arrow
-
-    def _draw_arm(self, name: str, scene: Scene) -> None:
-        arm, root = scene.arms.get(name), self._roots[name]
-        wanted = arm is not None and self._wanted[name]
-        if root.visible != wanted:
-            root.visible = wanted
-        if arm is not None:
-            for i, node in enumerate(self._arms[name]):
-                self._place(node, f"{name}{i}", arm.wxyz[i], arm.positions[i])
-
-    def _place(self, node: Any, key: str, wxyz: Floats, position: Floats | None) -> None:
-        """Move a node, unless it is there."""
-        if self._differs(key, wxyz if position is None else np.concatenate([wxyz, position]), 1e-6):
-            node.wxyz = wxyz
-            if position is not None:
-                node.position = position
-
-    def _differs(self, key: str, value: Floats, least: float) -> bool:
-        """Return whether a value is another one than was sent last, which it is from then on."""
-        before = self._set.get(key)
-        if before is not None and np.abs(before - value).max() < least:
-            return False
-        self._set[key] = value
-        return True
-
-    def _draw_gravity(self, scene: Scene) -> None:
-        length = _ARROW_LENGTH * self._shown.shapes.length
-        for name, vector in (("measured", scene.measured), ("assumed", scene.assumed)):
-            arrow = self._arrows[name]
-            if arrow.visible != (vector is not None):
-                arrow.visible = vector is not None
-            if vector is not None and self._differs(f"gravity {name}", vector, 1e-3):
-                arrow.points = np.array([[np.zeros(3), length * vector]], np.float32)
 
     # the panels
 
@@ -438,8 +409,7 @@ def _draw_plot(handle: Any, plot: Plot) -> None:
     if tuple(one["label"] for one in handle.series) != tuple(one["label"] for one in series):
         handle.series = tuple(series)
     handle.data = (plot.time, *(curve.values for curve in known))
-    if handle.title != plot.title:
-        handle.title = plot.title
+    handle.title = plot.title
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:
