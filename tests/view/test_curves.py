@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.view.curves import _SPAN_S, Curves
+from catenary.view.shown import _SPAN_S, Curves
 from view.arms import RAVEN, Q, state
 
 

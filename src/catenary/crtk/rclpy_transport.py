@@ -23,10 +23,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.dds.arguments import BEGIN, RosArguments
 from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.message import HEADER, Message
 from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.network import BEGIN, RosArguments
 from catenary.crtk.transport import SETTLE_S, UNNAMED_NODE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields

@@ -20,11 +20,12 @@ from catenary.errors import CatenaryError
 from catenary.monitor import Snapshot
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
-from catenary.view.curves import Curves, Plot
 from catenary.view.shown import (
     ARMS,
     Change,
     Control,
+    Curves,
+    Plot,
     Shown,
     TipPaths,
     Value,

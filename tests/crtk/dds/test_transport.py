@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
+from catenary.crtk.network import RosArguments
 from catenary.crtk.transport import Sending
 from patience import PATIENCE, until
 
