@@ -36,7 +36,7 @@ from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.recording.import_formats.sources import needs_mapping
 from catenary.recording.logs import Reading, read_recording, read_torque_log
 from catenary.reports.calibration import card_facts, model_name
-from catenary.reports.model_figure import overlay
+from catenary.reports.joint_errors import overlay
 from catenary.reports.page import Column, Table
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
