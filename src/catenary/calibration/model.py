@@ -10,9 +10,10 @@ from pydantic import Field
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration import arithmetic
 from catenary.calibration.arithmetic import Step
+from catenary.calibration.expansion import Expansion
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
-from catenary.calibration.predictors import AnyPredictor
+from catenary.calibration.predictors import Constant, Linear, Network, Quadratic
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange
 from catenary.cards import StoredFloats, StoredIntegers
@@ -25,6 +26,7 @@ Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]
 Mends = Annotated[Mapping[Annotated[str, Field(pattern=MEND_KEYS)], tuple[str, ...]], Field(max_length=50)]
 MAX_CORRECTION_RATIO = 2.0  # times the largest correction that training showed: the largest that is believed
+AnyPredictor = Annotated[Constant | Linear | Quadratic | Network | Expansion, Field(discriminator="kind")]
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
 
@@ -75,7 +77,7 @@ class CalibrationModel:
 
     __pydantic_config__ = IN_FILES
 
-    kind: str  # "offset", "linear", "polynomial", "hysteretic", "neural", or "auto": each joint has its own
+    kind: str  # of `MODEL_KINDS`, or one that is no longer fitted
     preset: str | None
     joint_names: Many[str]
     joint_units: Many[Unit]

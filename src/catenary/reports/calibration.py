@@ -7,7 +7,6 @@ from typing import NamedTuple
 from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, Spread
-from catenary.calibration.kind_choice import CLOSE_RATIO, JointChoice
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
 from catenary.reports import joint_errors
@@ -15,6 +14,7 @@ from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text,
 from catenary.reports.tip import TipErrors, kinematics_of, tip_blocks, tip_errors, tip_rmse
 from catenary.robots.model import RobotModel
 
+_CLOSE_RATIO = 1.03  # times the error: the fixed offset is as good
 _MAX_NAMED_JOINTS = 6  # that a sentence can name with their numbers
 _PAPER = (
     "H. Peng, A. Lewis, Y.-H. Su, S. Lin, D.-T. Chiang, W. Jiang, H. Lai, B. Hannaford, "
@@ -101,7 +101,6 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     seconds, mended = clock_delay(card), ", ".join(card.get("mends", {}).get("delay", ()))
     corrected = f", of which {mended} s was corrected" if mended else ""
     return [
-        *(("chosen", str(JointChoice(**choice))) for choice in card.get("choice") or ()),
         *((name, card[name]) for name in ("instrument", "tool", "recorded") if card.get(name)),
         *([] if seconds is None else [("delay", f"{seconds:+.3f} s{corrected}")]),
         ("target", f"joint {card['target']}"),
@@ -190,6 +189,6 @@ def _against(after: float, offset: float, outside: float = 0.0) -> str:
     """Return what speaks against a correction: an error near the fixed offset's or above, rows outside its range."""
     if after > HARM_RATIO * offset:
         return "worse than the fixed offset"
-    if CLOSE_RATIO * after > offset:
+    if _CLOSE_RATIO * after > offset:
         return "no better than the fixed offset"
     return f"{outside:.0%} of rows are outside its trained range" if outside > OUTSIDE_SHARE else ""
