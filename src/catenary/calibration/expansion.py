@@ -74,12 +74,13 @@ class Expansion(Predictor):
     weights: StoredFloats  # (C, m)
     bias: StoredFloats  # (m,)
     penalties: StoredFloats  # (m, groups) that the weights were fitted with (learned.py)
+    widening: StoredFloats  # (m,) times as large as on blocks of training is an error where joints meet otherwise
     kind: Literal["expansion"] = "expansion"
-    by_output: ClassVar[tuple[str, ...]] = ("weights", "bias")
+    by_output: ClassVar[tuple[str, ...]] = ("weights", "bias", "widening")
 
     def __post_init__(self) -> None:
         self._keep({"bias": (None,), "weights": (len(self.terms), len(self.bias))})
-        self._keep({"penalties": (len(self.bias), None)})
+        self._keep({"penalties": (len(self.bias), None), "widening": (len(self.bias),)})
 
     @property
     def shape(self) -> tuple[int | None, int]:  # noqa: D102

@@ -126,12 +126,9 @@ class FeatureSet:
         return np.array([column.is_state for column in self._columns])
 
     @property
-    def joints(self) -> tuple[str, ...]:
-        """The joint that each feature comes from, F; joints whose friction is coupled are one."""
-        coupled = () if self.friction is None else self.friction.positions
-        names = {position.rpartition(":")[2]: coupled[0].rpartition(":")[2] for position in coupled}
-        found = (column.signal.rpartition(":")[2] for column in self._columns)
-        return tuple(names.get(joint, joint) for joint in found)
+    def owners(self) -> tuple[str, ...]:
+        """The joint that each feature comes from, F."""
+        return tuple(column.signal.rpartition(":")[2] for column in self._columns)
 
     @cached_property
     def _columns(self) -> list[_Column]:

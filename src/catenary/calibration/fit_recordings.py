@@ -7,12 +7,12 @@ from functools import cache, partial
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
 from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
-from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
+from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate, rms
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
@@ -32,6 +32,8 @@ from catenary.verdict.mend import left_out_rows, mends_of
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 _MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
+_FAR_DEVIATIONS, _MAX_FAILED_SHARE = 10.0, 0.03
+_RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
@@ -91,14 +93,46 @@ def fit_recordings(
     data, *_ = rows_of(inputs.features)
     halves = [part_of(progress, k, 2) for k in range(2)]
     model = fit(data, inputs, options, progress=halves[0])
-    validation = None
+    validation: CrossValidation | None = None
+    notes: tuple[str, ...] = ()
+    if model.widening is not None:
+        failed = _failed(data, model)
+        notes = _failed_notes(data, model, failed)
+        data = data.rows(~failed)
     if run.folds:
 
         def refitted(part: CalibrationData, tell: Progress) -> CalibrationModel:
             return fit(part, inputs, options, like=model, progress=tell)
 
         validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
-    return _concluded(recordings, options, run, (model, validation), found, rows_of(inputs.features))
+    return _concluded(
+        recordings,
+        options,
+        run,
+        (model, validation),
+        found._replace(notes=[*found.notes, *notes]),
+        (data, *rows_of(inputs.features)[1:]),
+    )
+
+
+def _failed(data: CalibrationData, model: CalibrationModel) -> Flags:
+    """Return rows (N,) that failed measurements are likely on: few, and beyond ten robust deviations of the errors."""
+    left = np.abs(data.error - model.correction(data.X, data.q_nominal))
+    far = np.any(left > _FAR_DEVIATIONS * 1.4826 * np.median(left, axis=0) + _RESOLUTION_SI, axis=1)
+    return far if far.mean() <= _MAX_FAILED_SHARE else np.zeros_like(far)
+
+
+def _failed_notes(data: CalibrationData, model: CalibrationModel, failed: Flags) -> tuple[str, ...]:
+    """Say which rows count in no printed error, and the errors with them."""
+    if not failed.any():
+        return ()
+    left = (data.error - model.correction(data.X, data.q_nominal)) * [DISPLAY[u][1] for u in data.joint_units]
+    shown = [
+        f"{name} {rms(column[~failed]):.3g} ({rms(column):.3g}) {DISPLAY[unit][0]}"
+        for name, unit, column in zip(data.joint_names, data.joint_units, left.T, strict=True)
+    ]
+    what = f"{failed.sum()} rows lie beyond {_FAR_DEVIATIONS:g} robust deviations of the model's errors"
+    return (f"{what}, as failed measurements do, and count in no error: RMSE without (with) them {', '.join(shown)}",)
 
 
 def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
@@ -133,7 +167,9 @@ def _concluded(
     """Return a fitted model with its intervals, errors and card."""
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
     notes = (*data_notes(logs, everything), *found.notes)
-    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
+    intervals = (
+        None if validation is None else estimate_intervals(validation, level=run.coverage, widening=model.widening)
+    )
     limits = _limits(recordings.robot, data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
@@ -153,7 +189,14 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
-        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals)
+        spread = expected(
+            validation.spread,
+            validation,
+            data.blocks(run.folds),
+            left,
+            intervals,
+            1.0 if model.widening is None else model.widening,
+        )
         vague = [
             f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
             for joint in spread

@@ -14,7 +14,6 @@ from catenary.calibration.fit_options import FitOptions, FoundCables
 from catenary.calibration.learned import BLOCKS
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.model_kinds import ModelKind
-from catenary.calibration.recording_zeros import recording_zeros
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
@@ -82,7 +81,7 @@ def fit(
     like: CalibrationModel | None = None,
     progress: Progress = silent,
 ) -> CalibrationModel:
-    """Fit a model to rows, joints with the same inputs together, zeros of several recordings left out.
+    """Fit a model to rows, joints with the same inputs together.
 
     What blocks of time choose, as penalties, is taken from a model of the same inputs where one is given as `like`.
     """
@@ -101,14 +100,12 @@ def fit(
         columns = inputs.features.columns_of(signals)
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
-        learnt = Y[:, joints]
-        if not kind.as_recorded:
-            learnt = learnt - recording_zeros(X, learnt, data.recording)[data.recording]
         chosen = None if like is None else like.groups[number].predictor
         predictor = kind.fit(
-            X, learnt, ridge=options.ridge_used or 0.0, seed=options.seed, progress=report, features=inputs.features,
-            columns=columns, joints=[data.joint_names[j] for j in joints], block=data.blocks(BLOCKS),
-            recording=data.recording, penalties=chosen.penalties if isinstance(chosen, Expansion) else None,
+            X, Y[:, joints], ridge=options.ridge_used or 0.0, seed=options.seed, progress=report,
+            features=inputs.features, columns=columns, joints=[data.joint_names[j] for j in joints],
+            block=data.blocks(BLOCKS), recording=data.recording,
+            penalties=chosen.penalties if isinstance(chosen, Expansion) else None,
         )  # fmt: skip
         watched = columns[~inputs.features.bounded[columns]]
         margin = extrapolation(kind, inputs.features, columns)

@@ -15,7 +15,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, Integers
@@ -46,6 +46,9 @@ _REWEIGHTINGS = 3
 _POSITION_LIMIT, _LOAD_LIMIT = 1.15, 4.0  # half ranges; standard deviations
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: of fewer, each has a zero of its own by chance
+_MET_ROWS, _MAX_WIDENING = 1000, 4.0
+# of the ratio of variances: 1/2 were all of an error uncertainty of the weights; drawn arms and RAVEN-IIs show a fourth
+_WIDENING_POWER = 0.25
 _EVERY = 3  # of the play states, one in so many has products
 
 
@@ -66,7 +69,7 @@ def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
     loads = [k for k in moves if not is_position[k] and not is_state[k]]
     angles = [k for k in positions if units[k] == "rad"]
     pairs = [*combinations(positions, 2)]
-    joints = [features.joints[c] for c in columns]
+    joints = [features.owners[c] for c in columns]
     for k in positions:
         own = [load for load in loads if joints[load] == joints[k]]
         ladder = [i for i, name in enumerate(names) if name in widths and joints[i] == joints[k]]
@@ -81,7 +84,7 @@ def groups_of(terms: Terms, features: FeatureSet, columns: Integers, joint: str)
     coupled = () if features.friction is None else [f"{lag}" for lag, _ in features.friction.columns]
     along = tuple(f"play({name}," for name, *_ in features.paths)
     names, is_state = [features.names[c] for c in columns], features.bounded[columns]
-    kinds, owners = term_owners(terms, [features.joints[c] for c in columns])
+    kinds, owners = term_owners(terms, [features.owners[c] for c in columns])
     found = []
     for k, (kind, owner) in enumerate(zip(kinds, owners, strict=True)):
         if kind == "feature":
@@ -120,14 +123,21 @@ def fit_learned(
     groups = np.array([np.append(groups_of(terms, features, columns, joint), of_zeros) for joint in joints])
     with threadpool_limits(limits=1):
         sums = _weighted_sums(terms.of(X), zeros, Y, block, groups)
+        chosen = penalties is None
         if penalties is None:
             penalties = np.array([_chosen(sums.of_blocks, groups[k], k) for k in range(Y.shape[1])])
         total = sums.of_blocks.sum(axis=0)
+        widening = np.ones(len(joints))
+        if chosen:
+            owners = [features.owners[c] for c in columns]
+            rows = [(terms.of(each) - sums.mean) / sums.scale for each in _met(X, owners)]
+            for k, group in enumerate(groups):
+                widening[k] = _widening(total, _by_term(penalties[k], group), len(terms), rows)
         solved = np.array([_solved(total, _by_term(penalties[k], groups[k]), k) for k in range(Y.shape[1])]).T
     of_zeros = zeros.mean(axis=0) @ solved[len(terms) : -1]
     weights = solved[: len(terms)] * sums.spread / sums.scale[:, None]
     bias = (solved[-1] + of_zeros) * sums.spread + sums.middle - sums.mean @ weights
-    return Expansion(terms, np.ascontiguousarray(weights), bias, penalties)
+    return Expansion(terms, np.ascontiguousarray(weights), bias, penalties, widening)
 
 
 def _by_term(penalties: Floats, group: Integers) -> Floats:
@@ -171,6 +181,29 @@ def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
     weights = np.zeros(size + 1)
     weights[kept] = cho_solve(cho_factor(gram, overwrite_a=True, check_finite=False), sums[kept, size + 1 + output])
     return weights
+
+
+def _met(X: Floats, owners: Sequence[str]) -> tuple[Floats, Floats]:
+    """Return some rows of features X (N, F), and as many in which each joint's features are those of another row."""
+    rng = np.random.default_rng(0)
+    rows = {joint: rng.integers(len(X), size=_MET_ROWS) for joint in dict.fromkeys(owners)}
+    met = np.column_stack([column[rows[joint]] for column, joint in zip(X.T, owners, strict=True)])
+    return X[rng.integers(len(X), size=_MET_ROWS)], met
+
+
+def _widening(sums: Floats, penalty: Floats, width: int, rows: Sequence[Floats]) -> float:
+    """Return how many times less certain a prediction is where joints meet otherwise than in training, 1 to 4.
+
+    The deviation of a ridge regression's prediction [Bishop 2006, section 3.3.2], of the second rows over the first.
+    """
+    kept = np.flatnonzero(penalty[:width] < _DROPPED)
+    if not len(kept):
+        return 1.0
+    root = cholesky(sums[np.ix_(kept, kept)] + np.diag(penalty[kept]), lower=True, check_finite=False)
+    told, met = (
+        np.square(solve_triangular(root, Z[:, kept].T, lower=True, check_finite=False)).sum(axis=0) for Z in rows
+    )
+    return float(np.clip((met.mean() / told.mean()) ** _WIDENING_POWER, 1.0, _MAX_WIDENING))
 
 
 def _score(sums: Floats, penalty: Floats, output: int) -> float:

@@ -115,6 +115,16 @@ class CalibrationModel:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
 
     @property
+    def widening(self) -> Floats | None:
+        """How many times larger an error is where joints meet otherwise than in training, (n,); None of other kinds."""
+        found = np.ones(len(self.joint_names))
+        for group in self.groups:
+            if not isinstance(group.predictor, Expansion):
+                return None
+            found[list(group.joints)] = group.predictor.widening
+        return found
+
+    @property
     def asked_of_reports(self) -> list[str]:
         """A sentence where what the robot reported in training was mended, but for units, and the model takes it."""
         taken = {"q_nominal", *(signal.partition(":")[0] for signal in self.features.signals)}
@@ -174,7 +184,8 @@ class CalibrationModel:
             if far is not None and interval is not None and self.intervals is not None:
                 seen = group.valid_range.seen
                 reach = np.array([seen, 0.5 * (seen + 1.0)])
-                widths = (self.intervals.inside, self.intervals.outside, reach)
+                own = self.intervals.outside if self.intervals.margin is None else self.intervals.margin
+                widths = (self.intervals.inside, own, self.intervals.outside, reach)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
         return steps
 

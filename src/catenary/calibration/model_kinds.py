@@ -32,7 +32,6 @@ class ModelKind:
         settings: The name, in that module, of settings that the function takes and the card tells.
         play_shares: Half-widths of play states that it takes unasked, of each joint's range; with friction states.
         of_error: It is fitted to the joint error, whatever the target.
-        as_recorded: It is fitted to rows as they are, each recording's zero within.
         beyond: How far beyond the box of the training data it may go.
         beyond_with_memory: The same of a model that takes play or friction states.
         is_power: It grows as powers do: along principal axes too it goes no farther than beyond the box.
@@ -46,7 +45,6 @@ class ModelKind:
     settings: str | None = None
     play_shares: tuple[float, ...] = ()
     of_error: bool = False
-    as_recorded: bool = False
     beyond: float = 0.5
     beyond_with_memory: float = 0.5
     is_power: bool = False
@@ -72,7 +70,7 @@ class ModelKind:
 
 
 _KINDS = (
-    ModelKind("offset", "the mean error", "predictors:fit_offset", of_error=True, as_recorded=True),
+    ModelKind("offset", "the mean error", "predictors:fit_offset", of_error=True),
     ModelKind("linear", "a linear function", "predictors:fit_linear", ("ridge",)),
     ModelKind(
         "polynomial",
@@ -89,7 +87,6 @@ _KINDS = (
         ("seed", "progress"),
         preset="paper",
         settings="PAPER",
-        as_recorded=True,
     ),
     ModelKind(
         "learned",
@@ -97,7 +94,6 @@ _KINDS = (
         "learned:fit_learned",
         ("features", "columns", "joints", "block", "recording", "penalties"),
         play_shares=tuple(0.0006 * 1.5**k for k in range(17)),
-        as_recorded=True,
     ),
 )
 MODEL_KINDS: Mapping[str, ModelKind] = {kind.name: kind for kind in _KINDS}
