@@ -50,7 +50,6 @@ MODULES = {
     "beyond-wrist-friction": "papers.beyond.wrist_friction",
     "beyond-wrist-everything": "papers.beyond.wrist_friction:EVERYTHING",
     "beyond-intervals": "papers.beyond.intervals",
-    "beyond-advice": "papers.beyond.advice",
 }
 
 

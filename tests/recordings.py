@@ -11,7 +11,7 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.neural import BEST, PAPER
+from catenary.calibration.neural import PAPER
 from catenary.calibration.recordings import Recordings
 from catenary.plant import MotionLog
 from catenary.transmission.cable_friction import coupled_friction
@@ -61,8 +61,10 @@ def coupled_arm(seed: int = 0, rows: int = 1500, level: float = 1.0) -> MotionLo
 
 
 def data_of(*logs: MotionLog, **options: Any) -> CalibrationData:
-    """Usable rows of recordings with the features that the options ask for."""
-    return calibration_data(logs, choose_inputs(Recordings.of(logs), FitOptions(**options)).features)
+    """Usable rows of recordings with the features that the options ask for, of a linear model where no kind is given."""
+    return calibration_data(
+        logs, choose_inputs(Recordings.of(logs), FitOptions(**{"kind": "linear"} | options)).features
+    )
 
 
 def fitted(*logs: MotionLog, **options: Any) -> CalibrationModel:
@@ -75,8 +77,6 @@ def fitted(*logs: MotionLog, **options: Any) -> CalibrationModel:
 def short_training() -> Iterator[None]:
     """Train smaller networks, and not for long, where how well they learn is not asked: to be made a fixture."""
     paper = replace(PAPER, hidden=(20, 20), l2=1e-5, learning_rate=1e-2, epochs=60)
-    best = replace(BEST, hidden=(20, 20), l2=(1e-4, 1e-3), epochs=15)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("catenary.calibration.neural.PAPER", paper)
-        patch.setattr("catenary.calibration.neural.BEST", best)
         yield

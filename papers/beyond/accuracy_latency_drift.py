@@ -28,14 +28,14 @@ from papers.calibration.peers.recurrent import PREVIOUS, fit_recurrent
 from papers.calibration.peers.rows import rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
 from papers.calibration.published import TABLE_3_OURS
-from papers.calibration.recordings import BEST, METHODS, NETWORK, calibration_log, draws, fitted, homed
+from papers.calibration.recordings import LEARNER, METHODS, NETWORK, calibration_log, draws, fitted, homed
 from papers.calibration.six_hours import OFFSET
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
 ROUNDS, SHORTEST = 9, 0.02  # and the least time of a round [s]
-TIMED = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
+TIMED = (OFFSET, "linear", "polynomial", NETWORK, LEARNER, *PEERS)
 SERVO = 1000.0  # [us] of a loop's period
 PUBLISHED = {NETWORK: 61e3, "linear": 380.0}  # [us] of an inference, table V
 

@@ -25,10 +25,7 @@ from papers.kit import IN_UNITS, filled, table
 
 TRAININGS = ("random_train", "insertion_train", "peg_transfer_train", "sampled_train")
 RECORDINGS = (*TRAININGS, *(f"error_exp{k}" for k in range(1, 6)))
-KINDS = {
-    "linear, play": FitOptions(kind="linear", play=PLAY_SHARES),
-    "neural, best": FitOptions(kind="neural", preset="best"),
-}
+KINDS = {"linear, play": FitOptions(kind="linear", play=PLAY_SHARES), "learned": FitOptions()}
 RAVEN_KINDS = {
     "linear": FitOptions(kind="linear", inputs=POSITIONING_INPUTS),
     "polynomial": FitOptions(kind="polynomial", inputs=POSITIONING_INPUTS),
@@ -108,7 +105,7 @@ def report(o: Outcomes) -> Report:
             row = [told["recording"], *([] if test == LATER else [test]), told["kind"], *_cells(found)]
             if test == LATER:
                 later.append(row)
-            elif told["recording"] in TRAININGS and told["kind"] == "neural, best":
+            elif told["recording"] in TRAININGS and told["kind"] == "learned":
                 elsewhere.append([told["recording"], test, *_cells(found)])
     for told, result in o.items(raven_coverage):
         robot = "nominal" if told["seed"] is None else f"{told['seed']}"
@@ -116,7 +113,7 @@ def report(o: Outcomes) -> Report:
     end = [*DVRK_UNITS, "outside"]
     tables = [
         table("Real arm: later blocks of the same recording", ["fitted to", "model", *end], later),
-        table("Real arm: other recordings, `neural, best`", ["fitted to", "tested on", *end], elsewhere),
+        table("Real arm: other recordings, `learned`", ["fitted to", "tested on", *end], elsewhere),
         table("Simulated RAVEN-II", ["robot", "model", "tested on", *IN_UNITS, "outside"], raven),
     ]
     return Report(filled(tables), {}, _remarks(o))

@@ -29,18 +29,14 @@ from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope,
 from papers.figures import legend_below, panels
 from papers.kit import filled, grid, table
 
-PLAY, FRICTION, AUTO = "play states", "friction states", "auto"
-METHODS = {
-    PLAY: FitOptions(kind="hysteretic", coupled=()),
-    FRICTION: FitOptions(kind="hysteretic"),
-    AUTO: FitOptions(kind="auto"),
-}
+PLAY, FRICTION = "play states", "friction states"
+METHODS = {PLAY: FitOptions(coupled=()), FRICTION: FitOptions()}
 COLORS = {PLAY: "#4b6b94", FRICTION: "#d9622b"}
 BEGUN = 10.0  # [s]
 MINUTES = (2.0, 4.0, 8.0, 16.0, 40.0)
 RANDOM = "random_train"
 WITHIN = 0.95  # share of rows
-UNDER_LOAD = "Jaw under load, runs left out, once midlines are known (from the first row on) [deg]"
+UNDER_LOAD = "Jaw under load, runs left out [deg]"
 OTHERS = [[other for other in RECORDINGS if other != name] for name in RECORDINGS]  # than each
 ALONE = "error_exp5"  # where J6 alone moves
 TOOLS, LOADED = "davinci_tools", {"positions": ("q",), "current": ("q", "current"), "torque": ("q", "tau")}
@@ -57,7 +53,6 @@ def errors(train: Sequence[str], method: str, minutes: float, data: Path) -> Res
     found = fit_logs([_first(log_of(name, data), minutes) for name in train], METHODS[method], _run())
     others = [name for name in RECORDINGS if name not in train]
     return {
-        "kinds": [choice.chosen for choice in found.choices],
         "unseen": [joint.rmse_mean for joint in found.spread],
         "others": {name: _rmse(found.model, log_of(name, data)) for name in others},
     }
@@ -95,33 +90,24 @@ def slack(rows: int, data: Path) -> Result:
 
 @run(revision=3)
 def loaded(folder: str, signal: str, data: Path) -> Result:
-    """Return the RMSE of a jaw [deg] on runs of mixed load that models of a folder's other runs predict, in fours.
-
-    On rows on which midlines are known, and on `all`, of which a run's first have the fixed offset.
-    """
-    logs, options = _runs(folder, data), FitOptions(kind="hysteretic", inputs=LOADED[signal])
+    """Return the RMSE of a jaw [deg] on runs of mixed load that models of a folder's other runs predict, in fours."""
+    logs, options = _runs(folder, data), FitOptions(inputs=LOADED[signal])
     inputs = choose_inputs(Recordings.of(logs), options)
     rows = calibration_data(logs, inputs.features)
-    known, whole = (
-        cross_validate(part, lambda train, _: fit(train, inputs, options), folds=4)
-        for part in (rows.rows(rows.complete), rows)
-    )
-    return {"rmse": known.spread[0].rmse_mean, "all": whole.spread[0].rmse_mean}
+    return {"rmse": cross_validate(rows, lambda train, _: fit(train, inputs, options), folds=4).spread[0].rmse_mean}
 
 
 @run(revision=4)
 def carried(folder: str, signal: str, data: Path) -> Result:
     """Return by other folder the RMSE of a jaw [deg] by a folder's model, and the share of rows in its valid range.
 
-    Rows on which midlines are known; the model is refreshed by their first ten seconds of one run, and tested on all
-    others; the median over these runs.
+    The model is refreshed by the first ten seconds of one run, and tested on all others; the median over these runs.
     """
-    options = FitOptions(kind="hysteretic", inputs=LOADED[signal])
+    options = FitOptions(inputs=LOADED[signal])
     model = fit_logs(_runs(folder, data), options).model
     found = {}
     for other in (each for each in FOLDERS if each != folder):
         rows = calibration_data(_runs(other, data), model.features)
-        rows = rows.rows(rows.complete)
         errors = []
         for number in np.unique(rows.recording):
             run = rows.rows(rows.recording == number)
@@ -138,7 +124,7 @@ def _runs(folder: str, data: Path) -> list[MotionLog]:
 
 
 def cases(scope: Scope) -> list[Case]:
-    """Return those of the page: hysteretic models of one recording, and the first tools."""
+    """Return those of the page: models of one recording, and the first tools."""
     if scope.quick:
         return [slack.case(rows=100), *grid(errors, {"method": (PLAY, FRICTION)}, train=[RANDOM], minutes=2.0)]
     return [
@@ -149,7 +135,7 @@ def cases(scope: Scope) -> list[Case]:
 
 
 def all_cases(scope: Scope) -> list[Case]:
-    """Return all: every recording alone and left out, every tool, and `auto`, which trains networks."""
+    """Return all: every recording alone and left out, and every tool."""
     if scope.quick:
         return cases(scope)
     alone = [[name] for name in RECORDINGS]
@@ -169,16 +155,16 @@ def report(o: Outcomes) -> Report:
         unseen.append([f"{what}: {told['method']}", *(f"{value:.3f}" for value in result["unseen"])])
         for name, rmse in result["others"].items():
             elsewhere.append([f"{what}; {name}: {told['method']}", *(f"{value:.3f}" for value in rmse)])
-    by_signal: dict[str, dict[str, tuple[float, float]]] = {}
+    by_signal: dict[str, dict[str, float]] = {}
     for told, result in o.items(loaded):
-        by_signal.setdefault(told["signal"], {})[told["folder"]] = result["rmse"], result["all"]
+        by_signal.setdefault(told["signal"], {})[told["folder"]] = result["rmse"]
     jaws = [
-        [folder, *("{:.2f} ({:.2f})".format(*of.get(folder, (np.nan, np.nan))) for of in by_signal.values())]
+        [folder, *(f"{of.get(folder, np.nan):.2f}" for of in by_signal.values())]
         for folder in FOLDERS
         if any(folder in of for of in by_signal.values())
     ]
-    medians = [np.median(list(of.values()), axis=0) for of in by_signal.values()]
-    jaws += [["median", *("{:.2f} ({:.2f})".format(*of) for of in medians)]] if jaws else []
+    medians = [np.median(list(of.values())) for of in by_signal.values()]
+    jaws += [["median", *(f"{median:.2f}" for median in medians)]] if jaws else []
     pairs: dict[str, list[list[float]]] = {}
     for told, result in o.items(carried):
         pairs.setdefault(told["signal"], []).extend(result.values())
@@ -199,7 +185,7 @@ def report(o: Outcomes) -> Report:
             table("RMSE on other recordings", header, elsewhere),
             table(UNDER_LOAD, ["folder", *by_signal], jaws),
             table(
-                "Jaw of another folder once midlines are known, refreshed by 10 s: median (pairs) [deg]",
+                "Jaw of another folder, refreshed by 10 s: median (pairs) [deg]",
                 ["signal", "within the valid range", "beyond"],
                 others,
             ),

@@ -47,7 +47,7 @@ KINDS = {
     "linear": FitOptions(kind="linear"),
     "polynomial": FitOptions(kind="polynomial"),
     "neural, paper": FitOptions(kind="neural", preset="paper"),
-    "neural, best": FitOptions(kind="neural", preset="best"),
+    "learned": FitOptions(),
 }
 RECURRENT, PROCESS, TWO_PHASE = "recurrent (Hwang)", "Gaussian process (Mahler)", "two-phase (Seita)"
 PEERS: Mapping[str, Callable[..., Peer]] = {
@@ -68,9 +68,9 @@ def limit_of(recording: str) -> tuple[float, ...] | None:
 
 
 def variants(kind: str) -> dict[str, FitOptions]:
-    """Return a kind of model without memory, and with play states, which `best` has."""
+    """Return a kind of model without memory, and with play states, which the learner has."""
     found = {kind: KINDS[kind]}
-    return found if kind == "neural, best" else found | {f"{kind}, play": replace(KINDS[kind], play=PLAY_SHARES)}
+    return found if kind == "learned" else found | {f"{kind}, play": replace(KINDS[kind], play=PLAY_SHARES)}
 
 
 @run(revision=1)
@@ -172,7 +172,7 @@ SHOWN = {
     "linear": "#4b6b94",
     "neural, paper": "#d9622b",
     "linear, play": "#7fa3cf",
-    "neural, best": "#2f8f6b",
+    "learned": "#2f8f6b",
     RECURRENT: "#8455a8",
     PROCESS: "#c9a227",
     TWO_PHASE: "#8a94a3",

@@ -20,13 +20,13 @@ from catenary.arrays import Floats
 from papers.calibration import published, six_hours
 from papers.calibration.judging import CLEARLY, CONSIDERABLE, by_joint, changes, less, less_lost, statement
 from papers.calibration.published import SIX_HOURS_POLYNOMIAL_J1
-from papers.calibration.recordings import BEST, NETWORK, draws, homed, random_log
+from papers.calibration.recordings import LEARNER, NETWORK, draws, homed, random_log
 from papers.calibration.six_hours import CONDITIONS, HOURS, LONG, LONGEST, OFFSET, SHORT, SHORTEST, Condition, measured
 from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, log_scale, panels
 from papers.kit import IN_UNITS, Missing, by_count, by_robot, filled, graded, grid, joint_tables, rows, table, told
 
-SHOWN = (OFFSET, "linear", "polynomial", NETWORK, BEST)
+SHOWN = (OFFSET, "linear", "polynomial", NETWORK, LEARNER)
 TRAINED = {"3 longest": LONGEST, "3 shortest": SHORTEST}
 LEARNT = ("linear", NETWORK)  # which the paper compares on every joint
 COMPARED = (OFFSET, *LEARNT)

@@ -12,7 +12,6 @@ from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import choose_inputs, fit
-from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import Card
 from catenary.calibration.recordings import Recordings
 from recordings import fitted, recording, short_training
@@ -43,7 +42,7 @@ KINDS = [
     {"kind": "linear", "play": (0.1,)},
     {"kind": "polynomial", "target": "position"},
     {"kind": "neural"},
-    {"kind": "neural", "preset": "best"},
+    {"kind": "learned"},
     {"inputs": {"J1": ("q:J1",)}},
 ]
 
@@ -75,8 +74,8 @@ def test_card_names_robot_joints_inputs_and_data() -> None:
     assert [joint["fixed_offset"] for joint in card["joints"]] == pytest.approx(list(expected))
     assert [(one["name"], one["unit"]) for one in card["inputs"]] == [(f"q:{j}", unit) for j, unit in units.items()]
     source = card["data"][0]
-    told = (source["name"], source["sha256"], source["rows"], source["incomplete"])
-    assert told == ("run", "ab" * 32, 60, 0)
+    told = (source["name"], source["sha256"], source["rows"])
+    assert told == ("run", "ab" * 32, 60)
     for flag in (True, False):
         assert card_of(replace(log, simulated=flag), folds=0)["simulated"] is flag
     asked = {"held_out": 0.2, "folds": 3, "max_error": None, "accept": [], "coverage": 0.9}
@@ -93,17 +92,11 @@ def test_card_names_robot_joints_inputs_and_data() -> None:
 
 def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> None:
     log = recording(np.random.default_rng(0), rows=200)
-    models = {
-        "offset": fitted(log, kind="offset"),
-        "polynomial": fitted(log, kind="polynomial", play=(0.1,), ridge=1.0),
-    }
-    kinds = ("polynomial", "offset", "offset")
-    choices = [JointChoice(j, "deg", kind, {kind: 1.0}) for j, kind in zip(log.joint_names, kinds, strict=True)]
-    model = composed(models, choices)
+    asked = FitOptions("polynomial", inputs={"J1": ("q:J1", "q:J2")}, play=(0.1,), ridge=1.0)
+    model = fitted(log, kind="polynomial", inputs={"J1": ("q:J1", "q:J2")}, play=(0.1,), ridge=1.0)
     data = calibration_data([log], model.features)
-    asked = FitOptions()
-    card = model_card(model, data, asked, run=FitRun(), spread=(), held_out=None, choices=tuple(choices))
-    assert [joint["widened_by"] for joint in card["joints"]] == [0.1, 0.5, 0.5]
+    card = model_card(model, data, asked, run=FitRun(), spread=(), held_out=None)
+    assert [joint["widened_by"] for joint in card["joints"]] == [0.1, 0.1, 0.1]
     for entry in card["inputs"][:3]:  # play states cannot leave theirs
         column = model.features.names.index(entry["name"])
         X = data.X[:1].repeat(4, axis=0)

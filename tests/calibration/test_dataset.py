@@ -33,22 +33,11 @@ def test_rows_by_a_clock_that_counts_from_1970_have_a_date(began: float, day: st
     assert calibration_data([run(began=began)], PLAIN).dates == (day, day)  # a robot's own clock has none
 
 
-def test_rows_without_measurement_or_known_inputs_are_left_out_and_counted() -> None:
+def test_rows_without_measurement_are_left_out_and_counted() -> None:
     log = run(bad=(1, 20, 21))
     data = calibration_data([log], PLAIN)
     assert_array_equal(kept_rows(data, log), np.delete(np.arange(50), [1, 20, 21]))
     assert data.sources[0].without_truth == 3
-    log = replace(log, tau=np.ones((50, 3)))
-    features = FeatureSet((*NAMES, "tau:J1"), (*UNITS, "Nm"), midlines=(("tau:J1", "q:J1", 0.01, 1.0),))
-    data = calibration_data([log], features)
-    unknown = np.isnan(features.matrix(log)).any(axis=1)  # until J1 went both ways
-    assert 3 < unknown.sum() < 40
-    assert data.sources[0].incomplete == (unknown & log.ok).sum()
-    data = calibration_data([log], features, max_error=np.array([0.01, 0.01, 0.001]))
-    source = data.sources[0]
-    assert source.dropped > 0
-    assert source.rows == len(data) + source.without_truth + source.dropped
-    assert source.incomplete == (~data.complete).sum() > 0
 
 
 def test_rows_beyond_the_error_limit_are_dropped_and_counted() -> None:
@@ -103,7 +92,7 @@ def test_blocks_are_contiguous_and_cover_every_recording_alike(count: int) -> No
                 assert np.ptp(np.bincount(numbers)) <= 1 + int((~logs[number].ok).sum())
 
 
-SHORT = r"6 rows, 6 without measurement, 0 before midlines are known, 0 beyond"
+SHORT = r"6 rows, 6 without measurement, 0 beyond"
 
 
 @pytest.mark.parametrize(

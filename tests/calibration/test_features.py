@@ -112,7 +112,7 @@ def test_pieces_of_a_recording_give_the_bits_of_the_whole(rng, monkeypatch, ever
     q[260, 0] += 3.0  # a spike, and a gap in time, between and across pieces
     time = np.arange(500) * STEP + np.where(np.arange(500) >= 330, 60.0, 0.0)
     log = replace(log, q_nominal=q, time=time)
-    features = choose_inputs(Recordings.of([log]), FitOptions(kind="hysteretic", coupled=())).features
+    features = choose_inputs(Recordings.of([log]), FitOptions(coupled=())).features
     whole = features.rows(log)
     monkeypatch.setattr(features_of_rows, "_PIECE_ROWS", 70)
     kept = np.arange(0, 500, every)

@@ -3,16 +3,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.fit_rows import choose_inputs, fit
-from catenary.calibration.predictors import fit_linear
+from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
@@ -60,15 +60,15 @@ def test_joint_is_fitted_to_its_own_inputs_together_with_those_of_the_same() -> 
         assert_allclose(calibrated[:, joint] - run.q_nominal[:, joint], expected, atol=1e-10)
 
 
-def test_best_takes_play_states_of_every_joint_that_moves_unless_there_are_torques() -> None:
-    run, best = log(), FitOptions("neural", "best")
+def test_the_learner_takes_play_states_of_every_joint_that_moves_and_others_when_asked() -> None:
+    run, shares = log(), MODEL_KINDS[LEARNED].play_shares
     q = run.q_nominal.copy()
     q[:, 1] = 0.3
-    play = choose_inputs(Recordings.of([replace(run, q_nominal=q)]), best).features.play
-    assert [signal for signal, _ in play] == ["q:J1"] * len(PLAY_SHARES) + ["q:J3"] * len(PLAY_SHARES)
-    with_torques = log(tau=np.ones((300, 3)))
-    assert choose_inputs(Recordings.of([with_torques]), best).features.play == ()
-    assert len(choose_inputs(Recordings.of([with_torques]), replace(best, play=(0.1,))).features.play) == 3
+    still = Recordings.of([replace(run, q_nominal=q)])
+    play = choose_inputs(still, FitOptions()).features.play
+    assert [signal for signal, _ in play] == ["q:J1"] * len(shares) + ["q:J3"] * len(shares)
+    assert choose_inputs(still, FitOptions("linear")).features.play == ()
+    assert len(choose_inputs(still, FitOptions("linear", play=(0.1,))).features.play) == 2
 
 
 def test_play_half_widths_are_shares_of_the_motion_of_all_recordings() -> None:
@@ -88,28 +88,19 @@ def test_play_half_widths_do_not_look_at_the_held_out_part() -> None:
     )
 
 
-def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = []
-    monkeypatch.setattr(
-        "catenary.calibration.neural.fit_neural", lambda X, Y, *, late, **__: seen.append(late) or fit_linear(X, Y)
-    )
-    fitted(log(rows=100), log(1, rows=50), kind="neural", preset="best")
-    assert_array_equal(seen[0], np.concatenate([np.arange(100) >= 80, np.arange(50) >= 40]))
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"kind": "cubic"}, 'model "cubic": expected one of auto, offset, linear, polynomial, hysteretic, neural'),
-        ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": only neural has presets'),
-        ({"kind": "neural", "preset": "worst"}, "best and paper"),
+        ({"kind": "cubic"}, 'model "cubic": expected one of offset, linear, polynomial, neural, learned'),
+        ({"kind": "hysteretic"}, "no longer fitted"),
+        ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": there is paper of neural alone'),
         ({"target": "torque"}, 'target "torque": expected one of error, position'),
         ({"play": (1.5,)}, "play: expected shares"),
         ({"play": (0.0,)}, "play: expected shares"),
         ({"ridge": -1.0}, "ridge: expected a number of zero or more"),
         ({"ridge": float("nan")}, "ridge: expected a number of zero or more"),
-        ({"kind": "neural", "ridge": 1.0}, "only linear, polynomial, hysteretic take one"),
-        ({"kind": "offset", "ridge": 0.0}, "only linear, polynomial, hysteretic take one"),
+        ({"kind": "neural", "ridge": 1.0}, "only linear, polynomial take one"),
+        ({"kind": "offset", "ridge": 0.0}, "only linear, polynomial take one"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(options: dict[str, Any], message: str) -> None:

@@ -18,8 +18,8 @@ MINUTES = 400  # rows
 
 @pytest.fixture(scope="module")
 def model() -> CalibrationModel:
-    log, options = coupled_arm(), FitOptions(kind="hysteretic", coupled=("J5", "J6"))
-    return fitted(log, kind="hysteretic", friction=find_friction(Recordings.of([log]), options))
+    log, options = coupled_arm(), FitOptions(coupled=("J5", "J6"))
+    return fitted(log, kind="learned", friction=find_friction(Recordings.of([log]), options))
 
 
 def errors(model: CalibrationModel, log: MotionLog) -> np.ndarray:

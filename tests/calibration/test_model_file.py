@@ -4,6 +4,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ TEXTS = [(key, text) for key in ("structure", "card") for text in ("", "[1, 2]",
 GROUP = "groups.0."
 RANGE = ("valid_range.lower", "valid_range.axes", "valid_range.axis_upper")
 SHAPED = ("offset", *(f"{GROUP}{each}" for each in ("columns", "predictor.weights", *RANGE)))
-FEATURES = ("signals", "units", "play", "steps", "period")
+FEATURES = ("signals", "units", "play", "steps", "period", "midlines")
 PARTS = ("format", "signals", "groups", "target", "features", "joint_names")
 
 
@@ -197,3 +198,19 @@ def test_loading_a_model_for_a_loop_imports_nothing_that_fits_one() -> None:
     environment = {"PYTHONPATH": str(Path(__file__).parents[2] / "src")}
     outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, env=environment)
     assert outcome.stdout.strip() == b"set()"
+
+
+@pytest.mark.parametrize(("kind", "preset"), [("hysteretic", None), ("auto", None), ("neural", "best")])
+def test_a_file_of_a_kind_that_is_no_longer_fitted_loads_and_says_to_fit_again(
+    path: Path, kind: str, preset: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    save_model(replace(MODEL, kind=kind, preset=preset), CARD, path)
+    model, _ = load_model(path)
+    assert "fit again" in caplog.text
+    assert model.calibrate(LOG).tobytes() == MODEL.calibrate(LOG).tobytes()
+
+
+def test_a_file_with_midlines_is_refused_and_says_to_fit_again(path: Path) -> None:
+    midlines = [["tau:J1", "q:J1", 0.1, 1.0]]
+    with pytest.raises(FileFormatError, match="midlines of torques, which are no longer computed: fit again"):
+        load_model(altered(path, restructured(kind="hysteretic", midlines=midlines)))

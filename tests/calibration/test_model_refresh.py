@@ -9,17 +9,15 @@ from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.evaluate import evaluate
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import ALL_SLOPES, ZERO_AND_SCALE, adjusted, refresh_model, regress_held
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from recordings import fitted
-from tests.truth.recordings import raven
 
 KINDS: dict[str, dict[str, Any]] = {
-    **{kind: {"kind": kind} for kind in ("offset", "linear", "polynomial", "neural")},
+    **{kind: {"kind": kind} for kind in ("offset", "linear", "polynomial", "neural", "learned")},
     "position": {"kind": "linear", "target": "position"},
 }
 BEND = np.array([[0.03, -0.02], [0.01, 0.05]])
@@ -184,19 +182,3 @@ def test_too_few_rows_are_refused(models: dict[str, CalibrationModel]) -> None:
     old = models["linear"]
     with pytest.raises(InputError, match="30 usable rows of the new day, expected at least 40"):
         refresh_model(old, rows_of(old, a_day(7, 30)))
-
-
-def test_rows_before_midlines_are_known_count_in_what_a_refresh_prints() -> None:
-    """A model of midlines gives the fixed offset there: its errors are those of every measured row."""
-    known = raven("random")
-    model = fitted(*known.logs, kind="hysteretic", coupled=())
-    day = calibration_data([replace(known.again[0], q_encoder=known.again[0].q_encoder + 0.02)], model.features)
-    early = ~day.complete
-    assert early.any()
-    found = refresh_model(model, day)
-    assert_allclose(found.before, day.error - model.correction(day.X, day.q_nominal), atol=1e-12)
-    assert_allclose(found.left[early], day.error[early] - found.model.offset, atol=1e-12)
-    assert_allclose(found.model.offset - model.offset, 0.02, atol=4e-3)
-    for change, joint in zip(found.changes, evaluate(model, day).joints, strict=True):
-        assert change.rmse_before == pytest.approx(joint.rmse)
-        assert change.rmse_low <= change.rmse_after <= change.rmse_high

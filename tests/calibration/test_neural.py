@@ -11,7 +11,6 @@ from sklearn.neural_network import MLPRegressor
 
 from catenary.calibration import neural
 from catenary.calibration.neural import (
-    BEST,
     PAPER,
     PAPER_LARGER,
     NetworkSettings,
@@ -24,9 +23,7 @@ from catenary.calibration.neural import (
 from catenary.calibration.predictors import Network
 
 SMALL = NetworkSettings((8,), "tanh", 1e-4, 1e-2, 64, 20)
-SHORT = pytest.mark.parametrize(
-    "settings", [replace(PAPER, epochs=5), replace(BEST, epochs=5, l2=1e-3)], ids=["paper", "best"]
-)
+SHORT = pytest.mark.parametrize("settings", [replace(PAPER, epochs=5)], ids=["paper"])
 
 
 def problem(rows: int, outputs: int = 2, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -36,9 +33,8 @@ def problem(rows: int, outputs: int = 2, seed: int = 0) -> tuple[np.ndarray, np.
     return X, 0.02 * np.column_stack(waves) + 0.3
 
 
-def train(X: np.ndarray, Y: np.ndarray, settings: NetworkSettings, *, late: Any = None, **options: Any) -> Network:
-    late = np.zeros(len(X), dtype=bool) if late is None else late
-    return fit_neural(X, Y, settings, **({"seed": 0} | options), late=late)
+def train(X: np.ndarray, Y: np.ndarray, settings: NetworkSettings, **options: Any) -> Network:
+    return fit_neural(X, Y, settings, **({"seed": 0} | options))
 
 
 class Spy(TrainedNetwork):
@@ -148,21 +144,6 @@ def test_paper_network_is_trained_as_the_paper_states(steps: list[dict[str, Any]
     assert (PAPER.epochs, network.activation, network.skip) == (200, "logistic", None)
 
 
-def test_penalty_that_does_best_on_late_rows_is_taken(steps: list[dict[str, Any]]) -> None:
-    X, Y = problem(400)
-    candidates = (10.0, 1e-5, 1.0)  # two of them leave no network at all
-    train(X, Y, replace(SMALL, l2=candidates, epochs=25), late=np.arange(400) >= 320)
-    assert steps[-1]["l2"] == 1e-5
-
-
-def test_best_network_learns_a_smooth_function() -> None:
-    X, Y = problem(1200)
-    settings = replace(BEST, l2=(1e-4, 1e-2))
-    network = train(X[:800], Y[:800], settings, late=np.arange(800) >= 640)
-    left = network.predict(X[800:]) - Y[800:]
-    assert np.all(left.std(axis=0) < 0.15 * Y.std(axis=0))
-
-
 @SHORT
 def test_scale_and_origin_of_inputs_and_outputs_do_not_matter(settings: NetworkSettings) -> None:
     X, Y = problem(300)
@@ -195,11 +176,3 @@ def test_units_give_their_function_wherever_they_are_asked(units, exact) -> None
     expected = exact(layer.astype(np.float64))
     units(layer, np.zeros(1, np.float32))
     assert_allclose(layer, expected, rtol=0.0, atol=3e-7)
-
-
-def test_penalty_is_chosen_on_late_rows_that_the_trials_never_see(steps: list[dict[str, Any]]) -> None:
-    X, Y = problem(100)
-    late = np.arange(100) >= 80
-    train(X, Y, replace(SMALL, l2=(1e-4, 1e-2, 1.0), epochs=1), late=late)
-    rows = [s["rows"] for s in steps]
-    assert rows == [64, 16, 64, 16, 64, 16, 64, 36]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration import predictors
 from catenary.calibration.predictors import fit_linear, fit_polynomial
 from catenary.calibration.valid_range import standardisation
 
@@ -52,17 +51,3 @@ def waves(seed: int, outputs: int = 2) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     X = rng.normal(size=(300, 3)) * [1.0, 0.05, 2.0] + [0.0, 0.1, -1.0]
     return X, np.column_stack([np.sin(X[:, 0] + 5.0 * X[:, 1] * (k + X[:, 2])) for k in range(outputs)])
-
-
-def test_smooth_fit_bends_with_the_data_in_any_number_of_blocks_of_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(0)
-    X, later = rng.uniform(-1.0, 1.0, (2, 2000, 4))
-    truth = lambda x: np.column_stack([x[:, 0] * x[:, 1] + 0.3 * x[:, 2], 5.0 + 2.0 * x[:, 3]])  # noqa: E731
-    Y = truth(X) + 0.01 * rng.normal(size=(2000, 2))
-    fitted = predictors.fit_smooth(X, Y, ridge=0.01, seed=0)
-    left = fitted.predict(later) - truth(later)
-    assert np.sqrt(np.mean(left**2)) < 0.05 * truth(later).std()
-    straight = predictors.fit_linear(X, Y).predict(later) - truth(later)
-    assert np.sqrt(np.mean(straight[:, 0] ** 2)) > 5.0 * np.sqrt(np.mean(left[:, 0] ** 2))
-    monkeypatch.setattr(predictors, "_SMOOTH_ROWS", 170)
-    assert_allclose(predictors.fit_smooth(X, Y, ridge=0.01, seed=0).predict(later), fitted.predict(later), atol=1e-8)

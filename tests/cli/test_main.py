@@ -100,7 +100,7 @@ def test_a_default_is_read_as_what_is_typed(command: str) -> None:
 
 def test_help_shows_defaults_that_are_settled_later() -> None:
     text = " ".join(catenary("fit", "--help").out.split())
-    assert "[default: best]" in text
+    assert "[default: by the model's kind]" in text
     assert "[default: q, and tau if recorded]" in text
     assert "[default: its tip]" in catenary("fk", "--help").out
 

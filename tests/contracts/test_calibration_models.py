@@ -10,24 +10,22 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model, save_model
 from catenary.calibration.model_kinds import MODEL_KINDS
 from recordings import fitted, recording, short_training
 
-_RECORDS = [kind for kinds in MODEL_KINDS.values() for kind in kinds]
 KINDS: dict[str, dict[str, Any]] = {
-    **{f"{kind.name} {kind.preset or ''}".strip(): {"kind": kind.name, "preset": kind.preset} for kind in _RECORDS},
+    **{name: {"kind": name} for name in MODEL_KINDS},
     "linear with play": {"kind": "linear", "play": (0.1, 0.3)},
+    "learned per joint": {"kind": "learned", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q",)}},
     "linear per joint": {"kind": "linear", "inputs": {"J1": ("q:J1",), "J2": ("q:J1", "q:J2")}, "play": (0.2,)},
     "polynomial with play": {"kind": "polynomial", "play": (0.1,)},
     "neural per joint": {"kind": "neural", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q:J3",)}},
 }
-MIXED = "each joint its own"
 PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
-CASES = [(kind, "error") for kind in (*KINDS, MIXED)]
-CASES += [(kind, "position") for kind in ("linear with play", "polynomial", "neural best", "neural per joint")]
+CASES = [(kind, "error") for kind in KINDS]
+CASES += [(kind, "position") for kind in ("linear with play", "polynomial", "neural", "neural per joint", "learned")]
 
 
 def truth(q: np.ndarray) -> np.ndarray:
@@ -38,19 +36,11 @@ LOG = recording(np.random.default_rng(0), error=truth)
 NEW = recording(np.random.default_rng(0), rows=60, error=truth)  # the first fifth of the same motion
 
 
-def mixed() -> CalibrationModel:
-    """Return a model whose joints have kinds of their own, put together as model auto is."""
-    kinds = {"offset": "offset", "linear": "linear with play", "neural": "neural best"}
-    models = {name: fitted(LOG, **KINDS[kind]) for name, kind in kinds.items()}
-    joints = zip(("linear", "offset", "neural"), LOG.joint_names, strict=True)
-    return composed(models, [JointChoice(joint, "deg", name, {name: 1.0}) for name, joint in joints])
-
-
 class Case:
     """A model of some kind, fitted once, and rows of its features."""
 
     def __init__(self, kind: str, target: str) -> None:
-        self.fit = mixed if kind == MIXED else lambda: fitted(LOG, **KINDS[kind], target=target)
+        self.fit = lambda: fitted(LOG, **KINDS[kind], target=target)
         self.model: CalibrationModel = self.fit()
         self.data: CalibrationData = calibration_data([NEW], self.model.features)
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
+from catenary.calibration.expansion import Expansion, Terms
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
@@ -15,8 +16,8 @@ from catenary.calibration.valid_range import fit_valid_range
 from catenary.plant import MotionLog
 from catenary.transmission.cable_friction import coupled_friction
 
-PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "tanh, skip", "logistic, skip")
-MIXED = "each joint its own"  # as model auto's are
+PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "tanh, skip", "logistic, skip", "expansion")
+MIXED = "each joint its own"  # as those of model auto, which files may hold
 
 
 def random_predictor(name: str, inputs: int, outputs: int, rng: np.random.Generator) -> Predictor:
@@ -31,9 +32,36 @@ def random_predictor(name: str, inputs: int, outputs: int, rng: np.random.Genera
     if name == "quadratic":
         pairs = inputs * (inputs + 1) // 2
         return Quadratic(mean, scale, linear.weights, n(size=(pairs, outputs)), linear.bias)
+    if name == "expansion":
+        return random_expansion(inputs, outputs, rng)
     activation: Activation = "tanh" if name.startswith("tanh") else "logistic"
     hidden = tuple(int(width) for width in rng.integers(1, 20, size=rng.integers(0, 4)))
     return random_network((inputs, *hidden, outputs), activation, rng, linear if "skip" in name else None)
+
+
+def random_expansion(inputs: int, outputs: int, rng: np.random.Generator) -> Expansion:
+    """Draw a linear function of terms of which every kind occurs where inputs suffice."""
+    every, n = np.arange(inputs), rng.normal
+    pairs = rng.integers(0, inputs, (3, 2)) if inputs else np.zeros((0, 2), dtype=np.int64)
+    scale, limit = np.exp(0.3 * n(size=inputs)), rng.uniform(0.5, 1.9, inputs)
+    terms = Terms(n(size=inputs), scale, limit, every[::2], every[::4], every[1::2], pairs)
+    return Expansion(terms, n(size=(len(terms), outputs)), n(size=outputs), np.ones((outputs, 9)), np.ones(outputs))
+
+
+def expanded(terms: Terms, X: Floats) -> Floats:
+    """Give the terms (N, C) of features (N, F) by NumPy's functions."""
+    Z = (X - terms.middle) / terms.scale
+    held = np.clip(Z, -terms.limit, terms.limit)
+    columns = [Z]
+    for j in terms.positions:
+        waves = np.cos(0.5 * np.pi * np.arange(4, 13) * (held[:, [j]] + 1.0))
+        columns += [held[:, [j]] ** 2, held[:, [j]] ** 3, waves]
+    for j in terms.angles:
+        a = terms.middle[j] + terms.scale[j] * held[:, [j]]
+        columns += [f(k * a) for k in (1, 2, 3) for f in (np.sin, np.cos)]
+    columns += [f(held[:, [j]]) for j in terms.loads for f in (np.tanh, np.abs)]
+    columns += [held[:, [j]] * held[:, [k]] for j, k in terms.pairs]
+    return np.hstack(columns)
 
 
 def random_network(
@@ -57,6 +85,8 @@ def predicted(predictor: Predictor, X: Floats) -> Floats:
     """Give a predictor's outputs (N, m) by matrix products and the C library's functions."""
     if isinstance(predictor, Constant):
         return np.tile(predictor.value, (len(X), 1))
+    if isinstance(predictor, Expansion):
+        return expanded(predictor.terms, X) @ predictor.weights + predictor.bias
     if isinstance(predictor, Linear):
         return X @ predictor.weights + predictor.bias
     assert isinstance(predictor, Quadratic | Network)
@@ -80,7 +110,7 @@ def random_model(
     torques: int = 0,
     plays: int = 0,
     coupled: int = 0,
-    midlines: bool = False,
+    along: bool = False,
     target: Target = "error",
     per_joint: bool = False,
 ) -> CalibrationModel:
@@ -94,7 +124,7 @@ def random_model(
         torques: Number of torques among the inputs.
         plays: Play states of every position.
         coupled: How many joints, the first, have friction states.
-        midlines: Whether torques have midlines.
+        along: Whether play states of the first joint follow a path that the second moves too.
         target: What the predictors give.
         per_joint: Every joint takes its own signals only.
     """
@@ -104,9 +134,9 @@ def random_model(
     features = FeatureSet(
         (*(f"q:{name}" for name in names), *(f"tau:{name}" for name in names[:torques])),
         (*units, *(force[unit] for unit in units[:torques])),
-        tuple((f"q:{name}", 0.1 * (k + 1)) for name in names for k in range(plays)),
-        tuple((f"tau:{name}", f"q:{name}", 0.1, 1.0) for name in names[:torques]) if midlines else (),
+        (*((f"q:{name}", 0.1 * (k + 1)) for name in names for k in range(plays)), *[("path", 0.07)] * along),
         random_friction(names[:coupled], rng) if coupled else None,
+        paths=(("path", "q:j0", "q:j1", -0.4),) * along,
     )
     X = features.matrix(log_of(names, units, signals, torques))
     X = X[np.isfinite(X).all(axis=1)]

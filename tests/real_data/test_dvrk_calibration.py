@@ -32,7 +32,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "linear": {"kind": "linear"},
     "polynomial": {"kind": "polynomial"},
     "neural paper": {"kind": "neural", "preset": "paper"},
-    "neural best": {"kind": "neural", "preset": "best"},
+    "learned": {"kind": "learned"},
 }
 SLOW = pytest.mark.slow
 KINDS_BY_TIME = [pytest.param(kind, marks=SLOW if "neural" in kind else ()) for kind in KINDS]
@@ -64,8 +64,8 @@ def rmse(errors: tuple[JointErrors, ...]) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("joint", "index"), [("J3", 2), ("J5", 4), ("J6", 5)])
-def test_best_network_beats_the_papers_where_the_cables_show(joint: str, index: int) -> None:
-    best, paper = errors_on_the_last_fifth("neural best"), errors_on_the_last_fifth("neural paper")
+def test_the_learner_beats_the_papers_network_where_the_cables_show(joint: str, index: int) -> None:
+    best, paper = errors_on_the_last_fifth("learned"), errors_on_the_last_fifth("neural paper")
     assert best[index].name == joint
     assert best[index].rmse < paper[index].rmse
 
@@ -116,7 +116,7 @@ def test_no_correction_of_another_motion_is_taken_for_one_that_was_never_seen(ki
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.npz")), ids=lambda path: path.stem)
 def test_no_motion_of_the_arm_is_a_leap(path: Path, held_out: float) -> None:
     log = read_log(path)
-    options = FitOptions(kind="neural", preset="best")
+    options = FitOptions()
     features = choose_inputs(Recordings.of([log]), options, held_out=held_out).features
     assert features.steps
     X, _, leaps = features.rows(log)

@@ -17,8 +17,7 @@ from catenary.recording.logs import read_log
 
 TRAININGS = ("random_train", "insertion_train", "peg_transfer_train", "sampled_train")
 MAX_ERROR = (2.0, 2.0, 5.0, 60.0, 60.0, 70.0)  # deg, mm; the recordings' README, caveat 3
-KINDS = {"play": FitOptions(kind="linear", play=PLAY_SHARES), "best": FitOptions(kind="neural", preset="best")}
-KINDS_BY_TIME = ["play", pytest.param("best", marks=pytest.mark.slow)]
+KINDS = {"play": FitOptions(kind="linear", play=PLAY_SHARES), "learned": FitOptions()}
 
 
 @cache
@@ -36,9 +35,9 @@ def on_the_rest(fitted: FitResult) -> Evaluation:
     return fitted.held_out
 
 
-@pytest.mark.parametrize("kind", KINDS_BY_TIME)
+@pytest.mark.parametrize("kind", KINDS)
 def test_intervals_hold_on_later_blocks_of_the_same_recording(recordings: Path, kind: str) -> None:
-    names = TRAININGS if kind != "best" else ("insertion_train",)
+    names = TRAININGS if kind == "play" else ("insertion_train", "peg_transfer_train")
     found = [on_the_rest(early(recordings, name, kind)) for name in names]
     held = np.array([[joint.coverage for joint in evaluation.joints] for evaluation in found])
     # 90 % asked; the wrist's errors grow towards the end of sampled_train

@@ -315,7 +315,7 @@ def test_a_recording_on_disk_holds_the_same_bits_and_its_parts_stay_there() -> N
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_fit_of_recordings_on_disk_is_that_of_the_same_in_memory(workers: int) -> None:
     logs = [replace(recording(np.random.default_rng(k), rows=400), name=f"run {k}") for k in range(3)]
-    options, run = FitOptions(kind="hysteretic"), FitRun()
+    options, run = FitOptions(), FitRun()
     alone = fit_logs(logs, options, run)
     with on_workers(workers):
         found = fit_logs([on_disk(log) for log in logs], options, run)

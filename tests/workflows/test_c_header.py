@@ -372,7 +372,8 @@ CASES: dict[str, dict] = {
     "logistic": {"plays": 1, "torques": 1, "target": "position"},
     "tanh, skip": {"per_joint": True, "plays": 1},
     "logistic, skip": {"torques": 3},
-    MIXED: {"plays": 2, "torques": 1, "coupled": 3, "midlines": True},
+    "expansion": {"plays": 2, "torques": 2, "coupled": 2, "along": True},
+    MIXED: {"plays": 2, "torques": 1, "coupled": 3},
 }
 
 

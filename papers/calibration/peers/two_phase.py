@@ -41,7 +41,7 @@ def fit_two_phase(rows: Rows, *, seed: int, settings: NetworkSettings = PAPER, t
 
     which = np.flatnonzero(rows.known)
     X, Y = np.ascontiguousarray(rows.inputs[which]), rows.error[which]
-    network = fit_neural(X, Y, settings, seed=seed, late=np.zeros(len(X), dtype=bool))
+    network = fit_neural(X, Y, settings, seed=seed)
     rest = Y - network.predict(X)
     scale = standardisation(rest)[1]  # rad and m would not count alike in a split
     forest = RandomForestRegressor(

@@ -126,7 +126,8 @@ def exp_minus_1(v: float) -> float:
 
 
 @inlined
-def _within(v: float, limit: float) -> float:
+def within(v: float, limit: float) -> float:
+    """Return a number held between -limit and limit."""
     return -limit if v < -limit else (limit if v > limit else v)
 
 
@@ -135,7 +136,7 @@ def tanh(Z: Floats) -> None:
     """Replace numbers by their hyperbolic tangents, exact to 3e-15 of themselves."""
     for row in range(len(Z)):
         for k in range(Z.shape[1]):
-            e = exp_minus_1(2.0 * _within(Z[row, k], 20.0))  # 1 in float64 beyond 20
+            e = exp_minus_1(2.0 * within(Z[row, k], 20.0))  # 1 in float64 beyond 20
             Z[row, k] = e / (e + 2.0)
 
 
@@ -144,7 +145,7 @@ def logistic(Z: Floats) -> None:
     """Replace numbers v by 1 / (1 + exp(-v)), exact to 1e-15."""
     for row in range(len(Z)):
         for k in range(Z.shape[1]):
-            e = exp_minus_1(_within(Z[row, k], 40.0))  # 0 or 1 to 1e-17 beyond 40
+            e = exp_minus_1(within(Z[row, k], 40.0))  # 0 or 1 to 1e-17 beyond 40
             Z[row, k] = (e + 1.0) / (e + 2.0)
 
 

@@ -26,7 +26,7 @@ from catenary.calibration.maintenance import judge_recordings, mended_as_trained
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
-from catenary.calibration.model_kinds import AUTO
+from catenary.calibration.model_kinds import LEARNED
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
@@ -176,7 +176,7 @@ def fit(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    model: str = AUTO,
+    model: str = LEARNED,
     preset: str | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     play: Sequence[float] | None = None,
@@ -200,8 +200,8 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses for each joint.
-        preset: For "neural": "paper" or "best" (None).
+        model: "learned", or one of the papers': "offset", "linear", "polynomial" or "neural".
+        preset: For "neural": "paper".
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         play: Half-widths of play states as shares of each joint's range; see FitOptions.
         target: "error", or "position" for a model end to end.

@@ -1,7 +1,7 @@
 """The model card: everything a stranger must know before trusting a calibration."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
@@ -13,7 +13,6 @@ from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import extrapolation
 from catenary.calibration.intervals import MAX_HALF_RANGES
-from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel, Card
 from catenary.calibration.model_kinds import ModelKind, kind_of
 from catenary.units import DISPLAY
@@ -32,12 +31,9 @@ def model_card(
     spread: tuple[Spread, ...],
     held_out: Evaluation | None,
     notes: tuple[str, ...] = (),
-    choices: tuple[JointChoice, ...] = (),  # of a model of kind "auto", by which errors each joint's kind was chosen
 ) -> Card:
     """Describe a fitted model and how it came to be."""
-    of_joint = [choice.chosen for choice in choices] or [model.kind] * len(model.joint_names)
-    kinds = [kind_of(name, model.preset) for name in of_joint]
-    networks = [kind.own_settings for kind in kinds if kind.settings is not None]
+    kind = kind_of(model.kind, model.preset)
     asked = {key: value for key, value in asdict(run).items() if key not in ("robot", *_ARM_KEYS)}
     # JSON has no infinity: null is no limit
     asked["max_error"] = run.max_error and [e if math.isfinite(e) else None for e in run.max_error]
@@ -49,28 +45,26 @@ def model_card(
         "simulated": any(source.simulated for source in data.sources),
         "kind": model.kind,
         "preset": model.preset,
-        "joints": _joints(model, kinds),
-        "inputs": _inputs(model, data.X[data.complete]),
+        "joints": _joints(model, kind),
+        "inputs": _inputs(model, data.X),
         "target": model.target,
         "output": "correction added to q_nominal, in rad and m",
         "scaling": "none"
-        if all(kind.of_error for kind in kinds)
+        if kind.of_error
         else "inputs standardised by mean and standard deviation of the training rows"
-        + "; targets of networks standardised too" * bool(networks),
-        "choice": [asdict(choice) for choice in choices] or None,
+        + "; targets of networks standardised too" * (kind.settings is not None),
         "settings": {
             "kind": options.kind,
             "inputs": dict(options.inputs) if isinstance(options.inputs, Mapping) else options.inputs,
             "play_shares": None if options.play is None else list(options.play),
             "target": options.target,
             "ridge": options.ridge_used,
-            **({"network": asdict(networks[0])} if networks else {}),
+            **({} if kind.own_settings is None else {"network": asdict(kind.own_settings)}),
         },
-        "valid_range": "of each joint: box around its inputs in training and box along their principal axes, "
-        "widened by `widened_by` times their range, twice that for midlines and, but for polynomials, "
-        "1 times along axes; outside it, and where a correction is beyond "
-        f"{MAX_CORRECTION_RATIO:g} times `largest_correction`, the fixed offset is used. `valid` of an input: "
-        "in the first box of all joints that take it",
+        "valid_range": "of each joint: box around its inputs in training and box along their principal axes, widened "
+        "by `widened_by` times their range and, but for polynomials, 1 times along axes; outside it, and where a "
+        f"correction is beyond {MAX_CORRECTION_RATIO:g} times `largest_correction`, the fixed offset is used. "
+        "`valid` of an input: in the first box of all joints that take it",
         "intervals": _intervals(model),
         "data": [asdict(source) for source in data.sources],
         "mends": {key: list(texts) for key, texts in model.mends.items()},
@@ -92,16 +86,16 @@ def model_card(
     }
 
 
-def _joints(model: CalibrationModel, kinds: Sequence[ModelKind]) -> list[dict[str, Any]]:
-    """Return what each joint's model is, of one of these kinds, and takes."""
+def _joints(model: CalibrationModel, kind: ModelKind) -> list[dict[str, Any]]:
+    """Return what each joint's model is, and takes."""
     group_of = {j: group for group in model.groups for j in group.joints}
     return [
         {
             "name": name,
             "unit": unit,
-            "kind": kinds[j].name,
+            "kind": kind.name,
             "inputs": [model.features.names[c] for c in group_of[j].columns],
-            "widened_by": extrapolation(kinds[j], model.features, group_of[j].columns),
+            "widened_by": extrapolation(kind, model.features, group_of[j].columns),
             **sizes_of(model, j),
         }
         for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))

@@ -29,7 +29,6 @@ class TrainingSource:
     sha256: str | None
     rows: int  # in the recording, of those that were asked for
     without_truth: int  # rows whose `ok` is not set
-    incomplete: int  # of the rows left, those with an input that is not known, as a midline before the first reversals
     dropped: int  # rows beyond the error limit that was asked for
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
@@ -40,7 +39,7 @@ class TrainingSource:
 
 @dataclass(frozen=True)
 class CalibrationData:
-    """N usable rows of one or more recordings, in order; features that are not known yet are NaN."""
+    """N usable rows of one or more recordings, in order."""
 
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
@@ -85,11 +84,6 @@ class CalibrationData:
     def rows(self, mask: Flags) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
         return replace(self, **{name: getattr(self, name)[mask] for name in (*_ROWS, "recording")})
-
-    @property
-    def complete(self) -> Flags:
-        """Whether all features of a row are known, (N,): what can be learnt from."""
-        return np.asarray(np.isfinite(self.X).all(axis=1))
 
     def split_by_time(self, held_out: float) -> tuple["CalibrationData", "CalibrationData"]:
         """Return the first part of every recording and its last, whose share is `held_out`."""
@@ -140,8 +134,7 @@ def calibration_data(
 def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1) -> CalibrationData:
     """Collect the rows of recordings that have a measurement (`ok`), and no error beyond the recordings' limits.
 
-    Where a midline is not known yet a model gives the fixed offset: such rows count as its errors and teach nothing
-    (`complete`). Of a recording one row in `every` is taken, at random; features follow all.
+    Of a recording one row in `every` is taken, at random; features follow all.
     """
     logs = recordings.logs
     has_time = all(log.time is not None for log in logs)
@@ -154,14 +147,12 @@ def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1)
         logs[0].joint_names, logs[0].joint_units, features, **rows,
         recording=recording, sources=sources, has_time=has_time, robot=robot, every=every, began=began,
     )  # fmt: skip
-    if not data.complete.any():
+    if not len(data):
         told = [
-            f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.incomplete} before midlines are '
-            f"known, {s.dropped} beyond the error limit)"
+            f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.dropped} beyond the error limit)'
             for s in sources
         ]
-        longer = "; a midline is known once its joint has turned either way: record longer"
-        raise InputError(f"data: no usable row in {'; '.join(told)}{longer * any(s.incomplete for s in sources)}")
+        raise InputError(f"data: no usable row in {'; '.join(told)}")
     return data
 
 
@@ -175,7 +166,6 @@ def _usable_rows(
     X, leaping, spikes = features.rows(log, None if every == 1 else index)
     q, ok = log.q_nominal[index], log.ok[index]
     error = log.q_encoder[index] - q
-    complete = np.isfinite(X).all(axis=1)
     far = np.zeros(error.shape, dtype=bool)
     if max_error is not None:
         far[ok] = np.abs(error[ok]) > max_error
@@ -185,7 +175,6 @@ def _usable_rows(
         **log.identity,
         rows=len(q),
         without_truth=int((~ok).sum()),
-        incomplete=int((ok & inside & ~complete).sum()),
         dropped=int((ok & ~inside).sum()),
         simulated=log.simulated,
         leaps={name: count for name, count in spikes.items() if count},
@@ -211,11 +200,6 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         left_out = {"without measurement": source.without_truth, beyond: source.dropped}
         if text := ", ".join(f"{count} {why}" for why, count in left_out.items() if count):
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
-        if source.incomplete:
-            notes.append(
-                f"{source.name}: {source.incomplete} of {source.rows} rows lie before midlines are known: no model "
-                "learns from them, and one with midlines gives the fixed offset there"
-            )
         if source.leaps:
             notes.append(f"{source.name}: play states did not follow leaps of {counted(source.leaps)}")
         if strange := int(data.leaping[data.recording == i].sum()):

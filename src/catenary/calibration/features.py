@@ -12,7 +12,6 @@ from pydantic import Field
 from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.arithmetic import Step, run
 from catenary.calibration.friction_states import FrictionStates, rub
-from catenary.calibration.midline import STATE_COUNT, Midline, follow_midlines
 from catenary.calibration.spike_filter import ANOTHER, ANY_SIZE, AWAY, BACK, find_leaps, room_of
 from catenary.config import IN_FILES
 from catenary.errors import InputError
@@ -22,6 +21,7 @@ from catenary.units import TORQUE_UNIT
 
 Item = TypeVar("Item")
 Many = Annotated[tuple[Item, ...], Field(max_length=10_000)]  # of anything that a model has several of
+Factor = Annotated[float, Field(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Field(gt=0.0)]
 _PIECE_ROWS = 20_000  # rows that are computed at once
 _GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
@@ -33,7 +33,6 @@ class Memory(NamedTuple):
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
     kept: Floats  # (K,) those before a leap, which count again when it returns
     followed: Floats  # (K,) those that followed every position
-    midline: Floats  # (M, STATE_COUNT) see `follow_midlines`
     friction: Floats  # (3, L) friction states likewise, NaN until the first position: now, kept, followed
     seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
     strange: Floats  # (1,) see find_leaps
@@ -41,7 +40,7 @@ class Memory(NamedTuple):
 
     def clear(self) -> None:
         """Forget all earlier rows: another motion begins; what was counted stays."""
-        for states in (self.play, self.kept, self.followed, self.midline, self.friction):
+        for states in (self.play, self.kept, self.followed, self.friction):
             states[:] = np.nan
         self.seen[:], self.strange[:] = [np.nan, 0.0, 0.0], 0.0
 
@@ -52,7 +51,7 @@ class _Column(NamedTuple):
     name: str
     unit: str
     signal: str
-    kind: str  # "signal", "midline" or "state"
+    is_state: bool  # a play or friction state
 
 
 class FeatureRows(NamedTuple):
@@ -65,11 +64,12 @@ class FeatureRows(NamedTuple):
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """Which features a model takes: signals, midlines, play states, and friction states of coupled joints.
+    """Which features a model takes: signals, play states, and friction states of coupled joints.
 
     A play state of half-width r follows its position only after it has moved by r: y <- min(max(y, x - r), x + r). It
     remembers on which side of the slack the cable lies, whatever the speed or sampling rate. The feature is y - x,
-    which stays within -r and r. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
+    which stays within -r and r. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996] Where a cable runs over
+    another joint's drum, what it follows is a path: its joint's position and a factor times the other's.
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
     and play states are those before it (spike_filter.py). Rows of less than `period` have as much room as one of it.
@@ -79,10 +79,10 @@ class FeatureSet:
 
     signals: Many[str]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
     units: Many[str]  # one per signal
-    play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
-    midlines: Many[Midline] = ()
+    play: Many[tuple[str, Positive]] = ()  # (position signal or path, half-width in its unit)
     friction: FrictionStates | None = None  # of coupled joints
     steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit); others: any
+    paths: Many[tuple[str, str, str, Factor]] = ()  # (name, position signal, another one, factor of that)
     period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
 
     def __post_init__(self) -> None:
@@ -91,15 +91,20 @@ class FeatureSet:
             raise InputError(f"friction states of {', '.join(coupled)}: expected positions among the inputs")
         if not self.signals:
             raise InputError("inputs: expected at least one signal, got none")
+        known = {*self.signals, *(name for name, *_ in self.paths)}
+        along = {name for _, *both, _ in self.paths for name in both} | {name for name, _ in self.play}
+        if not along <= known or {name for name, *_ in self.paths} & set(self.signals):
+            raise InputError(
+                f"play states follow {', '.join(sorted(along))}: expected signals among the inputs, or paths"
+            )
         if not all(0.0 < step < np.inf for step in [*dict(self.steps).values(), self.period or 1.0]):
             raise InputError(f"steps: expected positive limits, got {self.steps} in rows of {self.period} s")
 
     @property
     def played(self) -> tuple[str, ...]:
-        """The positions that play states, friction states and midlines follow, J."""
+        """The positions and paths that play states and friction states follow, J."""
         coupled = () if self.friction is None else self.friction.positions
-        loaded = (position for _, position, _, _ in self.midlines)
-        return tuple(dict.fromkeys([*(name for name, _ in self.play), *coupled, *loaded]))
+        return tuple(dict.fromkeys([*(name for name, _ in self.play), *coupled]))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -118,34 +123,26 @@ class FeatureSet:
     @property
     def bounded(self) -> Flags:
         """Features that cannot leave their range whatever the robot does: play and friction states, (F,)."""
-        return np.array([column.kind == "state" for column in self._columns])
+        return np.array([column.is_state for column in self._columns])
 
     @property
-    def joints(self) -> tuple[str, ...]:
-        """The joint that each feature comes from, F; joints whose friction is coupled are one."""
-        coupled = () if self.friction is None else self.friction.positions
-        names = {position.rpartition(":")[2]: coupled[0].rpartition(":")[2] for position in coupled}
-        found = (column.signal.rpartition(":")[2] for column in self._columns)
-        return tuple(names.get(joint, joint) for joint in found)
-
-    @property
-    def averaged(self) -> Flags:
-        """Midlines, (F,): means of a torque, which lie close together in training beside the torque itself."""
-        return np.array([column.kind == "midline" for column in self._columns])
+    def owners(self) -> tuple[str, ...]:
+        """The joint that each feature comes from, F."""
+        return tuple(column.signal.rpartition(":")[2] for column in self._columns)
 
     @cached_property
     def _columns(self) -> list[_Column]:
         unit = dict(zip(self.signals, self.units, strict=True))
-        states = [(f"play({p}, {width:.4g})", p) for p, width in self.play]
+        along = {name: position for name, position, _, _ in self.paths}
+        states = [(f"play({p}, {width:.4g})", along.get(p, p)) for p, width in self.play]
         states += [] if self.friction is None else self.friction.columns
         return [
-            *(_Column(signal, unit[signal], signal, "signal") for signal in self.signals),
-            *(_Column(f"midline({name})", unit[name], name, "midline") for name, *_ in self.midlines),
-            *(_Column(name, unit[p], p, "state") for name, p in states),
+            *(_Column(signal, unit[signal], signal, is_state=False) for signal in self.signals),
+            *(_Column(name, unit[p], p, is_state=True) for name, p in states),
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
-        """Return features of every row, (N, F), commands without measurement too; midlines are NaN at first."""
+        """Return features of every row, (N, F), commands without measurement too."""
         return self.rows(log).X
 
     def rows(self, log: MotionLog, kept: Integers | None = None) -> FeatureRows:
@@ -190,35 +187,27 @@ class FeatureSet:
         """Return an empty memory."""
         joints = len(self.played)
         play, kept, followed = np.empty((3, len(self.play)))
-        midline = np.empty((len(self.midlines), STATE_COUNT))
         friction = np.empty((3, 0 if self.friction is None else self.friction.size))
         places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
-        memory = Memory(play, kept, followed, midline, friction, *places)
+        memory = Memory(play, kept, followed, friction, *places)
         memory.clear()
         return memory
 
     def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags) -> list[Step]:
         """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
         limits = np.array([dict(self.steps).get(name, ANY_SIZE) for name in self.played])
-        course = np.zeros((len(signals), len(limits)), dtype=np.int64)
+        course, along = np.zeros((len(signals), len(limits)), dtype=np.int64), np.empty((len(signals), len(limits)))
+        paths = {name: (position, other, factor) for name, position, other, factor in self.paths}
+        parts = [paths.get(name, (name, name, 0.0)) for name in self.played]
+        firsts, seconds = self._places([part[0] for part in parts]), self._places([part[1] for part in parts])
+        factors = np.array([factor for _, _, factor in parts], dtype=float)
         owners = np.array([self.played.index(name) for name, _ in self.play], dtype=np.int64)
         widths = np.array([width for _, width in self.play], dtype=float)
-        played = self._places(self.played)
-        leaps = Step(
-            find_leaps, (signals, played, limits, room), (memory.seen, memory.strange, memory.rejected, course, leaping)
-        )
-        others = np.array([len(self.midlines)], dtype=np.int64)
+        leaps = Step(find_leaps, (along, limits, room), (memory.seen, memory.strange, memory.rejected, course, leaping))
         features = Step(
-            gather, (signals, played, owners, widths, course, others), (memory.play, memory.kept, memory.followed, X)
+            gather, (signals, along, owners, widths, course), (memory.play, memory.kept, memory.followed, X)
         )
-        steps = [leaps, features] if self.steps else [features]
-        if self.midlines:
-            names, positions, radii, travels = zip(*self.midlines, strict=True)
-            owner = np.array([self.played.index(name) for name in positions], dtype=np.int64)
-            at = np.array([len(self.signals)], dtype=np.int64)
-            where = (self._places(names), self._places(positions), owner, course)
-            arrays = (signals, *where, np.array(radii), np.array(travels), at)
-            steps.append(Step(follow_midlines, arrays, (memory.midline, X)))
+        steps = [Step(follow, (signals, firsts, seconds, factors), (along,)), *[leaps] * bool(self.steps), features]
         if self.friction is not None:
             constants, coupled = self.friction.constants, self.friction.positions
             at = np.array([X.shape[1] - len(self.friction.columns)], dtype=np.int64)
@@ -235,13 +224,22 @@ class FeatureSet:
 
 
 @compiled
+def follow(signals: Floats, firsts: Integers, seconds: Integers, factors: Floats, along: Floats) -> None:
+    """Write positions or paths (N, J) of signals (N, S): `firsts` (J,), and `factors` (J,) times `seconds` (J,)."""
+    for row in range(len(signals)):
+        for j in range(len(firsts)):
+            along[row, j] = signals[row, firsts[j]]
+            if factors[j] != 0.0:
+                along[row, j] += factors[j] * signals[row, seconds[j]]
+
+
+@compiled
 def gather(
     signals: Floats,  # (N, S) what the robot reports, row after row
-    played: Integers,  # (J,) which signals the play states follow
+    along: Floats,  # (N, J) positions and paths that play states follow
     owners: Integers,  # (K,) which of these each follows
     widths: Floats,  # (K,) half-widths of the play states
     course: Integers,  # (N, J) see `find_leaps`
-    skipped: Integers,  # (1,) columns between signals and play states that are others'
     play: Floats,
     kept: Floats,
     followed: Floats,
@@ -253,14 +251,14 @@ def gather(
         for i in range(at):
             X[row, i] = signals[row, i]
         for i in range(len(owners)):
-            position, what = signals[row, played[owners[i]]], course[row, owners[i]]
+            position, what = along[row, owners[i]], course[row, owners[i]]
             if np.isfinite(position):
                 before = kept[i] if what == BACK else play[i]
                 followed[i] = after(followed[i], position, widths[i])
                 play[i] = followed[i] if what == ANOTHER else after(before, position, widths[i])
                 if what != AWAY:
                     kept[i] = play[i]
-            X[row, at + skipped[0] + i] = play[i] - position
+            X[row, at + i] = play[i] - position
 
 
 @inlined

@@ -1,7 +1,7 @@
 """What can be chosen in a fit, of the model and of the run."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date as day
 from typing import get_args
@@ -9,7 +9,7 @@ from typing import get_args
 from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import Target
-from catenary.calibration.model_kinds import AUTO, MODEL_KINDS, ModelKind, kind_of
+from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS, ModelKind, kind_of
 from catenary.errors import InputError
 
 # half-widths of the play states, as shares of each joint's range of motion: from a cable's slack to its stretch
@@ -20,73 +20,72 @@ COVERAGE = 0.9
 
 
 @dataclass(frozen=True)
+class FoundCables:
+    """What was found of cables (cable_paths.py)."""
+
+    paths: tuple[tuple[str, str, str, float], ...] = ()  # as those of a FeatureSet
+    slacks: tuple[tuple[str, float], ...] = ()  # position or path, half-width of its slack [rad|m]
+
+
+@dataclass(frozen=True)
 class FitOptions:
     """Options of a fit; a fixed offset is one of the error, whatever the target."""
 
-    kind: str = AUTO  # auto is chosen for every joint from the others (kind_choice.py)
-    preset: str | None = None  # of a kind that has several; its first when None
+    kind: str = LEARNED
+    preset: str | None = None
     # signals or groups of signals, for all joints or per joint; positions and, if recorded, torques when None
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
-    # half-widths of play states, as shares of each joint's range; None is none, but for `best` without torque, which
-    # tells too on which side of its slack a cable lies: play and friction states then add what can be over-fitted
+    # half-widths of play states, as shares of each joint's range; those of the kind when None
     play: tuple[float, ...] | None = None
     target: Target = "error"
-    ridge: float | None = None  # None means 0, or 10 for regressions on features with memory
+    ridge: float | None = None  # None means 0, or 10 with play states
     seed: int = 0
     coupled: tuple[str, ...] | None = None  # joints that friction couples; found when None (friction_fit.py)
     friction: FoundFriction | None = None  # what was found
+    cables: FoundCables | None = None  # what was found
 
     def __post_init__(self) -> None:
-        taking_ridge = [name for name, kinds in MODEL_KINDS.items() if "ridge" in kinds[0].takes]
-        if self.kind != AUTO or self.preset is not None:
-            kind_of(self.kind, self.preset)  # refuses unknown ones
+        taking_ridge = [name for name, kind in MODEL_KINDS.items() if "ridge" in kind.takes]
+        kind_of(self.kind, self.preset)  # refuses unknown ones
         if self.target not in get_args(Target):
             raise InputError(f'target "{self.target}": expected one of {", ".join(get_args(Target))}')
         if any(not 0.0 < share < 1.0 for share in self.play or ()):
             raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
         if self.ridge is not None and not 0.0 <= self.ridge < math.inf:
             raise InputError(f"ridge: expected a number of zero or more, got {self.ridge}")
-        if self.ridge is not None and self.kind not in (AUTO, *taking_ridge):
+        if self.ridge is not None and self.kind not in taking_ridge:
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(taking_ridge)} take one")
-        if self.coupled and not self.takes_friction():
-            raise InputError(f"coupled joints of model {self.kind}: only hysteretic and best take any")
-        if self.kind == AUTO and self.target != "error":
-            raise InputError(f'target "{self.target}": models of it are not chosen; give a kind in place of auto')
+        if self.coupled and not self.takes_friction:
+            raise InputError(f"coupled joints of model {self.kind}: only {LEARNED} takes any, of target error")
 
     @property
-    def record(self) -> ModelKind | None:
-        """The record of its kind; None of auto."""
-        return None if self.kind == AUTO else kind_of(self.kind, self.preset)
+    def record(self) -> ModelKind:
+        """The record of its kind."""
+        return kind_of(self.kind, self.preset)
 
     def of_kind(self, kind: str, preset: str | None = None) -> "FitOptions":
         """Return the options of a kind of model, without those that it does not take."""
-        record = None if kind == AUTO else kind_of(kind, preset)
-        ridge = self.ridge if record is None or "ridge" in record.takes else None
-        coupled = self.coupled if record is None or record.memory != "asked" else ()
+        record = kind_of(kind, preset)
+        ridge = self.ridge if "ridge" in record.takes else None
+        coupled = self.coupled if record.play_shares else ()
         return replace(self, kind=kind, preset=preset, ridge=ridge, coupled=coupled)
 
-    def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
-        """Return shares of each joint's range of motion that the play states take beside the given signals."""
-        if self.play is not None:
-            return self.play
-        return PLAY_SHARES if self.record is not None and self._remembers(signals) else ()
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Shares of each joint's range of motion that the play states take."""
+        return self.record.play_shares if self.play is None else self.play
 
-    def takes_friction(self, signals: Iterable[str] = ()) -> bool:
-        """Return whether the model may take friction states of coupled joints beside the given signals."""
-        beside = () if self.coupled is not None else signals  # joints that were told are taken beside torques too
-        return self.target == "error" and self._remembers(beside)
-
-    def _remembers(self, signals: Iterable[str]) -> bool:
-        """Return whether the kind takes states of memory unasked beside the given signals."""
-        memory = "always" if self.record is None else self.record.memory
-        return memory == "always" or (memory != "asked" and not any(name.startswith("tau:") for name in signals))
+    @property
+    def takes_friction(self) -> bool:
+        """Whether the model may take what is found of cables: friction states of coupled joints, paths and slack."""
+        return self.target == "error" and bool(self.record.play_shares)
 
     @property
     def ridge_used(self) -> float | None:
         """Weight on the squared coefficients of a regression; None for other kinds."""
-        if self.record is None or "ridge" not in self.record.takes or self.ridge is not None:
+        if "ridge" not in self.record.takes or self.ridge is not None:
             return self.ridge
-        return MEMORY_RIDGE if self.record.memory == "always" or self.play else 0.0
+        return MEMORY_RIDGE if self.play else 0.0
 
 
 @dataclass(frozen=True)
@@ -118,9 +117,3 @@ def _is_date(text: str) -> bool:
         return day.fromisoformat(text).isoformat() == text
     except ValueError:
         return False
-
-
-def require_folds(options: FitOptions, run: FitRun) -> None:
-    """Refuse to choose a model by errors on folds that are not run."""
-    if options.kind == AUTO and not run.folds:
-        raise InputError("model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind")

@@ -1,27 +1,24 @@
 """A whole fit: which rows it sees, the model, its error on data that it did not see, and its card."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial, reduce
-from typing import NamedTuple
+from functools import cache, partial
 
 import numpy as np
 
-from catenary.arrays import Floats, spread
+from catenary.arrays import Flags, Floats
+from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
 from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
-from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
+from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate, rms
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.fit_options import FitOptions, FitRun, require_folds
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
-from catenary.calibration.kind_choice import JointChoice, choose, composed, joined
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_kinds import AUTO, TRIED
-from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -35,8 +32,9 @@ from catenary.verdict.mend import left_out_rows, mends_of
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 _MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
+_FAR_DEVIATIONS, _MAX_FAILED_SHARE = 10.0, 0.03
+_RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
-_PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
 
@@ -65,7 +63,6 @@ class FitResult:
     spread: tuple[Spread, ...]
     held_out: Evaluation | None
     notes: tuple[str, ...]
-    choices: tuple[JointChoice, ...] = ()  # of model auto, one per joint
     left_out: tuple[LeftOut, ...] = ()  # by joint, where measured rows were left out
     logs: tuple[MotionLog, ...] = ()
 
@@ -84,55 +81,58 @@ def fit_recordings(
     recordings: Recordings, options: FitOptions, run: FitRun, *, progress: Progress = silent
 ) -> FitResult:
     """Fit a model to recordings; say how well it does on blocks of time and a held-out part that it did not see."""
-    require_folds(options, run)
     options = options.of_kind(options.kind, options.preset)
+    held_out = run.held_out or 0.0
     rows_of = cache(partial(_rows, recordings, run=run))
-    inputs_of = partial(choose_inputs, recordings, held_out=run.held_out or 0.0)
-    chosen = inputs_of(options)
-    rows_of(chosen.features)  # what cannot be fitted to is refused before anything takes long
+    rows_of(choose_inputs(recordings, options, held_out=held_out).features)  # refused before anything takes long
     found = recordings.judged(run.accept)
-    asked = options
-    if options.friction is None and options.takes_friction(chosen.features.signals):
-        options = replace(options, friction=find_friction(recordings, options, held_out=run.held_out or 0.0))
-    names = TRIED if options.kind == AUTO else (options.kind,)
-    kinds: dict[str, FitOptions] = {kind: options.of_kind(kind, options.preset) for kind in names}
-    inputs = {kind: chosen if of_kind == asked else inputs_of(of_kind) for kind, of_kind in kinds.items()}
-    of_kinds = {kind: rows_of(taken.features)[0] for kind, taken in inputs.items()}
-    shared = reduce(np.intersect1d, (data.places for data in of_kinds.values()))  # all kinds are asked about these
-    rows = {kind: data.rows(np.isin(data.places, shared)) for kind, data in of_kinds.items()}
-    parts = [part_of(progress, k, len(kinds) + 1) for k in range(len(kinds) + 1)]
+    if options.takes_friction:
+        options = replace(options, cables=find_cables(recordings, options, held_out=held_out))
+        options = replace(options, friction=find_friction(recordings, options, held_out=held_out))
+    inputs = choose_inputs(recordings, options, held_out=held_out)
+    data, *_ = rows_of(inputs.features)
+    halves = [part_of(progress, k, 2) for k in range(2)]
+    model = fit(data, inputs, options, progress=halves[0])
+    validation: CrossValidation | None = None
+    notes: tuple[str, ...] = ()
+    if model.widening is not None:
+        failed = _failed(data, model)
+        notes = _failed_notes(data, model, failed)
+        data = data.rows(~failed)
+    if run.folds:
 
-    def fitted(kind: str, data: CalibrationData, tell: Progress) -> CalibrationModel:
-        return fit(data, inputs[kind], kinds[kind], progress=tell)
+        def refitted(part: CalibrationData, tell: Progress) -> CalibrationModel:
+            return fit(part, inputs, options, like=model, progress=tell)
 
-    def validated(names: Iterable[str], *, recordings: bool = False) -> dict[str, CrossValidation]:
-        return {
-            kind: cross_validate(
-                rows[kind], partial(fitted, kind), folds=run.folds, recordings=recordings, progress=tell
-            )
-            for kind, tell in zip(names if run.folds else (), parts, strict=False)
-        }
-
-    # kinds are chosen by whole recordings left out, where there are several; errors are those on blocks of time
-    validations = validated(kinds, recordings=options.kind == AUTO)
-    choices = choose(validations) if options.kind == AUTO else ()
-    needed = dict.fromkeys(choice.chosen for choice in choices) if choices else kinds
-    if choices and rows[choices[0].chosen].has_several:
-        validations = validated(needed)
-    models = {kind: fitted(kind, rows[kind], parts[-1]) for kind in needed}
-    model = composed(models, choices) if choices else models[options.kind]
-    validation = joined(validations, choices) if choices else validations.get(options.kind)
-    made = _Made(model, validation, choices, shared)
-    return _concluded(recordings, options, run, made, found, rows_of(model.features))
+        validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
+    return _concluded(
+        recordings,
+        options,
+        run,
+        (model, validation),
+        found._replace(notes=[*found.notes, *notes]),
+        (data, *rows_of(inputs.features)[1:]),
+    )
 
 
-class _Made(NamedTuple):
-    """A fitted model, and how it was tested."""
+def _failed(data: CalibrationData, model: CalibrationModel) -> Flags:
+    """Return rows (N,) that failed measurements are likely on: few, and beyond ten robust deviations of the errors."""
+    left = np.abs(data.error - model.correction(data.X, data.q_nominal))
+    far = np.any(left > _FAR_DEVIATIONS * 1.4826 * np.median(left, axis=0) + _RESOLUTION_SI, axis=1)
+    return far if far.mean() <= _MAX_FAILED_SHARE else np.zeros_like(far)
 
-    model: CalibrationModel
-    validation: CrossValidation | None  # of its errors on blocks of time; None without folds
-    choices: tuple[JointChoice, ...]  # of model auto, one per joint
-    places: Floats  # of the rows that it was fitted to, see `CalibrationData.places`
+
+def _failed_notes(data: CalibrationData, model: CalibrationModel, failed: Flags) -> tuple[str, ...]:
+    """Say which rows count in no printed error, and the errors with them."""
+    if not failed.any():
+        return ()
+    left = (data.error - model.correction(data.X, data.q_nominal)) * [DISPLAY[u][1] for u in data.joint_units]
+    shown = [
+        f"{name} {rms(column[~failed]):.3g} ({rms(column):.3g}) {DISPLAY[unit][0]}"
+        for name, unit, column in zip(data.joint_names, data.joint_units, left.T, strict=True)
+    ]
+    what = f"{failed.sum()} rows lie beyond {_FAR_DEVIATIONS:g} robust deviations of the model's errors"
+    return (f"{what}, as failed measurements do, and count in no error: RMSE without (with) them {', '.join(shown)}",)
 
 
 def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
@@ -144,7 +144,7 @@ def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
     # data too few for the smallest fit of a run are refused before the longest one has run
-    rows = int(data.complete.sum())
+    rows = len(data)
     smallest = rows - math.ceil(rows / run.folds) if run.folds else rows
     if rows < MIN_ROWS:
         raise InputError(f"data: {rows} usable rows, expected at least {MIN_ROWS}")
@@ -157,19 +157,26 @@ def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
 
 
 def _concluded(
-    recordings: Recordings, options: FitOptions, run: FitRun, made: _Made, found: Passed, rows: Rows
+    recordings: Recordings,
+    options: FitOptions,
+    run: FitRun,
+    made: tuple[CalibrationModel, CrossValidation | None],  # None without folds
+    found: Passed,
+    rows: Rows,
 ) -> FitResult:
     """Return a fitted model with its intervals, errors and card."""
-    logs, (model, validation, choices, places), (data, late, everything) = recordings.logs, made, rows
-    data = data.rows(np.isin(data.places, places))
-    everything = data if late is None else everything
+    logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
     notes = (*data_notes(logs, everything), *found.notes)
-    off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
-    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage, off_path=off_path)
+    intervals = (
+        None if validation is None else estimate_intervals(validation, level=run.coverage, widening=model.widening)
+    )
     limits = _limits(recordings.robot, data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
         notes = (*notes, *friction_notes(logs, options.friction))
+    if model.features.paths:
+        followed = ", ".join(name.replace("q:", "") for name, *_ in model.features.paths)
+        notes = (*notes, f"cables run over another joint's drum: play follows {followed}")
     if validation is None:
         notes = (*notes, "no intervals: they are estimated from the cross-validation, which folds 0 leaves out")
     elif intervals is None:
@@ -182,18 +189,14 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
-        scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
-        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, scale * off_path)
-        is_power = options.record is not None and options.record.is_power
-        doubted = [
-            f"{joint.joint} {far:.3g} {joint.unit}"
-            for joint, far in zip(spread, (scale * apart).tolist(), strict=True)
-            if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)  # which holds it: more than the rest of that
-        ]
-        if doubted:
-            told = "where joints meet that its training has apart, models that are as good on it differ by more than"
-            remedy = "record random motion" + ", or take --model linear" * is_power
-            notes = (*notes, f"{told} they err: {', '.join(doubted)}; {remedy}")
+        spread = expected(
+            validation.spread,
+            validation,
+            data.blocks(run.folds),
+            left,
+            intervals,
+            1.0 if model.widening is None else model.widening,
+        )
         vague = [
             f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
             for joint in spread
@@ -204,51 +207,13 @@ def _concluded(
         if vague:
             notes = (*notes, f"other minutes may err by {', '.join(vague)}, which says little: record longer")
     held_out = None if late is None else evaluate(model, late)
-    card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
+    card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes)
     card["delays"] = [
         {"recording": log.name, **({} if delay is None else asdict(delay))}
         for log, delay in zip(logs, found.delays, strict=True)
     ]
     card["left_out"] = [asdict(each) for each in left_out]
-    return FitResult(model, card, data, spread, held_out, notes, choices, left_out, logs)
-
-
-def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, Floats]:
-    """Return how much more a model may be wrong off the path that it learnt from, within its valid range, (n,) [rad|m].
-
-    A linear model of the same rows is nearly as good on the path; as one that is linear itself, one with products of
-    its inputs. How far the two lie apart where joints meet as they stood in different rows is what neither knows. The
-    first is what widens intervals, without products, which off the path bend more than joints do; then all.
-    """
-    nothing = np.zeros_like(model.offset)
-    if model.kind == "offset":
-        return nothing, nothing
-    data = data.rows(data.complete)
-    data = data.rows(np.isin(np.arange(len(data)), spread(len(data), _SAMPLED_ROWS)))
-    linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
-    lines = [group for group in model.groups if isinstance(group.predictor, Linear)]
-    bent = [
-        fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=_PRODUCTS_RIDGE * len(data.X))
-        for group in lines
-    ]
-
-    def apart_on(X: Floats) -> Floats:
-        other = linear.predict(X)
-        for group, predictor in zip(lines, bent, strict=True):
-            other[:, list(group.joints)] = predictor.predict(np.ascontiguousarray(X[:, group.columns]))
-        squares: Floats = np.mean((model.correction(X, data.q_nominal[: len(X)]) - other) ** 2, axis=0)
-        return squares
-
-    joints = model.features.joints  # whose position, torque and memory go together
-    rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(joints)}
-    met = np.column_stack([column[rows[joint]] for column, joint in zip(data.X.T, joints, strict=True)])
-    met = met[model.inside(met).all(axis=1)]
-    if len(met) == 0:
-        return nothing, nothing
-    apart = np.sqrt(np.maximum(apart_on(met) - apart_on(data.X), 0.0))
-    widening = apart.copy()
-    widening[[joint for group in lines for joint in group.joints]] = 0.0
-    return widening, apart
+    return FitResult(model, card, data, spread, held_out, notes, left_out, logs)
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:

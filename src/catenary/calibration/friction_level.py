@@ -76,7 +76,6 @@ def find_level(model: CalibrationModel, recordings: Recordings, blocks: int) -> 
     parts = []
     for level in tried:
         data = _rows_at(model, recordings, friction, level)
-        data = data.rows(data.complete)
         parts.append((data.error - model.correction(data.X, data.q_nominal))[:, taking])
     left = np.array(parts)
     block = np.arange(left.shape[1]) * blocks // left.shape[1]
@@ -94,9 +93,8 @@ def find_level(model: CalibrationModel, recordings: Recordings, blocks: int) -> 
         return None
     data, new = (_rows_at(model, recordings, friction, tried[c]) for c in (0, chosen))
     before = data.error - model.correction(data.X, data.q_nominal)
-    known = np.flatnonzero(data.complete)
     for c in set(best):
-        rows = known[np.isin(block, np.flatnonzero(np.array(best) == c))]
+        rows = np.isin(block, np.flatnonzero(np.array(best) == c))
         data.X[rows] = _rows_at(model, recordings, friction, tried[c]).X[rows]
     factors = dict(zip(names, np.exp(tried[chosen]).tolist(), strict=False))
     features = new.features

@@ -69,8 +69,6 @@ class FoundFriction:
     """What was found of joints that friction couples."""
 
     states: FrictionStates
-    signals: tuple[str, ...]  # inputs of the coupled joints: without one of them they are predicted worse
-    joints: tuple[str, ...]  # that take only these: the coupled ones, and others that need no more
     levels: Matrix  # (R, m) logarithm of each recording's friction over that of `states`, the mean of all
     gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'
 

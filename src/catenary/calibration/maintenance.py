@@ -120,7 +120,7 @@ def refresh_with(
             )
     found = judge_recordings(model, recordings, accept=accept, learning=True, done="refreshed")
     data = usable_rows(recordings, model.features)
-    day = find_level(model, recordings, REFRESH_BLOCKS) if data.complete.sum() >= MIN_REFRESH_ROWS else None
+    day = find_level(model, recordings, REFRESH_BLOCKS) if len(data) >= MIN_REFRESH_ROWS else None
     refreshed = refresh_model(model, data, day)
     notes = (*data_notes(recordings.logs, data), *found, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)

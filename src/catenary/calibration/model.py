@@ -10,9 +10,10 @@ from pydantic import Field
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration import arithmetic
 from catenary.calibration.arithmetic import Step
+from catenary.calibration.expansion import Expansion
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
-from catenary.calibration.predictors import AnyPredictor
+from catenary.calibration.predictors import Constant, Linear, Network, Quadratic
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange
 from catenary.cards import StoredFloats, StoredIntegers
@@ -25,6 +26,7 @@ Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]
 Mends = Annotated[Mapping[Annotated[str, Field(pattern=MEND_KEYS)], tuple[str, ...]], Field(max_length=50)]
 MAX_CORRECTION_RATIO = 2.0  # times the largest correction that training showed: the largest that is believed
+AnyPredictor = Annotated[Constant | Linear | Quadratic | Network | Expansion, Field(discriminator="kind")]
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
 
@@ -75,7 +77,7 @@ class CalibrationModel:
 
     __pydantic_config__ = IN_FILES
 
-    kind: str  # "offset", "linear", "polynomial", "hysteretic", "neural", or "auto": each joint has its own
+    kind: str  # of `MODEL_KINDS`, or one that is no longer fitted
     preset: str | None
     joint_names: Many[str]
     joint_units: Many[Unit]
@@ -111,6 +113,16 @@ class CalibrationModel:
             object.__setattr__(self, "limits", as_array("limits", self.limits, (2, n)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
+
+    @property
+    def widening(self) -> Floats | None:
+        """How many times larger an error is where joints meet otherwise than in training, (n,); None of other kinds."""
+        found = np.ones(len(self.joint_names))
+        for group in self.groups:
+            if not isinstance(group.predictor, Expansion):
+                return None
+            found[list(group.joints)] = group.predictor.widening
+        return found
 
     @property
     def asked_of_reports(self) -> list[str]:
@@ -172,7 +184,8 @@ class CalibrationModel:
             if far is not None and interval is not None and self.intervals is not None:
                 seen = group.valid_range.seen
                 reach = np.array([seen, 0.5 * (seen + 1.0)])
-                widths = (self.intervals.inside, self.intervals.outside, reach)
+                own = self.intervals.outside if self.intervals.margin is None else self.intervals.margin
+                widths = (self.intervals.inside, own, self.intervals.outside, reach)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
         return steps
 

@@ -4,6 +4,7 @@ A model is its own schema: the archive holds its plain data as JSON (`structure`
 """
 
 import json
+import logging
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,15 @@ from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_kinds import AUTO, kind_of
+from catenary.calibration.model_kinds import RETIRED, kind_of
 from catenary.cards import card_of, stored, write_with_card
 from catenary.config import parse_settings
 from catenary.documents import cut, json_table, shortened
-from catenary.errors import CatenaryError, FileFormatError
+from catenary.errors import CatenaryError, FileFormatError, InputError
 from catenary.files import damage
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
+_log = logging.getLogger(__name__)
 _FORMAT = "catenary.calibration.5"
 _FIELD_NAMES = tuple(each.name for each in fields(CalibrationModel))
 
@@ -59,8 +61,12 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             raise FileFormatError(
                 f"{path}: model format {shortened(version)}, expected {_FORMAT!r}: another version wrote it; {remedy}"
             )
+        _drop_midlines(found)
         model = parse_settings(found, CalibrationModel, "structure", arrays)
-        if model.kind != AUTO:
+        if model.kind in RETIRED or model.preset == "best":
+            name = f"{model.kind} {model.preset or ''}".strip()
+            _log.warning("%s: models of kind %s are no longer fitted, and err more: fit again", path, name)
+        else:
             kind_of(model.kind, model.preset)  # refuses unknown ones
         check_names("joint", model.joint_names)
         check_different("joint", model.joint_names)
@@ -76,3 +82,10 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         raise FileFormatError(
             damage(path, f"is no calibration model, or of another version: {cut(why)}", remedy)
         ) from error
+
+
+def _drop_midlines(found: dict[str, Any]) -> None:
+    """Take midlines of torques out of a model's structure, where it has none of them: they are no longer computed."""
+    features = found.get("features")
+    if isinstance(features, dict) and features.pop("midlines", None):
+        raise InputError("it takes midlines of torques, which are no longer computed: fit again")

@@ -3,18 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from catenary.errors import InputError
 
 if TYPE_CHECKING:  # help reads these records, and starts without NumPy
     from catenary.arrays import Floats
-    from catenary.calibration.predictors import AnyPredictor
+    from catenary.calibration.model import AnyPredictor
 
 
 @dataclass(frozen=True)
 class ModelKind:
-    """A kind of model, or one of its presets.
+    """A kind of model.
 
     How far beyond the training data a model may go is a share of their range. Zig-zag data leave nearly half of the
     shoulder's range out; half a range beyond, models without memory still correct most of the error there. Most
@@ -27,14 +27,11 @@ class ModelKind:
         words: What it is, in the words of the help.
         fitted_by: `module:function` of this room, called with features (N, F), wanted outputs (N, m) and what it
             `takes`; it returns a predictor (predictors.py), which model files hold as it is.
-        takes: Further arguments of that function, of `ridge`, `seed`, `late` and `progress`.
-        preset: Its name where the kind has several; the first record of a kind is its default.
+        takes: Further arguments of that function, of those that fit_rows.fit gives.
+        preset: The name of its settings.
         settings: The name, in that module, of settings that the function takes and the card tells.
-        memory: When it takes play and friction states unasked; beside torques they can be over-fitted.
-        midlines: It takes midlines of torques and currents.
+        play_shares: Half-widths of play states that it takes unasked, of each joint's range; with friction states.
         of_error: It is fitted to the joint error, whatever the target.
-        as_recorded: It is fitted to rows as they are, each recording's zero within.
-        tried: `auto` tries it.
         beyond: How far beyond the box of the training data it may go.
         beyond_with_memory: The same of a model that takes play or friction states.
         is_power: It grows as powers do: along principal axes too it goes no farther than beyond the box.
@@ -46,11 +43,8 @@ class ModelKind:
     takes: tuple[str, ...] = ()
     preset: str | None = None
     settings: str | None = None
-    memory: Literal["asked", "without torque", "always"] = "asked"
-    midlines: bool = False
+    play_shares: tuple[float, ...] = ()
     of_error: bool = False
-    as_recorded: bool = False
-    tried: bool = False
     beyond: float = 0.5
     beyond_with_memory: float = 0.5
     is_power: bool = False
@@ -75,10 +69,9 @@ class ModelKind:
         return import_module(f"catenary.calibration.{self.fitted_by.partition(':')[0]}")
 
 
-_NETWORK = ("neural:fit_neural", ("seed", "late", "progress"))
-_KINDS = (  # those that are tried, the simplest first
-    ModelKind("offset", "the mean error", "predictors:fit_offset", of_error=True, as_recorded=True, tried=True),
-    ModelKind("linear", "a linear function", "predictors:fit_linear", ("ridge",), tried=True),
+_KINDS = (
+    ModelKind("offset", "the mean error", "predictors:fit_offset", of_error=True),
+    ModelKind("linear", "a linear function", "predictors:fit_linear", ("ridge",)),
     ModelKind(
         "polynomial",
         "one of second order",
@@ -88,31 +81,33 @@ _KINDS = (  # those that are tried, the simplest first
         is_power=True,
     ),
     ModelKind(
-        "hysteretic",
-        "smooth, with memory",
-        "predictors:fit_smooth",
-        ("ridge", "seed"),
-        memory="always",
-        midlines=True,
-        tried=True,
+        "neural",
+        "the network of Peng et al.",
+        "neural:fit_neural",
+        ("seed", "progress"),
+        preset="paper",
+        settings="PAPER",
     ),
-    ModelKind("neural", "a network", *_NETWORK, preset="best", settings="BEST", memory="without torque", tried=True),
-    ModelKind("neural", "the network of Peng et al.", *_NETWORK, preset="paper", settings="PAPER", as_recorded=True),
+    ModelKind(
+        "learned",
+        "a regression on positions, loads and play states that blocks of time tune",
+        "learned:fit_learned",
+        ("features", "columns", "joints", "block", "recording", "penalties"),
+        play_shares=tuple(0.0006 * 1.5**k for k in range(17)),
+    ),
 )
-MODEL_KINDS: Mapping[str, tuple[ModelKind, ...]] = {  # by name, its presets where it has several
-    kind.name: tuple(each for each in _KINDS if each.name == kind.name) for kind in _KINDS
-}
-AUTO = "auto"  # chosen for every joint from those that are tried (kind_choice.py)
-TRIED = tuple(kind.name for kind in _KINDS if kind.tried)
+MODEL_KINDS: Mapping[str, ModelKind] = {kind.name: kind for kind in _KINDS}
+LEARNED = "learned"  # what is fitted unless another kind is asked for
+RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, which are no longer fitted
 
 
 def kind_of(name: str, preset: str | None = None) -> ModelKind:
-    """Return the record of a kind and its preset; of its default where that is None."""
-    if name not in (AUTO, *MODEL_KINDS):
-        raise InputError(f'model "{name}": expected one of {", ".join((AUTO, *MODEL_KINDS))}')
-    for kind in MODEL_KINDS.get(name, ()):
-        if preset in (None, kind.preset):
-            return kind
-    several = [each for each in _KINDS if each.preset is not None]
-    named = " and ".join(each.preset or "" for each in several)
-    raise InputError(f'preset "{preset}" of model "{name}": only {several[0].name} has presets, {named}')
+    """Return the record of a kind, which may be named by its preset too."""
+    if name not in MODEL_KINDS:
+        why = "; it is no longer fitted" if name in RETIRED else ""
+        raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}{why}')
+    kind = MODEL_KINDS[name]
+    if preset not in (None, kind.preset):
+        presets = [f"{each.preset} of {each.name}" for each in _KINDS if each.preset is not None]
+        raise InputError(f'preset "{preset}" of model "{name}": there is {", ".join(presets)} alone')
+    return kind

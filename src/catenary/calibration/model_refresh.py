@@ -28,11 +28,12 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.conformal import estimate_intervals, rmse_of_other_minutes
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
+from catenary.calibration.expansion import Expansion
 from catenary.calibration.fit_rows import largest_shown
 from catenary.calibration.friction_level import DayLevel
-from catenary.calibration.intervals import Intervals
-from catenary.calibration.model import CalibrationModel, JointGroup
-from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Quadratic
+from catenary.calibration.intervals import MARGIN_RATIO, Intervals
+from catenary.calibration.model import AnyPredictor, CalibrationModel, JointGroup
+from catenary.calibration.predictors import Constant, Linear, Quadratic
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import MIN_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
@@ -85,58 +86,55 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
 
     Rows outside the valid range count, and widen it, where the predictor with a new zero is nearer to the truth there
     than the fixed offset with one, on blocks, for every joint of its group. Elsewhere the predictor is changed by the
-    rows inside alone. Rows before midlines are known teach nothing; their errors are the fixed offset's, which moves
-    with the correction. Intervals are the wider of the old ones and those of errors left on blocks, or none.
+    rows inside alone. Intervals are the wider of the old ones and those of errors left on blocks, or none.
     """
-    model, every = (model, data) if day is None else (day.model, day.data)
-    known = every.complete
-    data = every.rows(known)
+    model, data = (model, data) if day is None else (day.model, day.data)
     data.require(model, model.features)
     if len(data) < MIN_REFRESH_ROWS:
         raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {MIN_REFRESH_ROWS}")
     block = np.arange(len(data)) * REFRESH_BLOCKS // len(data)
     inside = model.inside(data.X)
-    offset, left = model.offset.copy(), np.empty_like(every.error)
+    offset, left = model.offset.copy(), np.empty_like(data.error)
     groups: list[JointGroup] = []
     notes: list[str] = []
     found: dict[int, str] = {}
     for group in model.groups:
         new_group, how, of_group, moved, said = _refresh_group(model, group, data, block, inside[:, group.joints[0]])
         groups.append(new_group)
-        left[np.ix_(known, np.array(group.joints))] = of_group
+        left[:, list(group.joints)] = of_group
         notes += said
         offset[list(group.joints)] += moved
         found |= dict(zip(group.joints, how, strict=True))
-    left[~known] = every.error[~known] - offset
-    old = model.correction(every.X, every.q_nominal) if day is None else every.error - day.before
+    old = model.correction(data.X, data.q_nominal) if day is None else data.error - day.before
     if day is not None:
         told = ", ".join(f"{name} {factor:.2f}" for name, factor in day.factors.items())
         notes.append(f"friction of this day over the model's: {told}")
         found |= {j: FRICTION_LEVEL if found[j] == UNCHANGED else f"{FRICTION_LEVEL}, {found[j]}" for j in day.joints}
     refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY_SIZE), groups=tuple(groups))
-    change = refreshed.correction(every.X, every.q_nominal) - old
+    change = refreshed.correction(data.X, data.q_nominal) - old
     # where the new rows did not go, corrections moved as far as on them
     largest = np.maximum(model.largest + np.abs(change).max(axis=0), largest_shown(refreshed, data))
     refreshed = replace(refreshed, largest=largest)
     if model.intervals is not None:
-        inside = refreshed.correct(every.X, every.q_nominal)[1]
-        errors = CrossValidation((), every.error - offset, left, inside, every.recording)
+        inside = refreshed.correct(data.X, data.q_nominal)[1]
+        errors = CrossValidation((), data.error - offset, left, inside, data.recording)
         was, new = model.intervals, estimate_intervals(errors, level=model.intervals.level)
         if new is None:
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
         else:  # minutes show where intervals are too narrow, not that they are too wide
             near = np.maximum(was.inside, new.inside)
-            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)))
+            own = None if was.margin is None else np.maximum(was.margin, MARGIN_RATIO * near)
+            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)), own)
         refreshed = replace(refreshed, intervals=new)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
-    before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (every.error - old, left))
+    before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
     promise = rmse_of_other_minutes(left)
     numbers = (scale * np.array([change.mean(axis=0), before, after, *promise])).T.tolist()
     changes = tuple(
         JointChange(name, DISPLAY[unit][0], found[j], *numbers[j])
         for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
     )
-    return Refreshed(refreshed, changes, tuple(notes), every.error - old, left)
+    return Refreshed(refreshed, changes, tuple(notes), data.error - old, left)
 
 
 def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Floats) -> AnyPredictor:
@@ -153,6 +151,10 @@ def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Float
             quadratic=scale * predictor.quadratic,
             bias=scale * predictor.bias + bias + predictor.mean @ linear,
         )
+    if isinstance(predictor, Expansion):
+        weights, terms, width = scale * predictor.weights, predictor.terms, len(linear)
+        weights[:width] += terms.scale[:, None] * linear  # its first terms are the features
+        return replace(predictor, weights=weights, bias=scale * predictor.bias + bias + terms.middle @ linear)
     skip = predictor.skip
     if skip is not None:
         skip = Linear(scale * skip.weights + linear, scale * skip.bias)

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.predictors import Activation, Linear, Network, fit_linear
+from catenary.calibration.predictors import Activation, Network
 from catenary.calibration.valid_range import standardisation
 from catenary.kernels.compiled import compiled, inlined
-from catenary.side_by_side import Progress, part_of, silent
+from catenary.side_by_side import Progress, silent
 
 Singles = NDArray[np.float32]
 # Adam's decay rates, and what it adds to a root [Kingma and Ba 2014]
@@ -186,21 +186,16 @@ class TrainedNetwork:
         self._adam.step(self._parameters, gradient, learning_rate)
 
 
-_MANY_ROWS = 10_000
-
-
 @dataclass(frozen=True)
 class NetworkSettings:
     """Size of a network, and how it is trained."""
 
     hidden: tuple[int, ...]
     activation: Activation
-    l2: float | tuple[float, ...]  # factor of the sum of squared weights beside the mean squared error
+    l2: float  # factor of the sum of squared weights beside the mean squared error
     learning_rate: float
     batch: int
     epochs: int
-    cosine: bool = False  # learning rate falls to zero along half a cosine
-    skip_ridge: float | None = None  # of a linear model that the network corrects; None for no such model
     penalties: Penalties = _NO_PENALTIES  # beside `l2`
 
 
@@ -215,66 +210,30 @@ PAPER_LARGER = NetworkSettings(
     (600, 500, 400), "logistic", 1e-4, 1e-3, 1024, 200,
     penalties=replace(_HIDDEN_ONLY, l1=1e-5, bias_l2=1e-4, activity_l2=1e-5),
 )  # fmt: skip
-# Ours: a linear model carries what is linear, the network learns the rest; how much it is held back is chosen
-# on the last fifth of the training data.
-BEST = NetworkSettings((100, 100), "tanh", (1e-5, 1e-4, 1e-3, 3e-3, 1e-2), 3e-3, 256, 60, cosine=True, skip_ridge=10.0)
 
 
-def fit_neural(
-    X: Floats, Y: Floats, settings: NetworkSettings, *, seed: int, late: np.ndarray, progress: Progress = silent
-) -> Network:
-    """Train a network to give Y (N, m) from features X (N, F), standardised, by Keras's loss as the paper's.
-
-    Where the settings name several `l2`, the one is taken that does best on the rows marked `late` (N,) after training
-    on the others.
-    """
-    candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
-    if not late.any() or late.all():
-        candidates = candidates[:1]
-    trials = len(candidates) if len(candidates) > 1 else 0
-    # a third of the training tells candidates apart where a pass over the data has many steps
-    short = settings if len(X) <= _MANY_ROWS else replace(settings, epochs=max(1, settings.epochs // 3))
-    losses = np.zeros(len(candidates))
-    ridge = settings.skip_ridge
+def fit_neural(X: Floats, Y: Floats, settings: NetworkSettings, *, seed: int, progress: Progress = silent) -> Network:
+    """Train a network to give Y (N, m) from features X (N, F), standardised, by Keras's loss as the paper's."""
     with threadpool_limits(limits=1):  # two BLAS threads on two busy cores are slower than one
-        before = fit_linear(X[~late], Y[~late], ridge=ridge) if trials and ridge is not None else None
-        for i in range(trials):
-            part = part_of(progress, i, trials + 1)
-            trial = _train(X[~late], Y[~late], short, candidates[i], seed, before, part)
-            errors = np.mean((trial.predict(X[late]) - Y[late]) ** 2, axis=0)
-            losses[i] = np.mean(np.log(errors + 1e-30))  # a noisy output must not outweigh the others
-        chosen = candidates[int(np.argmin(losses))]
-        skip = None if ridge is None else fit_linear(X, Y, ridge=ridge)
-        return _train(X, Y, settings, chosen, seed, skip, part_of(progress, trials, trials + 1))
+        return _train(X, Y, settings, seed, progress)
 
 
-def _train(
-    X: Floats, Y: Floats, settings: NetworkSettings, l2: float, seed: int, skip: Linear | None, progress: Progress
-) -> Network:
+def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress: Progress) -> Network:
     mean, scale = standardisation(X)
     out_mean, out_scale = standardisation(Y)
-    if skip is not None:
-        target, out_mean = (Y - skip.predict(X)) / out_scale, np.zeros_like(out_mean)
-    else:
-        target = (Y - out_mean) / out_scale
-    # an output that a constant or the linear model gives exactly gets no ripple from the network
+    target = (Y - out_mean) / out_scale
+    # an output that a constant gives exactly gets no ripple from the network
     out_scale = np.where(np.ptp(target, axis=0) > 1e-9, out_scale, 0.0)
     # single precision trains twice as fast, as Keras does
     Z, wanted = ((X - mean) / scale).astype(np.float32), target.astype(np.float32)
     rng = np.random.default_rng(seed)
     network = TrainedNetwork((Z.shape[1], *settings.hidden, wanted.shape[1]), settings.activation, seed)
-    batches = -(-len(Z) // settings.batch)
-    steps, step = settings.epochs * batches, 0
     for epoch in range(settings.epochs):
         order = rng.permutation(len(Z))
-        # Keras leaves a small batch for the end; batches alike are better for a rate that falls
-        parts = batches if settings.cosine else range(settings.batch, len(Z), settings.batch)
-        for rows in np.array_split(order, parts):
-            rate = settings.learning_rate
-            if settings.cosine:
-                rate *= 0.5 * (1.0 + np.cos(np.pi * step / steps))
-            network.step(network.gradient(Z[rows], wanted[rows], l2, settings.penalties), rate)
-            step += 1
+        for rows in np.array_split(order, range(settings.batch, len(Z), settings.batch)):
+            network.step(
+                network.gradient(Z[rows], wanted[rows], settings.l2, settings.penalties), settings.learning_rate
+            )
         progress((epoch + 1) / settings.epochs)
     weights, biases = (tuple(each.astype(np.float64) for each in some) for some in (network.weights, network.biases))
-    return Network(mean, scale, weights, biases, settings.activation, out_mean, out_scale, skip)
+    return Network(mean, scale, weights, biases, settings.activation, out_mean, out_scale)

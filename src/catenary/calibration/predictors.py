@@ -8,10 +8,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal, Self, get_args
+from typing import ClassVar, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration import arithmetic
@@ -204,9 +203,6 @@ class Network(Predictor):
         )
 
 
-AnyPredictor = Annotated[Constant | Linear | Quadratic | Network, Field(discriminator="kind")]
-
-
 def fit_offset(X: Floats, Y: Floats) -> Constant:
     """Fit the mean of Y (N, m): the paper's baseline, the average bias over the training data."""
     return Constant(Y.mean(axis=0))
@@ -239,38 +235,6 @@ def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:
     weights /= spread[:, None]
     n = X.shape[1]
     return Quadratic(mean, scale, weights[:n], weights[n:], bias - middle @ weights)
-
-
-_SMOOTH_UNITS, _SMOOTH_ROWS = 200, 10_000
-_SMOOTH_WEIGHT, _SMOOTH_BIAS = 0.4, 0.2  # spread of a unit's argument, and of its bias: little bent over the data
-
-
-def fit_smooth(X: Floats, Y: Floats, *, ridge: float, seed: int) -> Network:
-    """Fit Y (N, m) as a smooth function of features X (N, F): ridge regression on random units beside the features.
-
-    The units tanh(w . z + b), drawn once, bend so little over the data that functions of low order cost least
-    [random features; Rahimi and Recht 2007]. Sums are taken over blocks of rows: time and memory grow with N alone.
-    """
-    mean, scale = standardisation(X)
-    middle, spread = standardisation(Y)
-    rng, inputs, m = np.random.default_rng(seed), X.shape[1], Y.shape[1]
-    W = rng.normal(0.0, _SMOOTH_WEIGHT / np.sqrt(inputs), (inputs, _SMOOTH_UNITS))
-    b = rng.normal(0.0, _SMOOTH_BIAS, _SMOOTH_UNITS)
-    size = _SMOOTH_UNITS + inputs
-    sums = np.zeros((size + 1 + m, size + 1 + m))
-    for first in range(0, len(X), _SMOOTH_ROWS):
-        Z = (X[first : first + _SMOOTH_ROWS] - mean) / scale
-        y = (Y[first : first + _SMOOTH_ROWS] - middle) / spread
-        columns = np.hstack([np.tanh(Z @ W + b), Z, np.ones((len(Z), 1)), y])
-        sums += columns.T @ columns
-    centre = sums[size, :size] / len(X)
-    gram = sums[:size, :size] - len(X) * np.outer(centre, centre) + max(ridge, 1e-9) * np.eye(size)
-    weights = np.linalg.solve(gram, sums[:size, size + 1 :] - np.outer(centre, sums[size, size + 1 :]))
-    of_units, of_features = weights[:_SMOOTH_UNITS], weights[_SMOOTH_UNITS:]
-    skip = spread * of_features / scale[:, None]
-    return Network(
-        mean, scale, (W, of_units), (b, -centre @ weights), "tanh", middle, spread, Linear(skip, -mean @ skip)
-    )
 
 
 def _least_squares(Z: Floats, Y: Floats, ridge: float) -> tuple[Floats, Floats]:

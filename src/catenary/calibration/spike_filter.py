@@ -45,8 +45,7 @@ def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
 
 @compiled
 def find_leaps(
-    signals: Floats,  # (N, S) what the robot reports, row after row
-    joints: Integers,  # (J,) which signals these positions are
+    positions: Floats,  # (N, J) row after row
     limits: Floats,  # (J,) largest step to the next row
     room: Floats,  # (N,) see `room_of`
     seen: Floats,  # (J, 3) last believed position, how many rows leapt since, and the room of these rows
@@ -59,10 +58,10 @@ def find_leaps(
 
     A leap was a spike when one of the next _CONFIRM_ROWS does not leap. In another motion every position is believed.
     """
-    for row in range(len(signals)):
+    for row in range(len(positions)):
         fast, leaping[row] = 0.0, False
-        for j in range(len(joints)):
-            q = signals[row, joints[j]]
+        for j in range(len(limits)):
+            q = positions[row, j]
             course[row, j] = AWAY
             seen[j, 2] += room[row]
             if not np.isfinite(q):
@@ -82,8 +81,7 @@ def find_leaps(
             seen[j, 0], seen[j, 1], seen[j, 2] = q, 0.0, 0.0
         strange[0] = _FADE_FACTOR * strange[0] + fast
         if strange[0] >= _SEVERAL_ROWS:
-            leaping[row] = True
-            for j in range(len(joints)):
+            for j in range(len(limits)):
                 course[row, j] = ANOTHER
-                if np.isfinite(signals[row, joints[j]]):
-                    seen[j, 0], seen[j, 1], seen[j, 2] = signals[row, joints[j]], 0.0, 0.0
+                if np.isfinite(positions[row, j]):
+                    seen[j, 0], seen[j, 1], seen[j, 2] = positions[row, j], 0.0, 0.0

@@ -58,25 +58,19 @@ class ValidRange:
         ]
 
 
-def fit_valid_range(
-    X: Floats, margin: float, *, along_axes: float | None = None, farther: Flags | None = None
-) -> ValidRange:
+def fit_valid_range(X: Floats, margin: float, *, along_axes: float | None = None) -> ValidRange:
     """Describe where training features (N, F) lie, and how far beyond a model may go: `margin` times their range.
 
-    Along the principal axes it is `along_axes`, `margin` when None. Features that are `farther` (F,) may go twice as
-    far, and with any others: they count for no axis.
+    Along the principal axes it is `along_axes`, `margin` when None.
     """
     along_axes = margin if along_axes is None else along_axes
     mean, scale = standardisation(X)
-    times = np.ones(X.shape[1]) if farther is None else 1.0 + farther
-    own = np.flatnonzero(times == 1.0)
     # all axes, also those along which the rows do not differ; R has them, and is small
-    R = np.linalg.qr((X - mean)[:, own] / scale[own], mode="r")
+    R = np.linalg.qr((X - mean) / scale, mode="r")
     _, _, Vt = np.linalg.svd(R, full_matrices=True)
-    axes = np.zeros((len(mean), len(mean)))
-    axes[np.ix_(own, own)] = Vt.T / scale[own, None]
+    axes = Vt.T / scale[:, None]
     lower, upper = X.min(axis=0), X.max(axis=0)
-    box_margin = margin * times * (upper - lower) + MIN_RANGE * scale
+    box_margin = margin * (upper - lower) + MIN_RANGE * scale
     projection = (X - mean) @ axes
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
     axis_margin = along_axes * (axis_upper - axis_lower) + MIN_RANGE

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
-from catenary.calibration.model_kinds import AUTO, MODEL_KINDS
+from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.options import REPORT, REQUIRED, Names, Numbers, argument, group, numbers, option, values_of, words
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
@@ -52,13 +52,8 @@ def _inputs(text: str) -> Names | dict[str, Names]:
 class ModelOptions:
     """Options of a fit, by the names of FitOptions and FitRun, which refuse what they do not know."""
 
-    kind: str = option(
-        "KIND",
-        f"{'; '.join(str(kinds[0]) for kinds in MODEL_KINDS.values())}; {AUTO}: the simplest good one.",
-        AUTO,
-        flag="--model",
-    )
-    preset: str | None = option("NAME", "Preset of a neural model: paper (Peng et al.) or best (ours). [default: best]")
+    kind: str = option("KIND", f"{'; '.join(map(str, MODEL_KINDS.values()))}.", LEARNED, flag="--model")
+    preset: str | None = option("NAME", "Preset of a neural model: paper (Peng et al.).")
     inputs: Names | dict[str, Names] | None = option(
         "SIGNALS", "Inputs: q, tau, qd, all, q:J1; or 'J1=q:J1;J2=q'. [default: q, and tau if recorded]", read=_inputs
     )
@@ -244,8 +239,7 @@ def _print_fit(out: Path, result: "FitResult") -> None:
 
     held_out, card = result.held_out, card_path(out)
     notes = [*result.notes, *([] if held_out is None else warnings_of(held_out))]
-    parts: list[Any] = [*map(str, result.choices)]
-    parts += [spread_table(result.spread)] if result.spread else []
+    parts: list[Any] = [spread_table(result.spread)] if result.spread else []
     parts += [left_out_table(result.left_out)] if result.left_out else []
     if held_out is not None:
         parts.append(error_table(held_out, title="RMSE and largest error on the held-out part"))
@@ -255,7 +249,6 @@ def _print_fit(out: Path, result: "FitResult") -> None:
         "card": str(card),
         "kind": result.model.kind,
         "preset": result.model.preset,
-        "choice": [asdict(choice) for choice in result.choices] or None,
         "rows": len(result.data),
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],

@@ -156,7 +156,7 @@ def monitor(
     is drawn 25 times a second; in a pipe a line a second. Of a robot simulated here it also shows how far joints
     and tip really are from what is reported.
 
-    Example: catenary monitor --log demo/test.parquet --model demo/models/neural_best.npz
+    Example: catenary monitor --log demo/test.parquet --model demo/models/recommended.npz
     """
     from catenary.monitor import plain_line
 

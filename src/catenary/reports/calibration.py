@@ -11,7 +11,6 @@ from catenary.calibration.arithmetic import blocks
 from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, Spread, rms
-from catenary.calibration.kind_choice import CLOSE_RATIO, JointChoice
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
@@ -21,6 +20,7 @@ from catenary.reports.page import Block, Column, Facts, Heading, Listing, Remark
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 
+_CLOSE_RATIO = 1.03  # times the error: the fixed offset is as good
 _ROUNDING_M = 1e-9  # that a tip moves by rounding
 
 
@@ -204,7 +204,6 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     seconds, mended = clock_delay(card), ", ".join(card.get("mends", {}).get("delay", ()))
     corrected = f", of which {mended} s was corrected" if mended else ""
     return [
-        *(("chosen", str(JointChoice(**choice))) for choice in card.get("choice") or ()),
         *((name, card[name]) for name in ("instrument", "tool", "recorded") if card.get(name)),
         *([] if seconds is None else [("delay", f"{seconds:+.3f} s{corrected}")]),
         ("target", f"joint {card['target']}"),
@@ -293,6 +292,6 @@ def _against(after: float, offset: float, outside: float = 0.0) -> str:
     """Return what speaks against a correction: an error near the fixed offset's or above, rows outside its range."""
     if after > HARM_RATIO * offset:
         return "worse than the fixed offset"
-    if CLOSE_RATIO * after > offset:
+    if _CLOSE_RATIO * after > offset:
         return "no better than the fixed offset"
     return f"{outside:.0%} of rows are outside its trained range" if outside > OUTSIDE_SHARE else ""

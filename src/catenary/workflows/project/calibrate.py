@@ -9,10 +9,10 @@ from typing import Any
 
 from catenary import __version__
 from catenary.calibration.evaluate import Evaluation
-from catenary.calibration.fit_options import FitOptions, FitRun, require_folds
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_recordings
-from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model_file import load_model, save_model
+from catenary.calibration.model_kinds import LEARNED
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
@@ -47,14 +47,12 @@ RECOMMENDED = "recommended"
 
 
 def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
-    """Return options for every kind of model, and of the one asked for, which is recommended and deployed.
+    """Return options of a linear model, and of the one asked for, which is recommended and deployed.
 
-    The others share its memory, target and seed, and its inputs where it has any: else the paper's network takes all of
-    the paper's, and the joints of a project's `robot` (None for recordings) what is theirs.
+    They share its memory, target and seed, and its inputs where it has any: else the joints of a project's `robot`
+    (None for recordings) take what is theirs.
     """
-    positioning, everything, own = (
-        (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot == "raven2" else (None,) * 3
-    )
+    positioning, own = (POSITIONING_INPUTS, RAVEN_INPUTS) if robot == "raven2" else (None, None)
 
     def of(kind: str, inputs: Any, preset: str | None = None) -> FitOptions:
         taken = inputs if asked.inputs is None else asked.inputs
@@ -62,10 +60,7 @@ def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]
 
     return {
         "linear": of("linear", positioning),
-        "polynomial": of("polynomial", positioning),
-        "neural_paper": of("neural", everything, "paper"),
-        "neural_best": of("neural", own, "best"),
-        RECOMMENDED: of(asked.kind, own if asked.kind in ("auto", "neural") else positioning, asked.preset),
+        RECOMMENDED: of(asked.kind, own if asked.kind in (LEARNED, "neural") else positioning, asked.preset),
     }
 
 
@@ -78,7 +73,7 @@ class CalibrationResult:
     evaluations: Mapping[str, Evaluation]
     deployment: Mapping[str, Any] | None  # None without a robot
     repeated: tuple[str, ...]  # steps that were run now; the others had been done
-    advice: tuple[str, ...]  # what is recommended for each joint and why, and warnings of it on the test
+    advice: tuple[str, ...]  # warnings of what is recommended, on the test
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
@@ -113,11 +108,11 @@ def calibrate_robot(
 ) -> CalibrationResult:
     """Calibrate a project's robot, its simulated one when None, doing only what has not been done.
 
-    `asked` is the model to recommend, chosen joint by joint when None; `run` says which rows fits see, and their tests.
+    `asked` is the model to recommend, the learner when None; `run` says which rows fits see, and their tests.
     """
     project.ran.clear()
     run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
-    models = _models(project, project.settings.robot, asked, run)
+    models = _models(project, project.settings.robot, asked)
     robot = SimulatedRobot() if robot is None else robot
     deployed = project.folder / "deployment.json"
 
@@ -144,10 +139,9 @@ def calibrate_robot(
         return conclude(project, models, train, test, deployed, Reading(), run)
 
 
-def _models(project: Project, robot: str | None, asked: FitOptions | None, run: FitRun) -> Mapping[str, FitOptions]:
+def _models(project: Project, robot: str | None, asked: FitOptions | None) -> Mapping[str, FitOptions]:
     """Return the options of a project's models, before minutes of motion and fits."""
-    asked = FitOptions(kind="auto") if asked is None else asked
-    require_folds(asked, run)
+    asked = FitOptions() if asked is None else asked
     return models_for(robot, replace(asked, seed=project.settings.seed or 0))
 
 
@@ -166,7 +160,7 @@ def calibrate_recordings(
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
     project.ran.clear()
     run = run if run is not None else FitRun()
-    models = _models(project, None, asked, run)
+    models = _models(project, None, asked)
     reading = reading if reading is not None else Reading()
     mapping = reading.mapping
     with project:
@@ -264,10 +258,7 @@ def conclude(
         evaluations={name: result.evaluation for name, result in results.items()},
         deployment=deployment,
         repeated=tuple(_VERBS.get(step, step) for step in project.ran),
-        advice=(
-            *(str(JointChoice(**choice)) for choice in best.card.get("choice") or ()),
-            *warnings_of(best.evaluation),
-        ),
+        advice=tuple(warnings_of(best.evaluation)),
     )
     evaluation = project.folder / "evaluation.json"
 

@@ -1,0 +1,245 @@
+"""The learner: a ridge regression on terms of positions, loads and play states, whose penalties blocks of time choose.
+
+Terms are in groups (`GROUPS`), as those of the joint itself and those of others; each joint has a penalty for each
+group, from hardly any to one that drops it. A mean or a linear function is a corner of it. Penalties are chosen by the
+errors on blocks of time that are left out in turn: from sums of products over each block these need no further look at
+the rows. The mean of the errors' logarithms counts, so that no one block decides. A walk along the ladder takes a
+larger penalty where it costs next to nothing, and a smaller one where it gains.
+
+Rows far from any fit, as failed measurements are, weigh less the farther they are, and none is dropped
+[Huber, Robust Estimation of a Location Parameter, 1964].
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from threadpoolctl import threadpool_limits
+
+from catenary.arrays import Floats, Integers
+from catenary.calibration.expansion import Expansion, Terms, term_owners
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.spike_filter import ANY_SIZE
+from catenary.calibration.valid_range import standardisation
+
+GROUPS = (
+    "signals", "own smooth", "own memory", "own ripple", "other smooth", "other memory", "other ripple", "products",
+    "path memory",
+)  # fmt: skip
+_OF_KIND = {
+    "smooth": (4, 1),
+    "memory": (5, 2),
+    "ripple": (6, 3),
+    "path": (5, 8),
+}  # groups of a term of others, and of one's own
+_DROPPED = 1e9  # rows, as all penalties: a group is left out
+_LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, _DROPPED)
+_START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, _DROPPED, 100.0, 10.0)
+_WALK = (7, 5, 4, 2, 8, 6, 3, 1, 0)  # groups in the order in which penalties are tried
+_SWEEPS = 2
+_LARGER_UP_TO, _SMALLER_BELOW = 1.02, 0.98  # times the least mean square: more ridge may cost this, less must gain it
+BLOCKS = 6
+_FAR_DEVIATIONS = 8.0  # robust deviations of a joint's errors, beyond which a row weighs less
+_REWEIGHTINGS = 3
+_POSITION_LIMIT, _LOAD_LIMIT = 1.15, 4.0  # half ranges; standard deviations
+_RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
+_ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: of fewer, each has a zero of its own by chance
+_MET_ROWS, _MAX_WIDENING = 1000, 4.0
+# of the ratio of variances: 1/2 were all of an error uncertainty of the weights; drawn arms and RAVEN-IIs show a fourth
+_WIDENING_POWER = 0.25
+_EVERY = 3  # of the play states, one in so many has products
+
+
+def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
+    """Return the terms of the features `columns` of a set, scaled as their rows X (N, F) ask."""
+    names = [features.names[c] for c in columns]
+    units = [features.feature_units[c] for c in columns]
+    is_state = features.bounded[columns]
+    widths = {f"play({p}, {width:.4g})": width for p, width in features.play}
+    low, high, (_, sd) = X.min(axis=0), X.max(axis=0), standardisation(X)
+    is_position = np.array([name.startswith("q:") for name in names])
+    middle = np.where(is_position, 0.5 * (low + high), np.where(is_state, 0.0, np.median(X, axis=0)))
+    half = np.where(high > low, 0.5 * (high - low), 1.0)
+    scale = np.where(is_position, half, [widths.get(name, d) for name, d in zip(names, sd, strict=True)])
+    limit = np.where(is_position, _POSITION_LIMIT, np.where(is_state, ANY_SIZE, _LOAD_LIMIT))
+    moves: list[int] = np.flatnonzero(high > low).tolist()
+    positions = [k for k in moves if is_position[k]]
+    loads = [k for k in moves if not is_position[k] and not is_state[k]]
+    angles = [k for k in positions if units[k] == "rad"]
+    pairs = [*combinations(positions, 2)]
+    joints = [features.owners[c] for c in columns]
+    for k in positions:
+        own = [load for load in loads if joints[load] == joints[k]]
+        ladder = [i for i, name in enumerate(names) if name in widths and joints[i] == joints[k]]
+        pairs += [(play, other) for play in ladder[2:-2:_EVERY] for other in (k, *own)]
+        pairs += [(position, load) for position in positions for load in own]
+    indices = (np.array(each, dtype=np.int64) for each in (positions, angles, loads, np.reshape(pairs, (-1, 2))))
+    return Terms(middle, scale, limit, *indices)
+
+
+def groups_of(terms: Terms, features: FeatureSet, columns: Integers, joint: str) -> Integers:
+    """Return the group of each term, (C,), for the model of a joint."""
+    coupled = () if features.friction is None else [f"{lag}" for lag, _ in features.friction.columns]
+    along = tuple(f"play({name}," for name, *_ in features.paths)
+    names, is_state = [features.names[c] for c in columns], features.bounded[columns]
+    kinds, owners = term_owners(terms, [features.owners[c] for c in columns])
+    found = []
+    for k, (kind, owner) in enumerate(zip(kinds, owners, strict=True)):
+        if kind == "feature":
+            kind = ("path" if names[k].startswith(along) else "memory") if is_state[k] else kind
+            owner = joint if names[k] in coupled else owner
+        found.append(0 if kind == "feature" else 7 if kind == "product" else _OF_KIND[kind][owner == joint])
+    return np.array(found)
+
+
+class _Sums(NamedTuple):
+    """Sums of products of standardised terms, a one and outputs, over each block of time."""
+
+    of_blocks: Floats  # (K, C + 1 + m, C + 1 + m)
+    mean: Floats  # (C,) of the terms
+    scale: Floats  # (C,)
+    middle: Floats  # (m,) of the outputs
+    spread: Floats  # (m,)
+
+
+def fit_learned(
+    X: Floats, Y: Floats, *, features: FeatureSet, columns: Integers, joints: Sequence[str], block: Integers,
+    recording: Integers, penalties: Floats | None = None,
+) -> Expansion:  # fmt: skip
+    """Fit Y (N, m) to features X (N, F), the `columns` of a set.
+
+    Args:
+        joints: (m,) names of the joints that the outputs are of.
+        block: (N,) block of time of each row.
+        recording: (N,) number of its recording: of several, each has a zero, which is not learnt.
+        penalties: (m, groups) those of a model of more rows; chosen when None.
+    """
+    terms = terms_of(X, features, columns)
+    numbers = np.unique(recording)
+    zeros = np.eye(len(numbers))[np.searchsorted(numbers, recording)][:, : len(numbers) * (len(numbers) >= _MIN_ZEROED)]
+    of_zeros = np.full(zeros.shape[1], len(GROUPS))
+    groups = np.array([np.append(groups_of(terms, features, columns, joint), of_zeros) for joint in joints])
+    with threadpool_limits(limits=1):
+        sums = _weighted_sums(terms.of(X), zeros, Y, block, groups)
+        chosen = penalties is None
+        if penalties is None:
+            penalties = np.array([_chosen(sums.of_blocks, groups[k], k) for k in range(Y.shape[1])])
+        total = sums.of_blocks.sum(axis=0)
+        widening = np.ones(len(joints))
+        if chosen:
+            owners = [features.owners[c] for c in columns]
+            rows = [(terms.of(each) - sums.mean) / sums.scale for each in _met(X, owners)]
+            for k, group in enumerate(groups):
+                widening[k] = _widening(total, _by_term(penalties[k], group), len(terms), rows)
+        solved = np.array([_solved(total, _by_term(penalties[k], groups[k]), k) for k in range(Y.shape[1])]).T
+    of_zeros = zeros.mean(axis=0) @ solved[len(terms) : -1]
+    weights = solved[: len(terms)] * sums.spread / sums.scale[:, None]
+    bias = (solved[-1] + of_zeros) * sums.spread + sums.middle - sums.mean @ weights
+    return Expansion(terms, np.ascontiguousarray(weights), bias, penalties, widening)
+
+
+def _by_term(penalties: Floats, group: Integers) -> Floats:
+    """Return the penalty of each column, of those of the groups; zeros of recordings are behind the terms."""
+    return np.append(penalties, _ZERO_PENALTY)[group]
+
+
+def _weighted_sums(Z: Floats, zeros: Floats, Y: Floats, block: Integers, groups: Integers) -> _Sums:
+    """Return sums over blocks, of rows that weigh less the farther they are from a first fit."""
+    mean, scale = standardisation(Z)
+    middle = np.median(Y, axis=0)
+    spread = np.maximum(1.4826 * np.median(np.abs(Y - middle), axis=0), _RESOLUTION_SI)
+    Z = np.hstack([(Z - mean) / scale, zeros, np.ones((len(Z), 1)), (Y - middle) / spread])
+    m, names = Y.shape[1], np.unique(block)
+    parts = [Z[block == k] for k in names]
+    of_blocks = np.array([part.T @ part for part in parts])
+    weight = np.ones(len(Z))
+    for _ in range(_REWEIGHTINGS):
+        total = of_blocks.sum(axis=0)
+        W = np.column_stack([_solved(total, _by_term(np.array(_START), groups[k]), k) for k in range(m)])
+        left = Z[:, -m:] - Z[:, :-m] @ W
+        left = np.abs(left - np.median(left, axis=0))
+        deviation = np.maximum(1.4826 * np.median(left, axis=0), _RESOLUTION_SI / spread)
+        new = np.minimum(1.0, _FAR_DEVIATIONS / np.maximum((left / deviation).max(axis=1), 1e-9)) ** 2
+        changed = new != weight
+        if not changed.any():
+            break
+        for k, name in enumerate(names):
+            rows = changed & (block == name)
+            of_blocks[k] += Z[rows].T @ (Z[rows] * (new - weight)[rows, None])
+        weight = new
+    return _Sums(of_blocks, mean, scale, middle, spread)
+
+
+def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
+    """Return weights (C + 1,) of an output, the last of which is the constant, 0 for terms that are dropped."""
+    size = len(penalty)
+    kept = np.append(np.flatnonzero(penalty < _DROPPED), size)
+    gram = sums[np.ix_(kept, kept)]
+    gram[np.diag_indices(len(kept))] += np.append(penalty[kept[:-1]], 1e-9)
+    weights = np.zeros(size + 1)
+    weights[kept] = cho_solve(cho_factor(gram, overwrite_a=True, check_finite=False), sums[kept, size + 1 + output])
+    return weights
+
+
+def _met(X: Floats, owners: Sequence[str]) -> tuple[Floats, Floats]:
+    """Return some rows of features X (N, F), and as many in which each joint's features are those of another row."""
+    rng = np.random.default_rng(0)
+    rows = {joint: rng.integers(len(X), size=_MET_ROWS) for joint in dict.fromkeys(owners)}
+    met = np.column_stack([column[rows[joint]] for column, joint in zip(X.T, owners, strict=True)])
+    return X[rng.integers(len(X), size=_MET_ROWS)], met
+
+
+def _widening(sums: Floats, penalty: Floats, width: int, rows: Sequence[Floats]) -> float:
+    """Return how many times less certain a prediction is where joints meet otherwise than in training, 1 to 4.
+
+    The deviation of a ridge regression's prediction [Bishop 2006, section 3.3.2], of the second rows over the first.
+    """
+    kept = np.flatnonzero(penalty[:width] < _DROPPED)
+    if not len(kept):
+        return 1.0
+    root = cholesky(sums[np.ix_(kept, kept)] + np.diag(penalty[kept]), lower=True, check_finite=False)
+    told, met = (
+        np.square(solve_triangular(root, Z[:, kept].T, lower=True, check_finite=False)).sum(axis=0) for Z in rows
+    )
+    return float(np.clip((met.mean() / told.mean()) ** _WIDENING_POWER, 1.0, _MAX_WIDENING))
+
+
+def _score(sums: Floats, penalty: Floats, output: int) -> float:
+    """Return the mean square of an output's errors on blocks that are left out in turn, their geometric mean."""
+    size = len(penalty) + 1
+    kept = np.append(np.flatnonzero(penalty < _DROPPED), size - 1)
+    of_kept = sums[:, kept[:, None], kept]
+    moments, squares = sums[:, kept, size + output], sums[:, size + output, size + output]
+    total, moment, errors = of_kept.sum(axis=0), moments.sum(axis=0), []
+    total[np.diag_indices(len(kept))] += np.append(penalty[kept[:-1]], 1e-9)
+    for gram, own, square in zip(of_kept, moments, squares, strict=True):
+        w = cho_solve(cho_factor(total - gram, overwrite_a=True, check_finite=False), moment - own)
+        errors.append((square - 2.0 * w @ own + w @ gram @ w) / gram[-1, -1])
+    return float(np.exp(np.mean(np.log(np.maximum(errors, 1e-12)))))
+
+
+def _chosen(sums: Floats, group: Integers, output: int) -> Floats:
+    """Return the penalties (groups,) of an output: a walk along the ladder from where most joints are."""
+    taken = np.array(_START)
+    if len(sums) < 2:
+        return taken
+    best = _score(sums, _by_term(taken, group), output)
+    for _ in range(_SWEEPS):
+        before = best
+        for g in _WALK:
+            for step in (1, -1):
+                while (group == g).any():
+                    place = _LADDER.index(taken[g]) + step
+                    if not 0 <= place < len(_LADDER):
+                        break
+                    trial = taken.copy()
+                    trial[g] = _LADDER[place]
+                    score = _score(sums, _by_term(trial, group), output)
+                    if score > (_LARGER_UP_TO if step > 0 else _SMALLER_BELOW) * best:
+                        break
+                    taken, best = trial, score
+        if best > 0.99 * before:
+            break
+    return taken

@@ -1,0 +1,161 @@
+"""Rows by which friction and cables are searched, and errors of ridge regressions on blocks of time left out.
+
+Long recordings are searched by a sample of stretches, each with rows before it in which the states find their places.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats, Integers
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.fit_options import MEMORY_RIDGE, PLAY_SHARES, FitOptions
+from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.recordings import Recordings
+from catenary.calibration.valid_range import standardisation
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+
+_BLOCKS = 5
+# rows that are searched whole; else this many parts, and rows before each
+_MAX_SEARCHED_ROWS, _WINDOWS, _WARMUP_SHARE = 12_000, 10, 0.2
+_FAR_DEVIATIONS = 8.0  # robust deviations
+MIN_ROWS = 200  # rows
+MIN_LOG_GAIN = 0.03  # in the logarithm of the error, that what is found must explain
+
+
+class SearchedRows(NamedTuple):
+    """Rows that the search sees, and the paths that lead to them."""
+
+    signals: FeatureSet  # of `fixed`
+    fixed: Floats  # (N, F) positions and play states, and what else the model takes
+    error: Floats  # (N, n)
+    block: Integers  # (N,)
+    recording: Integers  # (N,)
+    # positions (L, n) of each motion as shares of ranges, which of its rows these are, and the number of its recording
+    paths: list[tuple[Floats, Integers, int]]
+    ranges: Floats  # (n,)
+    joint_names: tuple[str, ...]
+
+    def columns(self, joints: Sequence[int]) -> Integers:
+        """Return the columns of `fixed` without play states of the given joints."""
+        own = {f"q:{self.joint_names[j]}" for j in joints}
+        names = self.signals.names
+        return np.array([i for i, n in enumerate(names) if not (n.startswith("play(") and n[5:].split(",")[0] in own)])
+
+    def of_paths(self, state: Callable[[Floats], Floats], only: int | None = None) -> Floats:
+        """Return states (N, S) at the rows, of all recordings or one; `state` gives them for paths (L, n)."""
+        parts = [state(path)[rows] for path, rows, number in self.paths if only in (None, number)]
+        return np.concatenate(parts)
+
+
+def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) -> SearchedRows:
+    """Return the rows of recordings that come before their held-out part, or a sample of stretches."""
+    logs = recordings.logs
+    plain = FitOptions("linear", inputs=options.inputs, play=PLAY_SHARES, cables=options.cables)
+    inputs = choose_inputs(recordings, plain, held_out=held_out)
+    fixed, errors, blocks, recording, paths = [], [], [], [], []
+    ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)
+    scale = np.where(ranges > 0.0, ranges, 1.0)
+    for which, log in enumerate(logs):
+        if log.q_encoder is None:
+            raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
+        for number, (start, first, last) in enumerate(_windows(_seen(log, held_out), len(logs))):
+            part = log.part(start, last)
+            X = inputs.features.matrix(part)
+            error = log.q_encoder[start:last] - log.q_nominal[start:last]
+            usable = part.ok & np.isfinite(X).all(axis=1)
+            usable[: first - start] = False
+            if recordings.max_error is not None:
+                usable[usable] = (np.abs(error[usable]) <= recordings.max_error).all(axis=1)
+            at = np.flatnonzero(usable)
+            ends = [*part.starts[1:], len(part)]
+            for begin, end in zip(part.starts, ends, strict=True):
+                paths.append((part.q_nominal[begin:end] / scale, at[(at >= begin) & (at < end)] - begin, which))
+            fixed.append(X[at])
+            errors.append(error[at])
+            recording.append(np.full(len(at), which))
+            whole = first == 0 and last == _seen(log, held_out)
+            blocks.append(
+                np.arange(len(at)) * _BLOCKS // max(1, len(at)) if whole else np.full(len(at), number % _BLOCKS)
+            )
+    numbers = (np.concatenate(blocks), np.concatenate(recording))
+    X, error = np.vstack(fixed), np.vstack(errors)
+    return SearchedRows(inputs.features, X, _held(X, error), *numbers, paths, scale, logs[0].joint_names)
+
+
+def _held(X: Floats, error: Floats) -> Floats:
+    """Return errors (N, n) of which failed measurements, far from a line, are drawn near to it."""
+    mean, scale = standardisation(X)
+    Z = np.column_stack([(X - mean) / scale, np.ones(len(X))])
+    for _ in range(2):
+        line = Z @ np.linalg.solve(Z.T @ Z + MEMORY_RIDGE * np.eye(Z.shape[1]), Z.T @ error)
+        left = error - line
+        most = _FAR_DEVIATIONS * 1.4826 * np.median(np.abs(left), axis=0)
+        error = line + np.clip(left, -most, most)
+    return error
+
+
+def _seen(log: MotionLog, held_out: float) -> int:
+    return max(1, round((1.0 - held_out) * len(log)))
+
+
+def _windows(rows: int, recordings: int) -> list[tuple[int, int, int]]:
+    """Return parts of a recording: where its path begins, and the rows of it that count."""
+    most = _MAX_SEARCHED_ROWS // recordings
+    if rows <= most:
+        return [(0, 0, rows)]
+    length, spacing = most // _WINDOWS, rows // _WINDOWS
+    warming = int(_WARMUP_SHARE * length)
+    starts = [k * spacing for k in range(_WINDOWS)]
+    return [(start, start + warming, start + length) for start in starts]
+
+
+class SumsBeside:
+    """Sums of products over each block of some columns (N, F) and an output (N,), to which others are added."""
+
+    def __init__(self, X: Floats, y: Floats, block: Integers) -> None:
+        mean, scale = standardisation(X)
+        A = np.column_stack([(X - mean) / scale, np.ones(len(X)), y])
+        self._rows = [np.flatnonzero(block == k) for k in np.unique(block)]
+        self._parts = [A[rows] for rows in self._rows]
+        self._sums = [part.T @ part for part in self._parts]
+
+    def errors(self, P: Floats) -> Floats:
+        """Return RMSE on each block (K, 1) of a regression on all others, with columns P (N, C) added."""
+        mean, scale = standardisation(P)
+        P = (P - mean) / scale
+        sums = []
+        for rows, part, own in zip(self._rows, self._parts, self._sums, strict=True):
+            across = P[rows].T @ part
+            sums.append(np.block([[P[rows].T @ P[rows], across], [across.T, own]]))
+        return errors_on_blocks(np.array(sums), 1)
+
+
+def sums_over_blocks(X: Floats, Y: Floats, block: Integers) -> tuple[Floats, int]:
+    """Return sums of products of standardised columns, a one and Y over each block, (K, F + 1 + m, ...), and m."""
+    mean, scale = standardisation(X)
+    all_columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
+    parts = [all_columns[block == k] for k in np.unique(block)]
+    return np.array([each.T @ each for each in parts]), Y.shape[1]
+
+
+def errors_on_blocks(sums: Floats, m: int) -> Floats:
+    """Return RMSE on each block of a regression on all others, (K, m), from `sums_over_blocks`."""
+    size = sums.shape[1] - m
+    penalty = np.append(np.full(size - 1, MEMORY_RIDGE), 1e-9)
+    G, M = sums[:, :size, :size], sums[:, :size, size:]
+    squares = np.array([np.diag(each[size:, size:]) for each in sums])
+    errors = []
+    for g, moment, square, rows in zip(G, M, squares, sums[:, size - 1, size - 1], strict=True):
+        W = np.linalg.solve(G.sum(axis=0) - g + np.diag(penalty), M.sum(axis=0) - moment)
+        left = square - 2.0 * np.einsum("fm,fm->m", W, moment) + np.einsum("fm,fg,gm->m", W, g, W)
+        errors.append(np.sqrt(np.maximum(left, 1e-30) / rows))
+    return np.array(errors)
+
+
+def is_gain(before: Floats, after: Floats, least: float = MIN_LOG_GAIN) -> bool:
+    """Return whether errors on blocks (K, m) fell: their logarithm by `least`, and by more than a chance."""
+    gain = np.log(before / after).mean(axis=1)  # of each block
+    return bool(gain.mean() > max(least, gain.std(ddof=1) / np.sqrt(len(gain))))
