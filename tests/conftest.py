@@ -51,6 +51,7 @@ def pytest_configure() -> None:
     for path in _of_compiled_code():
         sources.update(path.read_bytes())
     numba.config.CACHE_DIR = str(ROOT / ".cache" / "numba" / sources.hexdigest()[:16])
+    os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR  # of programs that tests start
     # an example is not wrong because it takes long: many compile something, and the machine may be busy
     hypothesis.settings.register_profile(
         "patient",

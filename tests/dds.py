@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numba
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -52,7 +51,6 @@ class Network:
         self.domain = free_domain() if domain is None else domain
         self.environment = {
             **environment(self.domain),
-            "NUMBA_CACHE_DIR": str(numba.config.CACHE_DIR),  # what was compiled for the tests
             "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "tests")]),
         }
 

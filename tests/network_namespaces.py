@@ -7,7 +7,6 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numba
 import pytest
 
 from dds import ROOT, VARIABLES, require_dds
@@ -39,7 +38,6 @@ class Side:
                 "<AllowMulticast>false</AllowMulticast></General>,<Discovery><Peers>"
                 f'<Peer address="{ROBOT}"/><Peer address="{CLIENT}"/></Peers></Discovery>'
             ),
-            "NUMBA_CACHE_DIR": str(numba.config.CACHE_DIR),
             "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "tests")]),
         }
 

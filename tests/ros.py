@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-import numba
 import pytest
 
 from catenary.crtk.ros1.transport import make_rospy_importable
@@ -78,7 +77,6 @@ class Master:
             "ROS_IP": "127.0.0.1",
             "ROS_LOG_DIR": str(folder),
             "ROS_HOME": str(folder),
-            "NUMBA_CACHE_DIR": str(numba.config.CACHE_DIR),  # what was compiled for the tests
             "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "tests")]),
         }
         self._output = folder / "master.txt"

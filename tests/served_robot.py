@@ -7,6 +7,7 @@ import numpy as np
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
+from catenary.crtk.message_bytes import codec
 from catenary.crtk.message_values import command_message
 from catenary.crtk.serving.server import Server
 from catenary.crtk.topic_names import console_topics, crtk_topics, find_topic
@@ -21,6 +22,13 @@ from oracles.psm_arms import homed_psm
 from oracles.ticking_clock import SetClock, TickingClock
 
 JointState = message_class("sensor_msgs/JointState")
+
+
+def answered(server: Server, name: str, kind: str, **request: Any) -> Any:
+    """What a server on a loopback answers when a service of it is called."""
+    _, answer = server.transport.services[name]  # type: ignore[attr-defined]
+    asked = codec(f"{kind}Request").encode(message_class(f"{kind}Request")(**request))
+    return codec(f"{kind}Response").decode(answer(asked))
 
 
 def shoulder(amount: float) -> np.ndarray:

@@ -7,9 +7,14 @@ import numpy as np
 from catenary import RobotModel, compact_regressor, gravity_regressor, load_robot
 from catenary.arrays import Floats
 from catenary.gravity import written_terms as formulas
-from catenary.gravity.compact_regressor import _DOWN, CompactRegressor
+from catenary.gravity.compact_regressor import (
+    _DOWN,
+    CompactRegressor,
+    expression_text,
+    mass_expression,
+    moment_expression,
+)
 from catenary.gravity.gravity_regressor import carried_links, gravity_parameters
-from catenary.gravity.symbols import expression_text, mass_expression, moment_expression
 from papers.experiment import Result, run
 
 ZERO, NO_EFFECT = 0, -1  # in place of a parameter's number, from 1

@@ -55,6 +55,30 @@ class Snapshot(NamedTuple):
     tip_error: float | None = None  # [m] from where the tip really is; None but in a simulation
     tip_from_encoders: float | None = None  # [m] from where external encoders say that it is
     calibrated_from_encoders: float | None = None  # [m] the same, by calibrated joints
+    # what a program that moves a simulated robot knows besides
+    feedback: Floats | None = None  # (n,) [Nm|N] what the errors asked for: the PD term
+    assumed: Floats | None = None  # (3,) [m/s2] gravity as the controller takes it to be
+    actual: Floats | None = None  # (3,) [m/s2] as it is
+    doing: str = ""  # said behind its state
+    notes: tuple[str, ...] = ()  # further warnings
+
+    @property
+    def state(self) -> str:
+        """What it does, in words."""
+        if self.operating is None:
+            return f"recording{self.doing}"
+        state, is_homed, is_busy = self.operating
+        return f"{state}, {'busy' if is_busy else 'homed' if is_homed else 'not homed'}{self.doing}"
+
+    @property
+    def true(self) -> Floats | None:
+        """Where the first joints are: as external encoders tell it where a model learned from them, or alone know it.
+
+        A RAVEN-II's encoders call other places zero than its joints.
+        """
+        if self.encoder is not None and (self.calibrated is not None or self.error is None):
+            return self.encoder
+        return None if self.error is None else self.q[: len(self.error)] - self.error
 
     def warnings(self) -> list[str]:
         """Return what deserves a warning, the worst first."""
@@ -78,11 +102,11 @@ class Snapshot(NamedTuple):
                 found.append(f"near a limit: {', '.join(self.joint_names[j] for j in near)}")
         if self.late:
             found.append(f"{self.late} ticks of this program late within {_RATE_WINDOW_S:g} s")
-        return found
+        return [*found, *self.notes]
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI; null for what is not known."""
-        left_out = ("lower", "upper", "silent")  # of the robot, and a warning
+        left_out = ("lower", "upper", "silent", "feedback", "assumed", "actual", "doing", "notes")
         data = {_KEYS.get(name, name): value for name, value in self._asdict().items() if name not in left_out}
         return data | {
             "state": None if self.operating is None else self.operating._asdict(),
@@ -134,7 +158,7 @@ _COLUMNS = {  # by heading: field of the snapshot, characters
 
 def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24, *, colour: bool = False) -> list[str]:
     """Return exactly `lines` lines of at most `columns` characters, colours not counted; warnings in red, if any."""
-    shown = [_left_right(f"catenary monitor  {name}", _state(shot), columns)]
+    shown = [_left_right(f"catenary monitor  {name}", shot.state, columns)]
     rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
     shown += [_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), ""]
     heads = [head for head, (field, _) in _COLUMNS.items() if _is_known(getattr(shot, field), head)]
@@ -181,7 +205,7 @@ def plain_line(shot: Snapshot) -> str:
     if shot.tip_error is not None:
         values += f"  tip {_tip_errors(shot)}"
     warnings = "; ".join(shot.warnings())
-    return f"{shot.time:.2f} s  {_state(shot)}  {values}" + (f"  ! {warnings}" if warnings else "")
+    return f"{shot.time:.2f} s  {shot.state}  {values}" + (f"  ! {warnings}" if warnings else "")
 
 
 def _tip_errors(shot: Snapshot) -> str:
@@ -206,13 +230,6 @@ def _cell(shot: Snapshot, head: str, j: int) -> str:
 def _is_known(values: Floats | None, head: str) -> bool:
     """Return whether a column is shown: intervals only of a model that has some."""
     return values is not None and (head != "+/-" or not np.isnan(values).all())
-
-
-def _state(shot: Snapshot) -> str:
-    if shot.operating is None:
-        return "recording"
-    state, is_homed, is_busy = shot.operating
-    return f"{state}, {'busy' if is_busy else 'homed' if is_homed else 'not homed'}"
 
 
 def _gravity(shot: Snapshot) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.cli.signals import EndedBySignal
+from catenary.cli.exit_codes import EndedBySignal
 from catenary.crtk import network
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.nodes import serve

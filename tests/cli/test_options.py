@@ -14,8 +14,8 @@ from catenary.cli.main import app
 from catenary.cli.options import Numbers, argument, as_typed, group, numbers, option, require_one, words
 from catenary.cli.terminal import in_json, print_notes, print_result, progress_bar
 from catenary.crtk import network
-from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments, say_ros_arguments
 from catenary.crtk.loopback import Loopback
+from catenary.crtk.network import RosArguments, said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
 

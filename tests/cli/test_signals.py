@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from catenary.cli.signals import EndedBySignal, signals_interrupt
+from catenary.cli.exit_codes import EndedBySignal, signals_interrupt
 from command_line import catenary
 
 ENDS = [signal.SIGTERM, signal.SIGHUP]

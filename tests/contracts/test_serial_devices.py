@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from catenary.devices.accelerometer import SerialAccelerometer
-from catenary.devices.encoder_board import EncoderBoard
-from catenary.devices.encoder_rig import EncoderRig
+from catenary.devices.encoder_board import EncoderBoard, EncoderRig
 from catenary.errors import SensorError
 from catenary.sensing.vector import Mailbox
 from oracles.simulated_board import SimulatedBoard

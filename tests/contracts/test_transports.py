@@ -1,6 +1,5 @@
 """What every transport of TRANSPORTS keeps to. Each talks to itself here, over its own network."""
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -21,7 +20,7 @@ from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import JointRanges
 from catenary.simulation.cable_plant import JOINTS as RAVEN_JOINTS
 from catenary.simulation.cable_plant import UNITS
-from patience import PATIENCE, polled
+from patience import PATIENCE
 from rival_robot import Rivals
 from ros import NODE
 
@@ -232,13 +231,12 @@ def test_a_name_that_is_none_is_refused(transport: Transport, name: str) -> None
         (lambda transport, topic: transport.service(topic, "std_srvs/Mood", lambda request: request), "unknown"),
         (lambda transport, topic: [transport.publisher(topic, TEXT) for _ in range(2)], "already"),
         (lambda transport, topic: [transport.service(topic, TRIGGER, print) for _ in range(2)], "already"),
-        (lambda transport, topic: transport.call(topic, TRIGGER, timeout=0.5), "nobody offers"),
         (lambda transport, topic: transport.subscribe(topic, TEXT, depth=0), "depth"),
     ],
-    ids=["unknown message", "unknown service", "published twice", "served twice", "nobody serves", "no depth"],
+    ids=["unknown message", "unknown service", "published twice", "served twice", "no depth"],
 )
 def test_misuse_is_refused(transport: Transport, topic: str, use: Any, complaint: str) -> None:
-    if not transport.has_services and complaint in ("nobody offers", "unknown", "already"):
+    if not transport.has_services and complaint in ("unknown", "already"):
         complaint = f"{complaint}|no services"
     with pytest.raises(CatenaryError, match=complaint):
         use(transport, topic)
@@ -257,41 +255,8 @@ def test_a_wrong_message_is_refused_by_its_field(transport: Transport, topic: st
 def test_a_transport_that_carries_no_services_says_so(transport: Transport, topic: str) -> None:
     if transport.has_services:
         return
-    for use in (lambda: transport.service(topic, TRIGGER, print), lambda: transport.call(topic, TRIGGER)):
-        with pytest.raises(TransportError, match="carries no services"):
-            use()
-
-
-def test_a_service_answers(transport: Transport, topic: str) -> None:
-    if not transport.has_services:
-        return
-    response = message_class("std_srvs/TriggerResponse")
-    threads = []
-
-    def press(request: Any) -> Any:
-        threads.append(threading.current_thread())
-        return response(success=True, message="pressed")
-
-    transport.service(topic, TRIGGER, press)
-    with polled(transport):
-        assert transport.call(topic, TRIGGER, timeout=PATIENCE) == (True, "pressed")
-    assert len(threads) == 1
-    assert transport.poll() == 0
-
-
-def test_a_service_that_fails_says_why(transport: Transport, topic: str) -> None:
-    def press(request: Any) -> Any:
-        raise InputError("the button is stuck")
-
-    if not transport.has_services:
-        return
-    transport.service(topic, TRIGGER, press)
-    with polled(transport):
-        if is_ros2(transport):  # whose services have but their answers
-            assert transport.call(topic, TRIGGER, timeout=PATIENCE) == (False, "the button is stuck")
-        else:
-            with pytest.raises(TransportError, match="the button is stuck"):
-                transport.call(topic, TRIGGER, timeout=PATIENCE)
+    with pytest.raises(TransportError, match="carries no services"):
+        transport.service(topic, TRIGGER, print)
 
 
 def test_a_closed_transport_refuses_and_is_not_up(transport: Transport, topic: str) -> None:
@@ -303,7 +268,7 @@ def test_a_closed_transport_refuses_and_is_not_up(transport: Transport, topic: s
     for use in (
         lambda: transport.publisher(topic + "2", TEXT),
         lambda: transport.subscribe(topic, TEXT),
-        lambda: transport.call(topic, TRIGGER),
+        lambda: transport.service(topic, TRIGGER, print),
         lambda: publisher.publish(text("a")),
         transport.poll,
     ):
@@ -326,9 +291,10 @@ def test_other_programs_that_publish_a_topic_are_known_while_they_live(transport
     rivals.begin(topic, every=0.0, name=name)
     eventually(lambda: transport.other_publishers(topic), transport)
     ours.close()
-    eventually(lambda: len(transport.other_publishers(topic)) == 1, transport)
-    (known,) = transport.other_publishers(topic)
-    assert known.partition(" ")[0].endswith(name)
+    # over DDS a program is known before its name is
+    eventually(
+        lambda: [k.partition(" ")[0][-len(name) :] for k in transport.other_publishers(topic)] == [name], transport
+    )
     rivals.kill(name)
     eventually(lambda: not transport.other_publishers(topic), transport)  # over DDS when its lease has run out
 

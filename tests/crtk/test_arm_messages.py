@@ -15,7 +15,7 @@ from catenary.nodes.serve import Serving, make_server
 from catenary.raven2.topics import Arm
 from catenary.robots.catalog import load_robot
 from oracles.cable_arms import homed_plant
-from served_robot import ServedRobot
+from served_robot import ServedRobot, answered
 
 ARMS: tuple[Arm, ...] = ("gold", "green")
 
@@ -127,8 +127,7 @@ def robot() -> ServedRobot:
 
 def ask(robot: ServedRobot, kind: str, **request: Any) -> Any:
     name = "forward" if kind == _FORWARD else "inverse"
-    asked = message_class(f"{kind}Request")(**request)
-    return robot.client.call(f"/arm1/{name}_kinematics", kind, asked)
+    return answered(robot.server, f"/arm1/{name}_kinematics", kind, **request)
 
 
 def test_forward_and_back(robot: ServedRobot) -> None:

@@ -214,20 +214,14 @@ def test_motors_are_those_of_the_arm(side: str, arm: Any) -> None:
     assert_allclose(client.measured_js().q_motor, plant.measured_js().q_motor, rtol=1e-6)
 
 
-def test_encoders_come_as_telemetry_and_turn_to_nan_when_silent() -> None:
+def test_external_encoders_turn_to_nan_when_silent_and_where_there_are_none() -> None:
     setup, client = connected(homed_plant())
-    assert_allclose(client.telemetry()["ext_jpos"], setup.robot.plant.telemetry()["ext_jpos"])
+    assert_allclose(client.external_encoders(), setup.robot.plant.telemetry()["ext_jpos"])
     setup.robot._out.pop("ext_jpos")
     wait(client, 250)
-    assert np.isnan(client.telemetry()["ext_jpos"]).all()
-    assert np.isfinite(client.telemetry()["joint_enc"]).all()
-
-
-def test_robot_without_encoders_has_no_such_columns() -> None:
-    setup = RobotOnLoopback(CablePlant(), encoders=False)
-    names = {column.name for column in CrtkClient(setup.transport).columns}
-    assert "jpos" in names
-    assert "ext_jpos" not in names
+    assert np.isnan(client.external_encoders()).all()
+    without = RobotOnLoopback(CablePlant(), encoders=False)
+    assert np.isnan(CrtkClient(without.transport).external_encoders()).all()
 
 
 def test_gravity_is_nominal_where_nobody_publishes_it_or_what_cannot_be_gravity() -> None:

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import pose_message, pose_of
-from catenary.crtk.serving.moves import joint_move, straight_move
+from catenary.crtk.serving.served_arm import joint_move, pose_move
 from catenary.spatial import Pose, rotation_from_rpy
 from oracles.cable_arms import ROBOTS, homed_plant
 from served_robot import JointState, ServedRobot, shoulder
@@ -130,27 +130,27 @@ def test_a_move_ends_for_good_by_hold_and_by_pausing(robot, commands):
     assert not robot.server.arms["gold"].state.is_busy
 
 
-def test_move_cp_goes_straight_and_arrives(robot):
+def test_move_cp_arrives_with_all_joints_together_as_a_dvrk_does(robot):
     start = pose(robot)
     goal = Pose(rotation_from_rpy((0.1, 0.0, 0.0)) @ start.rotation, start.position + np.array([0.01, -0.01, -0.02]))
     robot.say("move_cp", pose_message(goal, 0, ""))
     robot.tick()
-    arm = robot.server.arms["gold"]
-    along = (goal.position - start.position) / np.linalg.norm(goal.position - start.position)
-    while arm.state.is_busy:
-        offset = arm.tool.pose(arm.setpoint.q).position - start.position
-        assert np.linalg.norm(offset - along * (along @ offset)) < 1e-5
+    before, at = robot.setpoint, []
+    while robot.server.arms["gold"].state.is_busy:
         robot.tick(50)
+        at.append(robot.setpoint)
     end = pose(robot)
     assert_allclose(end.position, goal.position, atol=1e-7)
     assert_allclose(end.rotation, goal.rotation, atol=1e-6)
+    shares = (np.array(at) - before)[:, :3] / (robot.setpoint - before)[:3]
+    assert_allclose(shares, shares[:, :1] * np.ones(3), atol=1e-3)  # of a first tick
 
 
 def test_moves_keep_their_bounds_and_differentiate(robot):
     arm = robot.server.arms["gold"]
     start = arm.tool.pose(arm.setpoint.q)
     goal = Pose(rotation_from_rpy((0.2, 0.1, 0.0)) @ start.rotation, start.position + np.array([0.02, 0.0, -0.02]))
-    for move in (joint_move(arm, arm.setpoint.q + shoulder(0.3))(), next(filter(None, straight_move(arm, goal)))):
+    for move in (joint_move(arm, arm.setpoint.q + shoulder(0.3))(), pose_move(arm, goal)()):
         h = 1e-5
         times = np.linspace(0.1, move.duration - 0.1, 50)
         _, qd, qdd = move.sample(times)

@@ -10,7 +10,7 @@ from catenary.crtk.message_values import pose_message, pose_of
 from catenary.crtk.topic_names import CONSOLE_COMMANDS, console_topics
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import PSM_TOPICS, ServedPsm
+from served_robot import PSM_TOPICS, ServedPsm, answered
 
 Bool, Empty, Float64, String = (message_class(f"std_msgs/{name}") for name in ("Bool", "Empty", "Float64", "String"))
 JointState, Twist = message_class("sensor_msgs/JointState"), message_class("geometry_msgs/TwistStamped")
@@ -201,8 +201,8 @@ def test_a_cartesian_command_is_in_the_frame_that_was_set(psm, verb):
 
 
 def kinematics(psm, place, q):
-    request = message_class("crtk_msgs/QueryForwardKinematicsRequest")(jp=q)
-    answer = psm.client.call(f"/PSM1/{place}forward_kinematics", "crtk_msgs/QueryForwardKinematics", request)
+    kind = "crtk_msgs/QueryForwardKinematics"
+    answer = answered(psm.server, f"/PSM1/{place}forward_kinematics", kind, jp=q)
     assert answer.result
     return message_class("geometry_msgs/PoseStamped")(pose=answer.cp), answer.cp
 
@@ -212,8 +212,8 @@ def test_kinematics_are_in_the_frame_that_was_set_and_local_ones_in_the_arms_own
     q = DEEP + np.array([0.1, -0.1, 0.02, 0.3, 0.2, -0.1])
     (whole, cp), (local, _) = kinematics(psm, "", q), kinematics(psm, "local/", q)
     assert_allclose(pose_of(whole).position, (BASE @ pose_of(local)).position, atol=1e-12)
-    request = message_class("crtk_msgs/QueryInverseKinematicsRequest")(cp=cp, jp=q + 0.01)
-    answer = psm.client.call("/PSM1/inverse_kinematics", "crtk_msgs/QueryInverseKinematics", request)
+    kind = "crtk_msgs/QueryInverseKinematics"
+    answer = answered(psm.server, "/PSM1/inverse_kinematics", kind, cp=cp, jp=q + 0.01)
     assert_allclose(answer.jp, q, atol=1e-6)
 
 
@@ -222,8 +222,8 @@ def test_actuators_are_turned_into_the_joints_whose_motors_they_are(psm):
     psm.joints("move_jp", [0.1, -0.1, 0.13, 0.4, -0.3, 0.2])
     psm.wait()
     motors, q = psm.plant.control.motor, psm.plant.measured_js().q
-    request = message_class("cisst_msgs/ConvertFloat64ArrayRequest")(input=motors / psm.plant.firmware.ratio)
-    answer = psm.client.call("/PSM1/actuator_to_joint_position", "cisst_msgs/ConvertFloat64Array", request)
+    turned, kind = motors / psm.plant.firmware.ratio, "cisst_msgs/ConvertFloat64Array"
+    answer = answered(psm.server, "/PSM1/actuator_to_joint_position", kind, input=turned)
     assert_allclose(answer.output, q, atol=1e-9)
 
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.crtk.dds.arguments import RosArguments, parse_ros_arguments, split_ros_arguments
-from catenary.crtk.network import make_transport, node_name
+from catenary.crtk.network import RosArguments, make_transport, node_name, parse_ros_arguments, split_ros_arguments
 from catenary.crtk.ros1 import transport as find_rospy
 from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.errors import InputError, MissingPackageError

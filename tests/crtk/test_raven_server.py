@@ -13,7 +13,7 @@ from catenary.nodes.serve import Serving, make_server
 from catenary.spatial import Pose, rotation_from_rpy
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN, SetClock
-from served_robot import JointState, ServedRobot, shoulder
+from served_robot import JointState, ServedRobot, answered, shoulder
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
 UP = np.array([0.0, 0.0, 1.0])
@@ -176,7 +176,7 @@ def test_a_grasp_velocity_opens_the_jaws_for_a_millisecond(robot, field):
 
 
 def test_the_silver_button_does_nothing_to_a_running_robot(robot):
-    assert not robot.client.call(BUTTON, BUTTON_TYPE).success
+    assert not answered(robot.server, BUTTON, BUTTON_TYPE).success
 
 
 @pytest.mark.parametrize(("verb", "dt"), [("servo_cr", 1.0), ("servo_cv", 1e-3)])

@@ -12,9 +12,8 @@ from typing import Any
 
 import pytest
 
-from catenary.crtk.dds.arguments import RosArguments, say_ros_arguments
 from catenary.crtk.message import message_class
-from catenary.crtk.network import make_transport
+from catenary.crtk.network import RosArguments, make_transport, say_ros_arguments
 from catenary.crtk.transport import Sending, Transport
 from catenary.errors import InputError, MissingPackageError
 from dds import ROOT

@@ -126,7 +126,7 @@ with polled(transport):
         client = f"""{OPEN}
 heard = transport.subscribe("/said", T)
 print(heard.take(PATIENCE)[0].message.string)
-print(transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE).success)
+print(transport.node.master.service_answers("/button"))
 """
         with Program(own_master, client, "client") as late:
             assert late.line() == "before"

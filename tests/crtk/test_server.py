@@ -18,7 +18,7 @@ from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN, SetClock
-from served_robot import JointState, ServedRobot, homing_plant, shoulder
+from served_robot import JointState, ServedRobot, answered, homing_plant, shoulder
 
 
 def living_client(state: str, command: str, *, dialect: str = "raven", stamp: int = 0) -> ServedRobot:
@@ -108,7 +108,7 @@ def test_trouble_of_one_kind_is_logged_once_in_five_seconds_and_counted(caplog):
 
 
 def press_the_silver_button(robot: ServedRobot) -> None:
-    assert robot.client.call(BUTTON, BUTTON_TYPE).success
+    assert answered(robot.server, BUTTON, BUTTON_TYPE).success
 
 
 def enable_and_home(robot: ServedRobot) -> None:

@@ -170,7 +170,7 @@ def test_a_model_of_another_robot_is_refused():
         ToolPose(load_robot("two_link"), JOINTS)
 
 
-def test_what_runs_along_paths_is_prepared_wherever_the_robot_is():
+def test_what_looks_for_joints_is_prepared_wherever_the_robot_is():
     for name, joints in (("raven2_full", JOINTS), ("two_link", ("joint1", "joint2"))):
         ToolPose(load_robot(name), joints).prepare()
 

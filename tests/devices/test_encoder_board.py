@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.devices.encoder_board import _CONFIRMING_ROWS, _STALE_AFTER_S
-from catenary.devices.encoder_rig import EncoderRig
+from catenary.devices.encoder_board import _CONFIRMING_ROWS, _STALE_AFTER_S, EncoderRig
 from catenary.errors import SensorError
 from oracles.encoder_bench import AWAY, EncoderBench
 from patience import until

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from catenary.devices.encoder_board import _CONFIRMING_ROWS, CountTracker, Verdict, parse_counts
-from catenary.devices.encoder_rig import EncoderRig
+from catenary.devices.encoder_board import _CONFIRMING_ROWS, CountTracker, EncoderRig, Verdict, parse_counts
 from catenary.errors import InputError
 
 COUNT = st.integers(-(2**31), 2**31 - 1)

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.devices.encoder_board import CountTracker, Verdict
-from catenary.devices.encoder_rig import _HOMING_S, EncoderRig, Registration
+from catenary.devices.encoder_board import CountTracker, EncoderRig, Registration, Verdict
 from catenary.errors import InputError
 from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
@@ -47,37 +46,18 @@ def homing(rest=1.0):
     return np.vstack([leg(AWAY, STOPS, 5.0), leg(STOPS, STOPS, rest), leg(STOPS, AWAY, 2.0)])
 
 
-def fed(registration, rows, begin=0.0):
-    for k, row in enumerate(rows):
-        registration.update(begin + PERIOD * k, row)
+def homed(rows, homed=True, registration=None):
+    """Told that the robot homes while these rows come."""
+    registration = registration or Registration(RIG)
+    registration.tell(homing=True, homed=False)
+    for row in rows:
+        registration.update(row)
+    registration.tell(homing=False, homed=homed)
     return registration
 
 
-def test_stops_are_found_without_being_told():
-    registration = fed(Registration(RIG), homing())
-    # what was seen within the window on the way in counts too, as on the rig
-    assert_allclose(registration.zero, STOPS, atol=3.0)
-    assert registration.reason == ""
-
-
 @pytest.mark.parametrize(
-    "rows", [homing()[:600], np.vstack([homing(rest=0.05)] * 3)], ids=["still at the stops", "turning points"]
-)
-def test_stops_are_where_joints_rest_and_leave(rows):
-    assert fed(Registration(RIG), rows).zero is None
-
-
-def test_a_joint_that_did_not_come_to_its_stop_is_named():
-    rows = homing()
-    rows[:, 1] = rows[0, 1]
-    rest = np.tile(rows[-1], (round(_HOMING_S / PERIOD), 1))
-    registration = fed(Registration(RIG), np.vstack([rows, rest]))
-    assert registration.zero is None
-    assert "elbow did not come to a stop within 60 s" in registration.reason
-
-
-@pytest.mark.parametrize(
-    ("rows", "homed", "reason"),
+    ("rows", "is_homed", "reason"),
     [
         (homing()[:600], True, ""),
         (homing(), False, "without the robot being homed"),
@@ -85,11 +65,8 @@ def test_a_joint_that_did_not_come_to_its_stop_is_named():
     ],
     ids=["homed", "homing failed", "did not move"],
 )
-def test_the_robots_word_ends_the_registration(rows, homed, reason):
-    registration = Registration(RIG)
-    registration.tell(homing=True, homed=False)
-    fed(registration, rows)
-    registration.tell(homing=False, homed=homed)
+def test_the_robots_word_ends_the_registration(rows, is_homed, reason):
+    registration = homed(rows, is_homed)
     assert reason in registration.reason
     if reason:
         assert registration.zero is None
@@ -97,25 +74,26 @@ def test_the_robots_word_ends_the_registration(rows, homed, reason):
         assert_allclose(registration.zero, STOPS, atol=3.0)
 
 
-def test_a_robot_that_does_not_home_registers_nothing():
+@pytest.mark.parametrize("told", [True, False])
+def test_a_robot_that_does_not_home_or_says_nothing_registers_nothing(told):
     registration = Registration(RIG)
-    registration.tell(homing=False, homed=True)
+    if told:
+        registration.tell(homing=False, homed=True)
+    for row in homing():
+        registration.update(row)
     assert not registration.is_watching
-    assert fed(registration, homing()).zero is None
+    assert registration.zero is None
 
 
 def test_homing_again_registers_anew():
-    registration = fed(Registration(RIG), homing())
-    registration.tell(homing=True, homed=False)
-    assert registration.zero is None
-    fed(registration, homing() + 500.0)
-    registration.tell(homing=False, homed=True)
+    registration = homed(homing())
+    homed(homing() + 500.0, registration=registration)
     assert_allclose(registration.zero, STOPS + 500.0, atol=3.0)
 
 
 def test_a_joint_that_goes_past_its_stop_shows_that_it_was_none():
-    registration = fed(Registration(RIG), homing())
-    registration.update(100.0, STOPS + np.array([0.0, 0.0, 1000.0]))
+    registration = homed(homing())
+    registration.update(STOPS + np.array([0.0, 0.0, 1000.0]))
     assert registration.zero is None
     assert "insertion went past what was taken for the stop" in registration.reason
 
@@ -148,15 +126,13 @@ def simulated_homing():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("told", [True, False])
-def test_a_simulated_arm_is_registered_as_its_own_rig_is(simulated_homing, told):
+def test_a_simulated_arm_is_registered_as_its_own_rig_is(simulated_homing):
     tracker, registration = CountTracker(RIG), Registration(RIG)
     for time, row, state, _ in simulated_homing:
         verdict, counts, _ = tracker.update(tuple(map(int, row)), time, period=0.004)
         assert verdict is Verdict.GOOD
-        if told:
-            registration.tell(state.is_busy and not state.is_homed, state.is_homed)
-        registration.update(time, counts)
+        registration.tell(state.is_busy and not state.is_homed, state.is_homed)
+        registration.update(counts)
     assert registration.zero is not None
     _, counts, _, expected = simulated_homing[-1]
     # the rig's own sees every ms from when the joints seek, this one every second

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from catenary.devices.accelerometer import BoardSample, Hello, parse_line
-from catenary.devices.encoder_board import CountTracker, Verdict, parse_counts
-from catenary.devices.encoder_rig import EncoderRig
+from catenary.devices.encoder_board import CountTracker, EncoderRig, Verdict, parse_counts
 
 PAGE = Path(__file__).parents[2] / "docs" / "devices.md"
 # raw counts: 1 g up along z, 10 deg/s about x; time goes by a millisecond whenever it is asked for

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.gravity import symbols
+from catenary.gravity import compact_regressor as symbols
 from catenary.gravity.gravity_regressor import carried
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import RandomRobot

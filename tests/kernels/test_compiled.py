@@ -157,6 +157,7 @@ EVIL = b"raise SystemExit('foreign code ran')\n"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A cache of one's own, with numba's files beside the kernels; nothing of it stays in this process."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
     yield tmp_path / "cache" / "kernels"
     for name in [name for name in sys.modules if name.startswith("_catenary_kernel_")]:
         if str(getattr(sys.modules[name], "__file__", "")).startswith(str(tmp_path)):

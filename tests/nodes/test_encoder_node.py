@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.clock import SECOND, Clock
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message_values import joint_values, operating_state_message
-from catenary.nodes.encoder_node import STATE_TOPIC, EncoderNode
+from catenary.nodes.sensor_nodes import STATE_TOPIC, EncoderNode
 from catenary.plant import OperatingState
 from oracles.encoder_bench import AWAY, EncoderBench
 

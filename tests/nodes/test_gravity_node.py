@@ -9,8 +9,7 @@ from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_delta
-from catenary.nodes.gravity_node import GravityNode, LevelBaseArm
-from catenary.nodes.publishing import publish
+from catenary.nodes.sensor_nodes import GravityNode, LevelBaseArm, publish
 from catenary.robots.catalog import load_robot
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting

@@ -10,11 +10,11 @@ import pytest
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.cable_loops import cable_loops
+from catenary.identification.explanations.findings import torque_findings
 from catenary.identification.identification import Identification, identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
-from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog
 from catenary.recording.logs import Reading, read_torque_log
 from catenary.robots.catalog import load_robot
@@ -188,16 +188,15 @@ def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(ps
     assert payload.mass == pytest.approx(0.105, abs=0.03)
 
 
-@pytest.mark.slow  # a fit for every axis
-def test_a_panda_whose_torques_are_all_turned_names_all_joints(recordings: Path) -> None:
+@pytest.mark.parametrize("joints", [range(7), [3]])
+def test_a_panda_whose_torques_are_turned_names_the_joints(recordings: Path, joints) -> None:
     log, panda = log_of(recordings / "panda_dynamics", "panda_first60.npz", "panda"), load_robot("panda")
-    for joints in (range(7), [3]):  # the fourth alone makes the friction of its neighbours look wrong
-        sign = np.ones(7)
-        sign[list(joints)] = -1.0
-        assert log.tau is not None
-        samples = prepare(replace(log, tau=sign * log.tau), panda, PUBLISHED)
-        findings = torque_findings(identify_samples([samples], panda, PUBLISHED), samples, fitted=True)
-        assert [(f.name, f.joints) for f in findings] == [("sign", (panda.joint_names[j],)) for j in joints]
+    sign = np.ones(7)
+    sign[list(joints)] = -1.0
+    assert log.tau is not None
+    [finding] = torque_findings(panda, prepare(replace(log, tau=sign * log.tau), panda, IdentifyOptions()))
+    assert (finding.name, finding.refuses) == ("sign", True)
+    assert finding.joints == tuple(panda.joint_names[j] for j in joints)
 
 
 def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> None:
@@ -211,7 +210,7 @@ def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> 
         [dvrk / "psm_one.npz"], "dvrk_psm_motors", IdentifyOptions(), tests=[mixed], accept=("swapped",)
     )
     assert result.identification.tests[0].verdict != "holds"
-    assert any("mixed: accepted swapped: q1, q2: axes q1 and q2 look swapped" in note for note in result.notes)
+    assert any("mixed: accepted swapped: q1, q2: q1 and q2 look swapped, all columns" in note for note in result.notes)
 
 
 def test_lost_motion_of_a_da_vinci_tool_is_that_of_its_torque(recordings: Path) -> None:

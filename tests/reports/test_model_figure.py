@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.recording.logs import write_parquet
-from catenary.reports.model_figure import overlay
+from catenary.reports.joint_errors import overlay
 from catenary.verdict.mend import Mend
 from command_line import catenary, refusal
 from tests.truth.spoilings import late

@@ -6,7 +6,7 @@ from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.reports.tip import kinematics_of, tip_blocks, tip_errors
+from catenary.reports.calibration import kinematics_of, tip_blocks, tip_errors
 from catenary.robots.catalog import load_robot
 from recordings import data_of, fitted
 

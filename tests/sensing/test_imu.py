@@ -566,3 +566,62 @@ def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_seco
         off, without = (np.sqrt(np.mean((tau[part] - true[part]) ** 2)) for tau in (used, alone))
         assert off < 1.03 * without
     assert name != "right" or off < 0.35 * without
+
+
+def turned_about(axis, angle, place):
+    """Gravity at a sensor and rates over time of a level or tilted base that turns by `angle` (T,) about an axis."""
+    along = np.array(axis) / np.linalg.norm(axis)
+    omega, alpha = (
+        np.outer(f(f(angle)) if two else f(angle), along) for f, two in ((rates_of, False), (rates_of, True))
+    )
+    level = Rotation.from_rotvec(-np.outer(angle, along)).apply(tilted_gravity(0.05, 0.0))
+    return level, level - np.cross(alpha, place) - np.cross(omega, np.cross(omega, place)), omega
+
+
+def rates_of(values):
+    return np.gradient(values, 0.005, edge_order=2)
+
+
+TURNS = np.arange(0.0, 9.0, 0.005)
+BEGUN = np.clip(TURNS - 2.0, 0.0, 1.0)
+SMOOTHLY = BEGUN**3 * (10.0 - 15.0 * BEGUN + 6.0 * BEGUN**2)
+SPUN = np.cumsum(SMOOTHLY) * 0.005
+ROCKED = SMOOTHLY * np.sin(2.0 * math.pi * (TURNS - 2.0))
+PLACED = [
+    pytest.param(axis, size * motion, place, id=f"{name}-{place}")
+    for name, axis, motion, size, places in (
+        ("120 deg/s", (0.0, 0.0, 1.0), SPUN, math.radians(120.0), ((0.3, 0.0, 0.0), (0.1, -0.2, 0.5))),
+        ("180 deg/s", (0.0, 0.0, 1.0), SPUN, math.radians(180.0), ((0.3, 0.0, 0.0), (-0.1, 0.2, 3.0))),
+        ("5 deg at 1 Hz", (1.0, 0.0, 0.0), ROCKED, math.radians(5.0), ((0.0, 0.0, -0.2), (0.0, 0.0, -0.3), (0.0, 0.0, -1.0))),
+    )
+    for place in places
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("axis", "angle", "place"), PLACED)
+def test_a_right_gyroscope_is_not_condemned_for_the_place_that_was_told(axis, angle, place, rng):
+    level, sensed, omega = turned_about(axis, angle, place)
+    base = Base(angular=True, mounting=Mounting(position=np.array(place), checked=True))
+    readings = fed(base, rng, TURNS, sensed, omega)
+    assert not any(
+        {Fault.RATE_SIGN, Fault.RATE_AXES, Fault.RATE_SCALE, Fault.RATE_UNIT} & {*r.faults} for r in readings
+    )
+    off = np.linalg.norm(np.array([r.gravity for r in readings]) - level, axis=1)
+    assert not any(r.status is ReadingStatus.LIVE and e > 0.3 for r, e in zip(readings, off, strict=True))
+
+
+@pytest.mark.parametrize("wrong", [-np.eye(3), np.eye(3)[[1, 0, 2]] * [1, -1, 1], np.degrees(np.eye(3))])
+def test_a_wrong_gyroscope_is_named_and_gravity_without_its_lever_is_not_live(wrong, rng):
+    place = (0.0, 0.0, -0.3)
+    level, sensed, omega = turned_about((1.0, 0.0, 0.0), math.radians(5.0) * ROCKED, place)
+    base = Base(angular=True, mounting=Mounting(position=np.array(place)))
+    readings = fed(base, rng, TURNS, sensed, omega, distorted=wrong)
+    named = {Fault.RATE_SIGN, Fault.RATE_AXES, Fault.RATE_UNIT, Fault.RATE_SCALE, Fault.RATE_CONTRADICTS}
+    assert all(named & {*r.faults} for r in readings[round(4.0 / 0.005) :])
+    off = np.linalg.norm(np.array([r.gravity for r in readings]) - level, axis=1)
+    assert sum(r.status is ReadingStatus.LIVE and e > 0.3 for r, e in zip(readings, off, strict=True)) < 0.5 / 0.005
+
+
+def test_a_base_of_no_name_is_refused():
+    with pytest.raises(InputError, match="mounted on"):
+        SensedGravity(Mailbox(), mounted_on=None)

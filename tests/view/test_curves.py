@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.view.curves import _SPAN_S, Curves
+from catenary.view.shown import _SPAN_S, Curves
 from view.arms import RAVEN, Q, state
 
 
@@ -14,7 +14,7 @@ def filled() -> Curves:
     curves = Curves(RAVEN)
     for k in range(50):
         curves.add(
-            state(0.1 * k, true=Q - np.array([0.0, np.deg2rad(2.0), 0.003]), calibrated=Q, interval=np.full(3, 0.001),
+            state(0.1 * k, encoder=Q - np.array([0.0, np.deg2rad(2.0), 0.003]), calibrated=Q, interval=np.full(3, 0.001),
                   tau=np.array([3.0, 2.0, 1.0]), gravity_tau=np.array([2.5, 2.0, 1.5]), feedback=np.zeros(3))
         )  # fmt: skip
     return curves

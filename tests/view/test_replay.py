@@ -9,13 +9,16 @@ from catenary.calibration.model_file import load_model
 from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import ConfigError, InputError
 from catenary.gravity.torque import gravity_torque
+from catenary.monitor import Snapshot
+from catenary.open_robot import Simulated, tilted_base
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
-from catenary.view.replay import RecordedArm, Replay, recorded_arm, shown_project
+from catenary.view.replay import RecordedArm, Replay, WatchedArm, recorded_arm, shown_project
+from catenary.view.shapes import arm_shapes
 from catenary.view.shown import Change
-from catenary.view.state import ViewState
 from catenary.workflows.project.folder import Project, ProjectSettings, is_project
+from catenary.workflows.robot.operated_robot import operated_robot
 from view.arms import RAVEN
 
 ROWS, WORST = 600, 417
@@ -38,7 +41,7 @@ def test_rows_are_the_recordings_and_gravity_is_what_holds_the_arm() -> None:
     recording = log()
     arm = recorded_arm(recording, RAVEN)
     assert np.isnan(arm.state(2).true).all()  # nobody measured it there
-    assert "no truth on this row" in arm.state(2).warnings
+    assert "no truth on this row" in arm.state(2).warnings()
     state = arm.state(100)
     assert_allclose(state.q, recording.q_nominal[100])
     assert_allclose(np.rad2deg(state.q[1] - state.true[1]), 2.0)
@@ -87,15 +90,16 @@ class Player:
 
     def __init__(self, arm: RecordedArm, *steps: tuple[float, str, object], seconds: float) -> None:
         self.now, self._steps, self._end = 0.0, list(steps), seconds
-        self.states: list[ViewState] = []
+        self.states, self.values = list[Snapshot](), dict[str, object]()
         self.is_running = True
         Replay(arm).run(self, lambda: self.now > self._end, clock=lambda: self.now, sleep=self.sleep)
 
     def sleep(self, seconds: float) -> None:
         self.now += seconds
 
-    def put(self, state: ViewState) -> None:
+    def put(self, state: Snapshot, values: dict[str, object]) -> None:
         self.states.append(state)
+        self.values = values
 
     def changes(self) -> list[Change]:
         due = [Change(name, value) for time, name, value in self._steps if time <= self.now]  # type: ignore[arg-type]
@@ -111,13 +115,14 @@ def test_recording_is_played_in_its_own_time_and_faster() -> None:
 
 def test_recording_is_scrubbed_stopped_and_taken_to_its_largest_error() -> None:
     arm = recorded_arm(log(), RAVEN)
-    states = Player(arm, (1.0, "plays", False), (2.0, "time", 30.0), (4.0, "worst", "elbow"), seconds=6.0).states
+    player = Player(arm, (1.0, "plays", False), (2.0, "time", 30.0), (4.0, "worst", "elbow"), seconds=6.0)
+    states = player.states
     by_time = {round(0.04 * k, 2): state for k, state in enumerate(states)}
     assert by_time[1.8].time == by_time[1.2].time
     assert by_time[3.0].time == pytest.approx(30.0)
     assert states[-1].time == pytest.approx(0.1 * WORST)
     assert np.rad2deg(states[-1].q[1] - states[-1].true[1]) == pytest.approx(5.0)
-    assert states[-1].values["plays"] is False
+    assert player.values["plays"] is False
 
 
 def test_recording_begins_again_at_its_end() -> None:
@@ -151,3 +156,34 @@ def test_a_psms_project_is_shown_in_the_joints_that_it_reports(tmp_path: Path) -
     folder = Project(tmp_path / "psm", ProjectSettings(robot="dvrk_psm")).folder
     (folder / "train.parquet").touch()
     assert load_robot(str(shown_project(folder)[2])).joint_names == PSM_JOINTS
+
+
+class Glance:
+    """A page that is looked at for a few states, on which somebody tries to drive the robot."""
+
+    def __init__(self, states: int) -> None:
+        self._most, self.states = states, list[Snapshot]()
+
+    @property
+    def is_running(self) -> bool:
+        return len(self.states) < self._most
+
+    def put(self, state: Snapshot) -> None:
+        self.states.append(state)
+
+    def changes(self) -> list[Change]:
+        return [Change("goto:shoulder", 60.0), Change("level", "pause")]
+
+
+def test_robot_is_shown_and_never_moved() -> None:
+    robot = operated_robot("raven2", Simulated(base=tilted_base((30.0, 0.0))))
+    before = robot.plant.measured_js().q.copy()
+    watched, page = WatchedArm(robot, arm_shapes(robot.model)), Glance(5)
+    assert watched.shown("x").tabs == ()
+    watched.run(page)
+    assert len(page.states) == 5
+    last = page.states[-1]
+    assert_allclose(last.q[:3], before[:3], atol=1e-3)
+    assert_allclose(last.gravity, [0.0, -9.81 * np.sin(np.pi / 6.0), -9.81 * np.cos(np.pi / 6.0)], atol=1e-6)
+    assert last.state == "ENABLED, homed"
+    assert np.isfinite(last.true[:3]).all()

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace
-from catenary.view.shapes import arm_length, arm_shapes, form_mesh, grown, shapes_of, tube
+from catenary.view.shapes import arc, arm_length, arm_shapes, bar, form_mesh, shapes_of
 
 ARM = """<robot name="arm">
   <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>
@@ -56,40 +56,25 @@ def test_arm_length_of_a_planar_arm_is_the_sum_of_its_links() -> None:
     assert arm_length(model) == pytest.approx(np.linalg.norm(straight))
 
 
-def as_trimesh(mesh):
-    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
-
-
-def test_tube_of_two_points_is_a_closed_capsule_seen_from_outside() -> None:
-    mesh = as_trimesh(tube([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], 0.5))
-    assert mesh.is_watertight
-    assert mesh.is_winding_consistent
-    whole = np.pi * 0.5**2 * 2.0 + 4.0 / 3.0 * np.pi * 0.5**3
-    assert mesh.volume == pytest.approx(whole, rel=0.08)  # 16 sides; positive: faces look outwards
-
-
 @pytest.mark.parametrize("axis", np.vstack([np.eye(3), -np.eye(3)]))
-def test_tube_reaches_beyond_its_ends_by_its_radius_and_no_farther(axis: np.ndarray) -> None:
-    vertices = tube([np.zeros(3), axis], 0.1).vertices
-    assert (vertices @ axis).max() == pytest.approx(1.1)
-    assert (vertices @ axis).min() == pytest.approx(-0.1)
-    assert np.linalg.norm(vertices - np.outer(vertices @ axis, axis), axis=1).max() <= 0.1 + 1e-12
-
-
-def test_tube_along_an_arc_has_the_volume_of_a_bent_cylinder() -> None:
-    angles = np.linspace(0.0, np.pi / 2.0, 40)
-    mesh = as_trimesh(tube(np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles]), 0.1))
-    # Pappus: area times the way of its centre
-    whole = np.pi * 0.1**2 * np.pi / 2.0 + 4.0 / 3.0 * np.pi * 0.1**3
+def test_bar_is_a_capsule_from_point_to_point_seen_from_outside(axis: np.ndarray) -> None:
+    mesh = bar(axis, 3.0 * axis, 0.5)
+    whole = np.pi * 0.5**2 * 2.0 + 4.0 / 3.0 * np.pi * 0.5**3
     assert mesh.is_watertight
-    assert mesh.volume == pytest.approx(whole, rel=0.05)
+    assert mesh.volume == pytest.approx(whole, rel=0.08)  # 16 sides; positive: faces look outwards
+    assert (mesh.vertices @ axis).max() == pytest.approx(3.5)
+    assert (mesh.vertices @ axis).min() == pytest.approx(0.5)
 
 
-def test_grown_tube_is_a_thicker_one() -> None:
-    line = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.1]]
-    assert as_trimesh(grown(tube(line, 0.1), 0.02)).volume == pytest.approx(
-        as_trimesh(tube(line, 0.12)).volume, rel=0.01
-    )
+def test_arc_is_bent_about_the_origin_from_one_direction_to_another() -> None:
+    a, b = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, -1.0])
+    mesh = arc(a, b, 1.0, 0.1)
+    away = np.hypot(mesh.vertices[:, 0], np.linalg.norm(mesh.vertices[:, 1:], axis=1) - 1.0)
+    assert_allclose(away, 0.1)
+    assert min(np.linalg.norm(mesh.vertices - end, axis=1).min() for end in (a, b)) == pytest.approx(0.1)
+    outwards = mesh.triangles_center / np.linalg.norm(mesh.triangles_center, axis=1, keepdims=True)
+    far = np.linalg.norm(mesh.triangles_center, axis=1) > 1.05
+    assert (np.einsum("ij,ij->i", mesh.face_normals, outwards)[far] > 0.0).all()
 
 
 @pytest.fixture
@@ -146,7 +131,7 @@ def test_robots_of_the_catalogue_are_drawn_from_their_kinematics() -> None:
 def test_forms_have_the_volume_of_their_formulas(form, volume: float) -> None:
     mesh = form_mesh(form)
     assert mesh is not None
-    assert trimesh.Trimesh(mesh.vertices, mesh.faces).volume == pytest.approx(volume, rel=0.1)  # of few faces
+    assert mesh.volume == pytest.approx(volume, rel=0.1)  # of few faces
 
 
 def test_floor_is_no_link() -> None:

@@ -10,36 +10,28 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL, rotation_from_quaternion
-from catenary.view.page_process import PageProcess, newest
-from catenary.view.state import (
-    _PATH_POINTS,
-    _SHOWN_WARNINGS,
-    TipPaths,
-    base_orientation,
-    scene_of,
-    shortened,
-    unknown_state,
-)
+from catenary.view.page_process import _SHOWN_NOTES, PageProcess, newest, shortened
+from catenary.view.shown import _PATH_POINTS, TipPaths, base_orientation, scene_of
 from view.arms import RAVEN, Q, state
 
 
 @pytest.mark.parametrize("word", ["warning " * 100, "\u00fc" * 5000, "\U0001f916" * 900, "\x00" * 900, "\ud800" * 900])
 def test_words_that_take_much_room_are_cut_and_never_lost_with_the_numbers(word: str) -> None:
-    told = shortened(state(2.5, warnings=(word,) * 20, mode=word))
+    told = shortened(state(2.5, notes=(word,) * 20, doing=word, fault=word, silent=word))
     assert told.time == 2.5
-    assert len(told.warnings) == _SHOWN_WARNINGS
-    assert told.mode.encode()
+    assert len(told.notes) == _SHOWN_NOTES
+    assert len("".join([told.state, *told.warnings()]).encode()) < 8000
 
 
 def test_the_newest_state_is_taken_once_and_the_end_is_noticed() -> None:
     ours, theirs = multiprocessing.Pipe()
     assert newest(theirs) is None
-    ours.send(state(1.0))
-    ours.send(state(2.0, mode="ENABLED"))
-    taken = newest(theirs)
-    assert taken is not None
-    assert (taken.time, taken.mode) == (2.0, "ENABLED")
-    assert_array_equal(taken.q, Q)
+    ours.send((state(1.0), {}))
+    ours.send((state(2.0, doing=", still"), {"plays": True}))
+    seen = newest(theirs)
+    assert seen is not None
+    assert (seen[0].time, seen[0].doing, seen[1]) == (2.0, ", still", {"plays": True})
+    assert_array_equal(seen[0].q, Q)
     assert newest(theirs) is None
     ours.send(None)
     with pytest.raises(EOFError):
@@ -52,11 +44,11 @@ def test_who_puts_states_is_not_held_up_by_a_page_that_never_takes_them_or_is_go
     durations = []
     for k in range(300):
         begin = time.thread_time()
-        page.put(unknown_state(7)._replace(time=float(k), warnings=("x" * 1000,) * 20))
+        page.put(state(float(k), notes=("x" * 1000,) * 20))
         durations.append(time.thread_time() - begin)
     assert np.median(durations) < 5e-4  # of a millisecond's tick
     page._theirs.close()
-    page.put(unknown_state(7))
+    page.put(state())
 
 
 def test_arms_stand_where_the_kinematics_say() -> None:

@@ -20,14 +20,14 @@ def run(world: Surroundings, seconds: float) -> None:
 
 
 def test_sensor_follows_the_base_that_is_tilted(world: Surroundings) -> None:
-    world.set("roll_deg", 40.0)
+    world.changes()["roll_deg"](40.0)
     run(world, _CHANGE_TIME_S + 0.5)
     roll = np.deg2rad(40.0)
     assert_allclose(world.actual(), 9.81 * np.array([0.0, -np.sin(roll), -np.cos(roll)]), atol=1e-9)
     assert world.reading is not None
     assert_allclose(world.reading.gravity, world.actual(), atol=0.1)  # noise of a cheap sensor
     assert world.warnings() == ()
-    world.set("roll_deg", 0.0)
+    world.changes()["roll_deg"](0.0)
     run(world, _CHANGE_TIME_S + 0.5)
 
 
@@ -35,10 +35,10 @@ def test_sensor_follows_the_base_that_is_tilted(world: Surroundings) -> None:
     ("fault", "message"), [("unplugged", "samples stopped coming"), ("stuck", "repeats one reading")]
 )
 def test_broken_sensor_is_told_in_words_and_mends(world: Surroundings, fault: str, message: str) -> None:
-    world.set("sensor", fault)
+    world.changes()["sensor"](fault)
     run(world, 0.6)
     assert message in " ".join(world.warnings())
-    world.set("sensor", "none")
+    world.changes()["sensor"]("none")
     run(world, 1.5)
     assert world.warnings() == ()
     assert world.reading is not None
@@ -47,22 +47,18 @@ def test_broken_sensor_is_told_in_words_and_mends(world: Surroundings, fault: st
 
 def test_every_fault_on_the_page_can_be_set(world: Surroundings) -> None:
     for fault in _SENSOR_FAULTS:
-        assert world.set("sensor", fault)
-    world.set("sensor", "none")
-
-
-def test_what_is_nothing_around_the_arm_is_left_alone(world: Surroundings) -> None:
-    assert not world.set("motion", "rest")
+        world.changes()["sensor"](fault)
+    world.changes()["sensor"]("none")
 
 
 @pytest.mark.parametrize(("name", "value"), [("payload_kg", 0.5), ("friction", 2.0), ("wear", 0.5)])
 def test_cables_and_payload_change_what_the_arm_does(world: Surroundings, name: str, value: float) -> None:
     plant = world.plant
     before = plant.state.q.copy()
-    world.set(name, value)
+    world.changes()[name](value)
     run(world, 0.3)
     changed = np.abs(plant.state.q - before).max()
-    world.set(name, 1.0 if name == "friction" else 0.0)
+    world.changes()[name](1.0 if name == "friction" else 0.0)
     run(world, 0.3)
     # friction alone lets an arm at rest rest
     assert changed > 1e-5 or name == "friction"

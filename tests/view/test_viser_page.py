@@ -64,13 +64,13 @@ def test_value_that_a_control_cannot_have_is_bounded_or_put_back_and_never_told(
 def test_joints_are_told_in_degrees_and_millimetres_with_their_interval() -> None:
     legend = {"reported": "reported", "calibrated": "calibrated"}
     shown = Shown("x", RAVEN, arm_shapes(RAVEN), legend=legend)
-    told = joints_html(shown, state(calibrated=Q, interval=np.full(3, 0.001), inside=np.array([1.0, 1.0, 0.0])))
+    told = joints_html(shown, state(calibrated=Q, interval=np.full(3, 0.001), inside=np.array([True, True, False])))
     assert "400.00 \u00b1 1.00?" in told
     assert "40.11" in told  # 0.7 rad
 
 
 def test_what_comes_from_a_file_is_text_and_no_markup() -> None:
-    told = status_html(state(mode="<script>alert(1)</script>", warnings=("<img src=x onerror=y>",)))
+    told = status_html(state(doing="<script>alert(1)</script>", notes=("<img src=x onerror=y>",)))
     assert "<script" not in told
     assert "<img" not in told
 

@@ -263,8 +263,7 @@ def _print_fit(out: Path, result: "FitResult") -> None:
 def _write_fit_report(path: Path, result: "FitResult", robot: "catenary.RobotModel | None") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
     from catenary.reports.calibration import write_calibration_report
-    from catenary.reports.joint_errors import left_out_table
-    from catenary.reports.model_figure import CAPTION, overlay
+    from catenary.reports.joint_errors import CAPTION, left_out_table, overlay
     from catenary.verdict.mend import retimed_by
 
     overlays = (picture(overlay(log, retimed_by(log)), f"{log.name}. {CAPTION}") for log in result.logs)

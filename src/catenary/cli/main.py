@@ -14,10 +14,9 @@ import typer
 from typer.core import TyperGroup
 
 from catenary import __version__
-from catenary.cli.exit_codes import REFUSED, code_of_signal
+from catenary.cli.exit_codes import REFUSED, code_of_signal, signals_interrupt
 from catenary.cli.options import as_typed
-from catenary.cli.signals import signals_interrupt
-from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
+from catenary.crtk.network import parse_ros_arguments, say_ros_arguments, split_ros_arguments
 from catenary.errors import CatenaryError, ImplausibleWarning
 from catenary.visible import ClosedOutput, VisibleStream
 

@@ -21,8 +21,7 @@ from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
-    from catenary.nodes.encoder_node import EncoderStatus
-    from catenary.nodes.gravity_node import GravityStatus
+    from catenary.nodes.sensor_nodes import EncoderStatus, GravityStatus
     from catenary.nodes.serve import ServerStatus, Serving
 
 _prints_json_lines = json_help("Print a JSON line a second, and one at the end.")
@@ -159,10 +158,8 @@ def encoders(
     """
     import numpy as np
 
-    from catenary.devices.encoder_board import EncoderBoard
-    from catenary.devices.encoder_rig import EncoderRig
-    from catenary.nodes.encoder_node import RATE, EncoderNode
-    from catenary.nodes.publishing import publish
+    from catenary.devices.encoder_board import EncoderBoard, EncoderRig
+    from catenary.nodes.sensor_nodes import RATE, EncoderNode, publish
 
     rig = EncoderRig(bits=bits, direction=np.array(direction))
     with network.joined("encoders") as transport, EncoderBoard(port, rig) as board:
@@ -227,8 +224,7 @@ def gravity_node(
     from catenary.crtk.gravity_topic import GravityTopic
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.nodes.gravity_node import GravityNode, LevelBaseArm
-    from catenary.nodes.publishing import publish
+    from catenary.nodes.sensor_nodes import GravityNode, LevelBaseArm, publish
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import Mailbox
 

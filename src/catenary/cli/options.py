@@ -26,8 +26,7 @@ import typer
 
 from catenary.cli.out_files import PAGE, FileKind, out_path, refuse_outputs
 from catenary.cli.terminal import in_json, without_notes
-from catenary.crtk.dds.arguments import said_ros_arguments, say_ros_arguments
-from catenary.crtk.network import BY_ROS2
+from catenary.crtk.network import BY_ROS2, said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
 Names = tuple[str, ...]

@@ -12,7 +12,7 @@ from catenary.cli.gravity_options import BASE_TILT
 from catenary.cli.options import Numbers, argument, group, option, words
 from catenary.cli.robot_options import SIMULATED_SEED, TerminalGuide
 from catenary.cli.terminal import announce, print_result, progress_bar
-from catenary.crtk.dds.arguments import said_ros_arguments
+from catenary.crtk.network import said_ros_arguments
 from catenary.errors import InputError
 
 if TYPE_CHECKING:

@@ -205,7 +205,7 @@ def plot(
 
 def _plot_errors(path: Path, log: Path, joint: str | None, recordings: ModelRecordingOptions, out: Path) -> None:
     from catenary.reports.calibration import short_name
-    from catenary.reports.model_figure import model_figure
+    from catenary.reports.joint_errors import model_figure
     from catenary.workflows.calibration_model import held_against
 
     held = held_against(path, [log], recordings.reading())

@@ -92,8 +92,8 @@ _Titled = tuple[str, Any]  # of the page; what has `shown` and `run`
 
 def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: str | None) -> _Titled:
     """Return a robot on ROS, which is only read."""
+    from catenary.view.replay import WatchedArm
     from catenary.view.shapes import shapes_of
-    from catenary.view.watched import WatchedArm
 
     opened = stack.enter_context(chosen_robot(robot, "view", moves=False, gravity=gravity))
     return robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model)

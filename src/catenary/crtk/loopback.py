@@ -4,12 +4,11 @@ Every message is turned into ROS's bytes and back, so what passes here passes a 
 """
 
 import threading
-import time
 from itertools import count
 from typing import cast
 
 from catenary.crtk.clock import Clock
-from catenary.crtk.inbox import Origin, Request
+from catenary.crtk.inbox import Origin
 from catenary.crtk.message import Message
 from catenary.crtk.transport import Answer, HeardTopic, Publisher, Transport
 from catenary.errors import TransportError
@@ -113,22 +112,6 @@ class Loopback(Transport):
             if name in other.services:
                 raise TransportError(f'service {name} is offered by "{other.name}" already')
         self.services[name] = type_name, answer
-
-    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
-        offered = {service: one for one in tuple(self.network.transports.values()) for service in one.services}
-        if name not in offered:
-            raise TransportError(
-                f"service {name}: nobody offers it; offered are {', '.join(sorted(offered)) or 'none'}"
-            )
-        kind, answer = offered[name].services[name]
-        if kind != type_name:
-            raise TransportError(f"service {name} is a {kind}, expected {type_name}")
-        called = Request(lambda: answer(data))
-        offered[name].inbox.put(called.run)
-        end = time.monotonic() + timeout
-        while not called.done() and time.monotonic() < end:
-            offered[name].poll()
-        return called
 
     def _published(self) -> list[tuple[str, str, str]]:
         with self.network.lock:

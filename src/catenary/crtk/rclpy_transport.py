@@ -23,10 +23,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.dds.arguments import BEGIN, RosArguments
-from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin, Request
+from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.message import HEADER, Message
 from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.network import BEGIN, RosArguments
 from catenary.crtk.transport import SETTLE_S, UNNAMED_NODE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
@@ -217,7 +217,6 @@ class RclpyTransport(Transport):
             self.node = rclpy.create_node(self.name, context=self._context, namespace=self._arguments.namespace)
         except (RuntimeError, ValueError) as error:
             raise TransportError(f"rclpy: {error}") from error
-        self._clients: dict[str, Any] = {}  # by the service that they call
         self._rosout = _Rosout(self.node)
         logging.getLogger("catenary").addHandler(self._rosout)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -271,18 +270,6 @@ class RclpyTransport(Transport):
                 return response
 
         self.node.create_service(kind, name, serve)
-
-    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
-        kind = _kind(type_name, "srv")
-        if kind is None:
-            raise TransportError(f"service {name}: this ROS 2 has no type {type_name}")
-        client = self._clients[name] = self._clients.get(name) or self.node.create_client(kind, name)
-        if not client.wait_for_service(min(timeout, 1.0)):  # [s] for it to be found
-            raise TransportError(f"service {name}: nobody offers it")
-        coming = client.call_async(deserialize_message(data, kind.Request))
-        called = Request(lambda: serialize_message(coming.result()))
-        coming.add_done_callback(lambda _: called.run())
-        return called
 
     def _published(self) -> Iterator[tuple[str, str, str]]:
         for topic, _ in self.node.get_topic_names_and_types():

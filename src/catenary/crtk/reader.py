@@ -29,37 +29,27 @@ from catenary.plant import Bounded, Column, JointRanges, JointState, OperatingSt
 from catenary.raven2.topics import (
     CHANNELS,
     EXT_JPOS,
-    JOINT_ENC,
     JOINTS,
     RAVENSTATE,
     RAVENSTATE_100HZ,
     RUN_LEVELS,
-    STATE_COLUMNS,
     Arm,
     state_column,
 )
 from catenary.raven2.transmission import joint_torques
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
-from catenary.topics import TopicColumn
 
 
 class RavenTelemetry:
-    """Latest raven_state and encoder readings as named columns in SI, both arms' channels."""
+    """Latest raven_state, both arms' channels, and what external encoders say."""
 
-    def __init__(self, transport: Transport, arm: Arm, stale_after: float) -> None:
-        """Begin to receive; encoders that nobody publishes now are left out of the columns."""
+    def __init__(self, transport: Transport, arm: Arm) -> None:
+        """Begin to receive."""
         self.latest = Latest(transport, RAVENSTATE.name, RAVENSTATE.type)
         self._throttled = Latest(transport, RAVENSTATE_100HZ.name, RAVENSTATE_100HZ.type)  # as in recordings
+        self.encoders = Latest(transport, EXT_JPOS.name, EXT_JPOS.type)
         self._arm: Arm = arm
-        self._stale_after = stale_after
-        self._encoders = {
-            topic.columns[0].name: Latest(transport, topic.name, topic.type) for topic in (EXT_JPOS, JOINT_ENC)
-        }
-        there = transport.topics()
-        encoders = [topic.columns[0] for topic in (EXT_JPOS, JOINT_ENC) if topic.name in there]
-        self._declared = tuple(column.name for column in encoders)
-        self.columns = tuple(Column(c.name, _unit(c), c.width) for c in (*RAVENSTATE.columns, *encoders))
 
     def message(self) -> Message:
         """Return the newest raven_state, None before the first; a recording holds the throttled ones."""
@@ -87,26 +77,10 @@ class RavenTelemetry:
         """Return the arm's seven numbers in a field of 16 channels."""
         return state_column(self.message(), name).take(CHANNELS[self._arm])
 
-    def sample(self) -> Mapping[str, Floats]:
-        """Return the latest sample of every column, in arrays of the receiver's own."""
-        message = self.message()
-        state = {name: state_column(message, name) for name in STATE_COLUMNS}
-        return state | {name: self.encoder(name) for name in self._declared}
-
-    def encoder(self, name: str) -> Floats:
-        """Return the latest reading of an encoder column (3,); NaN where nothing has come for too long."""
-        message = self._encoders[name].fresh(self._stale_after)
-        return np.full(3, np.nan) if message is None else np.array(message.position[:3], dtype=float)
-
     def close(self) -> None:
         """Receive no more."""
-        for latest in (self.latest, self._throttled, *self._encoders.values()):
+        for latest in (self.latest, self._throttled, self.encoders):
             latest.close()
-
-
-def _unit(column: TopicColumn) -> str:
-    """Return the units of a column's numbers, in their order; 1 where none is stated."""
-    return "|".join(dict.fromkeys(unit for unit in column.units if unit)) or "1"
 
 
 def raven_joints(arm: Arm = "gold") -> JointRanges:
@@ -125,10 +99,15 @@ _READS = ("measured_js", "setpoint_js", "operating_state")
 
 
 class NeverMoved:
-    """What a `Plant` that takes no commands does with them: refuse each."""
+    """What a `Plant` that takes no commands does with them: refuse each; it has no telemetry either."""
 
     why_not = ""
     supports: frozenset[str] = frozenset()
+    columns: tuple[Column, ...] = ()
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Return nothing."""
+        return {}
 
     def servo_jp(self, q: ArrayLike) -> None:
         """Refuse."""
@@ -191,16 +170,13 @@ class CrtkReader(NeverMoved):
         self.command_place = find_topic(dialect, "setpoint_js", arm, namespace).name.rpartition("/")[0]
         self._gravity: PublishedGravity | None = None
         self._tracker: Latest | None = None
-        # of telemetry: raven_state's fields, and encoders that were published when this began
-        self.columns: tuple[Column, ...] = ()
         kept = self._open.enter_context
         try:
             for verb in _READS:
                 topic = find_topic(dialect, verb, arm, namespace)
                 self._latest[verb] = kept(closing(Latest(transport, topic.name, topic.type)))
             if self.dialect.has_run_levels:
-                self._state = kept(closing(RavenTelemetry(transport, arm, stale_after)))
-                self.columns = self._state.columns
+                self._state = kept(closing(RavenTelemetry(transport, arm)))
             elif namespace is not None:
                 self._tracker = kept(
                     closing(Latest(transport, f"/{namespace.strip('/')}/{_TRACKER_VERB}", JOINT_STATE))
@@ -283,14 +259,11 @@ class CrtkReader(NeverMoved):
             heard.append((self._gravity.latest.topic, self._gravity.latest.age()))
         return tuple(f"{topic}: {age:.2f} s old" for topic, age in heard if age > self.stale_after)
 
-    def telemetry(self) -> Mapping[str, Floats]:
-        """Return the latest sample of every declared column; NaN for an encoder that fell silent."""
-        return {} if self._state is None else self._state.sample()
-
     def external_encoders(self) -> Floats:
         """Return external encoders of a RAVEN-II's joints (3,) [rad, rad, m], else a tracker's of all; NaN without."""
         if self._state is not None:
-            return self._state.encoder("ext_jpos")
+            message = self._state.encoders.fresh(self.stale_after)
+            return np.full(3, np.nan) if message is None else np.array(message.position[:3], dtype=float)
         if self._tracker is None or (message := self._tracker.fresh(self.stale_after)) is None:
             return np.full(3 if self._tracker is None else len(self.joint_names), np.nan)
         return np.array(joint_values(message, self.joint_names))

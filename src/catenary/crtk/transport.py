@@ -18,8 +18,8 @@ from typing import Any, NamedTuple, Self
 
 from catenary.crtk.clock import SECOND, Clock, Rate
 from catenary.crtk.inbox import Inbox, Origin, Request, Subscription
-from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_bytes import MESSAGE_BYTES, ROS1, Codec, codec
+from catenary.crtk.message import Message
+from catenary.crtk.message_bytes import MESSAGE_BYTES, ROS1, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
@@ -134,7 +134,7 @@ class HeardTopic:
 
 
 class Transport(ABC):
-    """Carries messages and calls under one name; wrong names and types raise InputError, all else TransportError."""
+    """Carries messages, offers services; wrong names and types raise InputError, all else TransportError."""
 
     encoding = ROS1  # of the bytes that its subscriptions are given
     sending = Sending()
@@ -177,21 +177,13 @@ class Transport(ABC):
 
     def service(self, name: str, type_name: str, handler: Handler) -> None:
         """Offer a service; `handler` makes the response from the request, in `poll`."""
-        name, (asked, answer) = absolute(name), self._codecs(type_name)
+        self.require_open()
+        if not self.has_services:
+            raise TransportError(f'transport "{self.name}" carries no services: programs of ROS 2 differ in theirs')
+        service_md5_sum(type_name)  # refuses unknown types
+        asked, answer = (codec(f"{type_name}{half}", self.encoding) for half in ("Request", "Response"))
+        name = absolute(name)
         self._serve(name, type_name, lambda data: answer.encode(handler(asked.decode(data))))
-
-    def call(self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0) -> Message:
-        """Call a service and return its response, which comes within `timeout` [s], or TransportError is raised."""
-        name, (asked, answer) = absolute(name), self._codecs(type_name)
-        data = asked.encode(message_class(f"{type_name}Request")() if request is None else request)
-        end = time.monotonic() + timeout
-        called = self._call(name, type_name, data, timeout)
-        if not called.wait(end - time.monotonic()):
-            raise TransportError(f"service {name}: no answer within {timeout} s")
-        try:
-            return answer.decode(called.result())
-        except Exception as error:
-            raise TransportError(f"service {name} failed: {error}") from error
 
     def poll(self, timeout: float = 0.0) -> int:
         """Run services for calls that have come; wait for the first up to `timeout` [s]; return how many ran."""
@@ -248,14 +240,6 @@ class Transport(ABC):
         """Refuse a transport that has been closed."""
         if self.inbox.closed:
             raise TransportError(f'transport "{self.name}" is closed')
-
-    def _codecs(self, type_name: str) -> tuple[Codec, Codec]:
-        """Return the codecs of a service's requests and of its answers, where there can be one."""
-        self.require_open()
-        if not self.has_services:
-            raise TransportError(f'transport "{self.name}" carries no services: programs of ROS 2 differ in theirs')
-        service_md5_sum(type_name)  # refuses unknown types
-        return codec(f"{type_name}Request", self.encoding), codec(f"{type_name}Response", self.encoding)
 
     def _polled(self, answer: Answer, data: bytes) -> bytes:
         """Return a service's answer, which `poll` finds in its own thread."""
@@ -327,10 +311,6 @@ class Transport(ABC):
     # of those that have services
 
     def _serve(self, name: str, type_name: str, answer: Answer) -> None:
-        raise NotImplementedError
-
-    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
-        """Return a call that is under way, and within `timeout` [s] has an answer, or failed."""
         raise NotImplementedError
 
 

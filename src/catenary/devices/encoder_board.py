@@ -1,6 +1,10 @@
 """The board of the encoders at the joints, on a serial line: counts in, joint positions out, once registered.
 
 Its lines are read, its counters' ends crossed, and rows that cannot be true left out.
+
+Zero is found while the robot homes, which runs each joint into its stop, by the rule of the RAVEN-II's calibration rig
+[raven2_CRTK_Python_controller]: the mean of the counts within a window of the farthest ones. The rig gives its joints
+60 s from when it is started; here the robot's state says when it homes.
 """
 
 import math
@@ -9,17 +13,108 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats, frozen
-from catenary.devices.encoder_rig import JOINTS, EncoderRig, Registration
+from catenary.arrays import Floats, as_array, frozen
 from catenary.devices.serial_board import SerialBoard
 from catenary.errors import InputError, SensorError
+
+_BITS = (16, 24, 32)
+JOINTS = ("shoulder", "elbow", "insertion")
+
+
+@dataclass(frozen=True)
+class EncoderRig:
+    """Three encoders beside the arm's positioning joints: shoulder and elbow [rad], insertion [m].
+
+    They are those of the calibration rig [raven2_CRTK_Python_controller]: 80,000 counts a turn, 5 um a count; its
+    zero is the mean of the counts within a window of the farthest ones seen at the stops, and there it calls the
+    joints 0, 130 deg and 0.572467 m. The robot calls the same stops 0, 137.5 deg, 0.562 m.
+    """
+
+    counts: ClassVar[Floats] = frozen(
+        np.array([80_000 / (2.0 * np.pi), 80_000 / (2.0 * np.pi), 1.0 / 5e-6])
+    )  # per rad, rad, m
+    stop: ClassVar[Floats] = frozen(np.array([0.0, np.deg2rad(130.0), 0.572467]))  # [rad, rad, m]
+    side: ClassVar[Floats] = frozen(np.array([-1.0, 1.0, 1.0]))  # on which the stop lies: -1 below, 1 above
+    window: ClassVar[Floats] = frozen(np.array([50.0, 20.0, 20.0]))  # counts
+    # [rad/s, rad/s, m/s] twice what the robot's software lets through (2.5 rad/s); five times the homing's fastest
+    # insertion (0.1 m/s)
+    max_speed: ClassVar[Floats] = frozen(np.array([5.0, 5.0, 0.5]))
+    direction: Floats = field(default_factory=lambda: np.ones(3))  # -1: counts against its joint
+    bits: int = 32  # of the board's counters; beyond their end they begin at the other
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "direction", frozen(as_array("encoder rig direction", self.direction, (3,))))
+        if not (np.abs(self.direction) == 1.0).all():
+            raise InputError(f"encoder rig direction: expected 1 or -1 each, got {self.direction}")
+        if self.bits not in _BITS:
+            raise InputError(f"encoder rig bits: expected one of {_BITS}, got {self.bits}")
+
+    def positions(self, counts: Floats, zero: Floats) -> Floats:
+        """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
+        return self.stop + (counts - zero) / self.counts
+
+
+# [rad, rad, m] that a joint must come towards its stop; one that goes as far past it shows that it was none
+_LEAST_TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)
+
+
+class Registration:
+    """Finds the counts at the stops among those that come while the robot homes, by its own word (`tell`).
+
+    A joint that later goes past its stop shows that it was none, and the registration is void.
+    """
+
+    def __init__(self, rig: EncoderRig) -> None:
+        self._rig = rig
+        self.zero: Floats | None = None  # (3,) counts at the stops
+        self.reason = "not registered: home the robot"  # why there is none
+        self.is_watching = False  # the robot homes
+        self._travel = np.array(_LEAST_TRAVEL) * rig.counts
+        self._seen: list[Floats] = []
+
+    def lose(self, reason: str) -> None:
+        """Forget the zero: counts were lost."""
+        self.zero, self.reason = None, f"{reason}; not registered: home the robot again"
+        self._seen.clear()
+
+    def tell(self, homing: bool, homed: bool) -> None:
+        """Take the robot's operating state: whether it homes now, and whether it is homed."""
+        was, self.is_watching = self.is_watching, homing
+        if homing and not was:
+            self.zero, self.reason = None, "not registered: the robot homes"
+            self._seen.clear()
+        elif was and not homing:
+            self._register(homed)
+            self._seen.clear()
+
+    def update(self, counts: Floats) -> None:
+        """Take a good row of counts (3,)."""
+        if self.zero is not None:
+            past = (counts - self.zero) * self._rig.side > self._travel
+            if past.any():
+                which = ", ".join(name for name, is_past in zip(JOINTS, past, strict=True) if is_past)
+                self.lose(f"{which} went past what was taken for the stop")
+        elif self.is_watching:
+            self._seen.append(counts)
+
+    def _register(self, homed: bool) -> None:
+        """Take the mean of the counts within a window of the farthest for zero."""
+        toward = np.array(self._seen).reshape(-1, 3) * self._rig.side
+        travelled = len(toward) and (toward.max(axis=0) - toward[0] > self._travel).any()
+        if not (homed and travelled):
+            without = "the joints having moved" if homed else "the robot being homed"
+            self.reason = f"not registered: homing ended without {without}"
+            return
+        near = toward.max(axis=0) - toward <= self._rig.window
+        self.zero = frozen(self._rig.side * np.where(near, toward, 0.0).sum(axis=0) / near.sum(axis=0))
+        self.reason = ""
+
 
 # [s] by which a line may be late; Linux's serial drivers gather what USB brings for 16 ms
 _LATENESS_S = 0.02
@@ -85,41 +180,32 @@ class CountTracker:
         late = max(_LATENESS_S, period)
         if self._raw is None:
             return self._go_on(raw, time)
-        gap = max(0.0, time - self._time)
-        step = self._step(self._raw, raw)
+        gap, step = max(0.0, time - self._time), self._step(self._raw, raw)
         if gap > _SILENCE_S:
             return self._go_on(raw, time, f"nothing came for {gap:.1f} s: the board may have started anew")
-        if (
-            max(abs(value) for value in raw) <= _NEAR_ZERO_COUNTS
-            and np.abs(np.subtract(raw, self._raw)).max() > _RESTART_COUNTS
-        ):
+        leap = np.abs(np.subtract(raw, self._raw)).max()
+        if max(map(abs, raw)) <= _NEAR_ZERO_COUNTS and leap > _RESTART_COUNTS:
             return self._go_on(raw, time, "all counts are zero at once: the board started anew")
         if ((gap + late) * self._speed > self._range / 2).any():
             return self._go_on(raw, time, f"nothing came for {gap:.2f} s, too long for {self._rig.bits} bits")
-        far = np.abs(step) > (gap + late) * self._speed + _FLICKER_COUNTS
-        if self._candidate is None:
-            if not far.any():
-                return self._go_on(raw, time, step=step)
-            self._candidate = raw, time, 1
-            return Tracked(Verdict.REJECTED, self._counts, self._told(far, step))
-        return self._doubt(self._candidate, raw, time, step, late)
-
-    def _doubt(self, candidate: tuple[Raw, float, int], raw: Raw, time: float, step: Floats, late: float) -> Tracked:
-        """Judge a row after one that was rejected: is it near the last good one, or near the rejected one?"""
-        other, since, agree = candidate
-        gap = max(0.0, time - since)
-        # shares of what joints move in the time of a row, and of two; not of all rejected ones, or any leap would
-        # fit after a while
-        follow = np.abs(self._step(other, raw)) / ((gap + late) * self._speed + _FLICKER_COUNTS)
-        back = np.abs(step) / ((gap + 2.0 * late) * self._speed + _FLICKER_COUNTS)
-        follows = bool(follow.max() <= 1.0)
-        if back.max() <= 1.0 and back.max() <= follow.max():
+        # shares of what joints move since the last good row, and since the rejected one: where there is one not of
+        # all that passed since the good one, or any leap would fit after a while
+        follow, agree = np.full(3, np.inf), 0
+        if self._candidate is not None:
+            other, since, agree = self._candidate
+            gap = max(0.0, time - since)
+            follow = np.abs(self._step(other, raw)) / ((gap + late) * self._speed + _FLICKER_COUNTS)
+            gap += late
+        back = np.abs(step) / ((gap + late) * self._speed + _FLICKER_COUNTS)
+        if back.max() <= min(1.0, follow.max()):
             return self._go_on(raw, time, step=step)
-        self._candidate = raw, time, agree + 1 if follows else 1
+        agree = agree + 1 if follow.max() <= 1.0 else 1
         far = np.abs(step) > late * self._speed
-        reason = self._told(far if far.any() else np.ones(3, dtype=bool), step)
-        if follows and agree + 1 >= _CONFIRMING_ROWS:
+        leaps = [f"{name} by {step[j]:+.0f} counts" for j, name in enumerate(JOINTS) if far[j] or not far.any()]
+        reason = f"leapt beyond what a joint moves in the time: {', '.join(leaps)}"
+        if agree >= _CONFIRMING_ROWS:
             return self._go_on(raw, time, reason)
+        self._candidate = raw, time, agree
         return Tracked(Verdict.REJECTED, self._counts, reason)
 
     def _step(self, before: Raw, after: Raw) -> Floats:
@@ -133,10 +219,6 @@ class CountTracker:
         counts = self._rig.direction * np.array(raw, dtype=float) if step is None else self._counts + step
         self._counts, self._raw, self._time, self._candidate = frozen(counts), raw, time, None
         return Tracked(Verdict.LOST if loss else Verdict.GOOD, self._counts, loss)
-
-    def _told(self, far: NDArray[np.bool_], step: Floats) -> str:
-        leaps = [f"{name} by {step[j]:+.0f} counts" for j, name in enumerate(JOINTS) if far[j]]
-        return f"leapt beyond what a joint moves in the time: {', '.join(leaps)}"
 
 
 _QUEUE_ROWS = 4096  # samples that wait to be taken: 40 s at 100 Hz
@@ -305,7 +387,7 @@ class EncoderBoard(SerialBoard):
         if verdict is Verdict.LOST:
             self._lose(reason)
         self.tally.rows += 1
-        self._registration.update(moment, counts)
+        self._registration.update(counts)
         zero = self._registration.zero
         q = _UNKNOWN if zero is None else frozen(self.rig.positions(counts, zero))
         sample = EncoderSample(moment, counts, q, zero is not None)

@@ -210,10 +210,17 @@ def identify(
 
 
 def prepared(
-    logs: Sequence[MotionLog], tests: Sequence[MotionLog], model: RobotModel, options: IdentifyOptions
+    logs: Sequence[MotionLog],
+    tests: Sequence[MotionLog],
+    model: RobotModel,
+    options: IdentifyOptions,
+    *,
+    within_limits: bool = True,
 ) -> tuple[list[Samples], list[Samples]]:
-    """Return what is fitted and what is tested of recordings, their held-out blocks among the latter."""
-    fitted, tested = ([prepare(log, model, options) for log in each] for each in (logs, tests))
+    """Return what is fitted and what is tested of recordings, their held-out blocks among the latter; as `prepare`."""
+    fitted, tested = (
+        [prepare(log, model, options, within_limits=within_limits) for log in part] for part in (logs, tests)
+    )
     if options.blocks is None:
         return fitted, tested
     parted = [alternate_blocks(part, options.blocks) for part in fitted]

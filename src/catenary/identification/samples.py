@@ -73,11 +73,16 @@ _CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = 0.99, 0.02, 0.03
 
 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
-    """Return a recording with its joints in the robot's order, refused where its torques or positions cannot be it."""
-    where = f'recording "{log.name}"'
+    """Return a recording with its joints in the robot's order, refused where it has no torques."""
     log = log.of_robot(model, model.name)
     if log.tau is None:
-        raise InputError(f"{where}: has no torques (`tau`), which dynamics are identified from")
+        raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
+    return log
+
+
+def check_positions(log: MotionLog, model: RobotModel) -> None:
+    """Refuse a recording whose positions the robot's joints cannot have."""
+    where, log = f'recording "{log.name}"', log.of_robot(model, model.name)
     low, high = limits_of(log, model, MAX_POSITIONS)
     least, most = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
     for i in np.flatnonzero((least < low) | (most > high)):
@@ -87,7 +92,6 @@ def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
             f"{where}: joint {name} goes from {least[i]:.4g} to {most[i]:.4g}, expected {unit} between {low[i]:.4g} "
             f"and {high[i]:.4g}: is it in {wrong}, or another joint's?"
         )
-    return log
 
 
 def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> tuple[str, ...]:
@@ -183,6 +187,7 @@ class Samples:
     history: FrictionHistory | None = None  # of the motion that friction remembers; none at rest
     carried: Floats | None = None  # (N, n) what the links ask, that load-dependent friction grows with
     notes: tuple[str, ...] = ()  # on gaps in time, and rows that were left out or made
+    has_rates: bool = True  # velocities were recorded
 
     def __len__(self) -> int:
         return len(self.q)
@@ -212,14 +217,17 @@ class Samples:
         return whole[:, :, PER_LINK * link : PER_LINK * (link + 1)]
 
 
-def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samples:
+def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, within_limits: bool = True) -> Samples:
     """Filter a recording, derive accelerations, cut both ends, and subtract known torques.
 
     Zero-phase Butterworth; accelerations are central differences of the filtered velocity, and so are velocities that
     were not recorded. Where time goes back, or has gaps, each part is filtered and cut by itself; those shorter than
-    the filter needs are left out. At rest nothing is filtered.
+    the filter needs are left out. At rest nothing is filtered. Positions beyond the robot's limits are refused, unless
+    what may be wrong with them is to be explained first (`within_limits`).
     """
     log = checked_log(log, model)
+    if within_limits:
+        check_positions(log, model)
     assert log.tau is not None  # for the type checker; checked_log refused
     actuation, stated = actuation_of(model), as_array("gravity", options.gravity, (3,))
     if options.terms == "static":
@@ -259,7 +267,21 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
     gravity, base = rows.get("gravity", stated), rows.get("base")
     tau = rows["tau"] - known
-    return Samples(log.name, q, rows["qd"], qdd, tau, known, time, independent, gravity, base, history, notes=told)
+    return Samples(
+        log.name,
+        q,
+        rows["qd"],
+        qdd,
+        tau,
+        known,
+        time,
+        independent,
+        gravity,
+        base,
+        history,
+        notes=told,
+        has_rates=log.qd is not None,
+    )
 
 
 def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:

@@ -2,7 +2,7 @@
 
 import gc
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple, cast
 
@@ -23,7 +23,7 @@ from catenary.dvrk_psm import psm_topic, psm_topics
 from catenary.dynamics.robot_kernels import gravity_kernel
 from catenary.errors import InputError
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
-from catenary.plant import Column, JointState, OperatingState, Plant
+from catenary.plant import JointState, OperatingState, Plant
 from catenary.raven2.topics import EXT_JPOS, JOINT_ENC, ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
@@ -229,7 +229,6 @@ class ParkedArm(NeverMoved):
 
     why_not = "the arm is parked"
     simulated = True
-    columns: tuple[Column, ...] = ()
 
     def __init__(
         self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], q: ArrayLike, *, period: float = 1e-3
@@ -252,10 +251,6 @@ class ParkedArm(NeverMoved):
     def operating_state(self) -> OperatingState:
         """Disabled."""
         return OperatingState("DISABLED", False, False)
-
-    def telemetry(self) -> Mapping[str, Floats]:
-        """Nothing."""
-        return {}
 
     def wait(self) -> None:
         """Stand."""

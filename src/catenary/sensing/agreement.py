@@ -8,14 +8,14 @@ the gyroscope is named.
 import math
 from collections import deque
 from collections.abc import Sequence
-from itertools import permutations, product
+from itertools import islice, permutations, product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.sensing.checks import CHEAP_NOISE, Fault, SensorRules
+from catenary.sensing.checks import CHEAP_NOISE, Fault, SensorRules, norm
 
 _HIGH_PASS_S = 0.5  # [s] over which what is slower than turning is forgotten, of gravity and of what rates make of it
 _RATE_HZ = 50.0  # rows of a comparison a second, at most
@@ -40,6 +40,7 @@ TURNTABLE_SHARE = (
 )
 _LEAST_SCALE = 0.5  # below which rates are worse than none
 _MOST_SCALE = 5.0  # beyond which it is none: a gyroscope with a bias, and no more, seems to turn with anything
+_SWUNG = 6  # samples over which a rate and its change are told
 _APART = 0.0095  # [s] of samples that are kept: a hundred a second
 _DELAYS = (-0.2, -0.15, -0.1, -0.06, -0.03, 0.03, 0.06, 0.1, 0.15, 0.2)  # [s]
 _LATE_SEEMS = Fault.RATE_SCALE | Fault.RATE_SIGN | Fault.RATE_CONTRADICTS
@@ -67,6 +68,14 @@ def _axes() -> list[Floats]:
 _AXIS_ORDERS = _axes()
 _UNITS = {1.0: "", math.pi / 180.0: "it seems to be in deg/s", 180.0 / math.pi: "it seems to be divided by 57.3"}
 _CANDIDATES = [(way, unit) for unit in _UNITS for way in _AXIS_ORDERS]
+# as they may be read where the sensor's place was told, and makes more of them than a column can say
+_SCALES = (1.3, 0.77, 1.7, 0.6, 2.5, 0.4, 5.0, 0.2)
+_AT_ORIGIN = [_CANDIDATES[0], *((np.eye(3), scale) for scale in _SCALES), *_CANDIDATES[1 : len(_AXIS_ORDERS)]]
+_AT_ORIGIN += [(np.eye(3), unit) for unit in _UNITS if unit != 1.0]
+_WAYS = np.array([scale * way for way, scale in _AT_ORIGIN])
+_HARMLESS = 0.2  # share of a limit that a gyroscope leaves at the origin which does no harm there
+_LEVER_NOISE = 0.01  # [1/s4] that a cheap gyroscope's noise makes of a lever of a metre
+_ROW_S = 0.04  # [s] between rows of that comparison
 _FLAT = np.array([np.r_[unit * way.ravel(), -1.0] for way, unit in _CANDIDATES])
 
 
@@ -94,12 +103,15 @@ def integrated(times: Floats, rates: Floats) -> Floats:
     return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
 
 
-def evidence(times: Floats, gravity: Floats, rate_times: Floats, angles: Floats, delay: float = 0.0) -> Floats:
+def evidence(
+    times: Floats, gravity: Floats, rate_times: Floats, angles: Floats, delay: float = 0.0, place: Floats | None = None
+) -> Floats:
     """Return the products of all that may explain how gravity changed (16, 16), [m2/s4] times seconds; they add up.
 
     Gravity and the turning of it by rates, g x omega, go through the same high-pass. Samples (N,) and (M,) [s],
     gravity (N, 3) [m/s2] and integrated rates (M, 3) [rad] are in the same axes, those of the sensor; the rates are
-    taken as `delay` [s] late.
+    taken as `delay` [s] late. Gravity is that at the sensor or, by these rates, at the origin from which the sensor is
+    at `place` (3,) [m].
     """
     total = np.zeros((_SIZE, _SIZE))
     inside = (times >= rate_times[0] - delay) & (times <= rate_times[-1] - delay)
@@ -109,13 +121,19 @@ def evidence(times: Floats, gravity: Floats, rate_times: Floats, angles: Floats,
     if len(t) < _FEWEST:
         return total
     angle = np.column_stack([np.interp(t + delay, rate_times, angles[:, j]) for j in range(3)])
-    dt, by, middle = np.diff(t), np.diff(angle, axis=0), 0.5 * (g[1:] + g[:-1])
+    dt, by = np.diff(t), np.diff(angle, axis=0)
+    rate = by / dt[:, None]
+    alpha, omega = np.diff(rate, axis=0) / dt[1:, None], 0.5 * (rate[1:] + rate[:-1])
+    outwards = omega[:, :, None] * omega[:, None, :] - np.sum(omega**2, axis=1)[:, None, None] * np.eye(3)
+    along = _times_axes(alpha)
+    if place is not None:
+        g = g + np.pad((along + outwards) @ place, ((1, 1), (0, 0)), mode="edge")
+    middle = 0.5 * (g[1:] + g[:-1])
     steps = np.zeros((len(dt), 3, _SIZE))
     steps[:, :, _BIAS] = _times_axes(middle)
     steps[:, :, _TURNED] = (steps[:, :, _BIAS, None] * by[:, None, None, :]).reshape(-1, 3, 9)
     steps[:, :, _BIAS] *= dt[:, None, None]
-    alpha = np.diff(by / dt[:, None], axis=0) / dt[1:, None]
-    steps[2:, :, _AXIS] = _times_axes(np.diff(alpha, axis=0))
+    steps[2:, :, _AXIS] = np.diff(along, axis=0)
     steps[:, :, _GRAVITY] = np.diff(g, axis=0)
     weight = np.exp((t[1:] - t[-1]) / _HIGH_PASS_S)[:, None, None]
     rows = np.cumsum(weight * steps, axis=0) / weight * np.sqrt(dt)[:, None, None]
@@ -198,12 +216,24 @@ def compare(
     total = sum((evidence(*piece) for piece in pieces), np.zeros((_SIZE, _SIZE)))
     found = judge(total, span, limit, doubted, rested=rested)
     if place is not None:
-        moved = np.eye(_SIZE)
-        moved[_AXIS, _GRAVITY] = place
-        there = judge(moved.T @ total @ moved, span, limit, doubted, rested=rested)
-        if found.fits and there.fits is False:
-            found = found._replace(fits=False)
-        found = found._replace(beaten=max(found.beaten, there.beaten))
+        total = sum((evidence(*piece, place=place) for piece in pieces), np.zeros((_SIZE, _SIZE)))
+        there = judge(total, span, limit, doubted, rested=rested)
+        seen = max(found.beaten, there.beaten)
+        if found.fits and there.fits:
+            return (there if there.agrees else found)._replace(beaten=seen)
+        left = np.sum([_left_at_origin(*piece, place) for piece in pieces], axis=0)
+        noise = 0.02 * limit + _LEVER_NOISE * span * float(place @ place)
+        best = int(np.argmax(left <= 1.2 * left.min() + noise))  # of those about as good, the plainest
+        if left[best] < _EXPLAINS * left[0] and left[0] - left[best] > limit:
+            return _accused(*_AT_ORIGIN[best])
+        beaten = float(left[0] / (left.min() + noise))
+        is_explained = beaten < _AS_WELL and there.fault is Fault.NONE
+        is_explained &= there.fits is not False or left[0] < _HARMLESS * limit + noise
+        if is_explained and (there.agrees or found.fault is not Fault.NONE or found.fits is False):
+            found = there  # the place that was told explains what seems wrong at the sensor
+        elif there.fits is False:
+            found = found._replace(fits=False, agrees=False)
+        found = found._replace(beaten=max(seen, beaten))
     if found.fault is Fault.RATE_CONTRADICTS and all(_is_upright(*piece) for piece in pieces):
         return Agreement(Fault.NONE, agrees=False)
     if not found.may_be_late or span < _LATE_FROM:
@@ -221,6 +251,32 @@ def compare(
         side = "late" if best > 0.0 else "early"
         return Agreement(Fault.RATE_DELAY, agrees=False, remedy=f"its rates are about {1000 * abs(best):.0f} ms {side}")
     return found
+
+
+def _left_at_origin(times: Floats, gravity: Floats, rate_times: Floats, angles: Floats, place: Floats) -> Floats:
+    """Return what each way to read the rates leaves of gravity's change at the origin, by its own lever (K,)."""
+    rows = np.arange(max(times[0], rate_times[0]), min(times[-1], rate_times[-1]), _ROW_S)
+    if len(rows) < _FEWEST:
+        return np.zeros(len(_AT_ORIGIN))
+    g, angle = (
+        np.array([np.interp(rows, t, v[:, j]) for j in range(3)]) for t, v in ((times, gravity), (rate_times, angles))
+    )
+    by = np.diff(angle, axis=1)
+    alpha, omega = np.diff(by, axis=1) / _ROW_S**2, 0.5 * (by[:, 1:] + by[:, :-1]) / _ROW_S
+    swing, omega, by = _WAYS @ alpha, _WAYS @ omega, _WAYS @ by[:, 1:-1]  # (K, 3, rows)
+    p = place[:, None]
+    outwards = omega * (place @ omega)[:, None] - p * np.sum(omega**2, axis=1)[:, None]
+    there = g[:, 1:-1] + _crossed(swing, p[None]) + outwards
+    left = np.diff(there, axis=2) - _crossed(0.5 * (there[:, :, 1:] + there[:, :, :-1]), by)
+    weight = np.exp((rows[2:-1] - rows[-2]) / _HIGH_PASS_S)
+    kept = np.cumsum(weight * left, axis=2) / weight
+    return np.asarray(_ROW_S * np.sum(kept**2, axis=(1, 2)))
+
+
+def _crossed(a: Floats, b: Floats) -> Floats:
+    """Return cross products of vectors (..., 3, N); those of NumPy take ten times as long."""
+    (x, y, z), (u, v, w) = np.moveaxis(a, -2, 0), np.moveaxis(b, -2, 0)
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-2)
 
 
 def accelerations(rules: SensorRules, span: float) -> float:
@@ -247,6 +303,15 @@ class AgreementWatch:
         self._compared = self._right_since = -math.inf
         self._proven = self.may_be_used = checked
         self.rested = False  # the gyroscope's bias was seen at rest
+
+    def lever(self) -> float:
+        """Return how far apart gravity at the sensor and at the origin may be by rates that are not used [m/s2]."""
+        if self._place is None or len(self._angles) < 2 * _SWUNG:
+            return 0.0
+        rows = np.array(list(islice(reversed(self._angles), 2 * _SWUNG)))[:: _SWUNG - 1]
+        rates = np.diff(rows[:, 1:], axis=0) / np.diff(rows[:, :1], axis=0)
+        swing = (rates[0] - rates[1]) / (rows[0, 0] - rows[1, 0])
+        return norm(self._place) * (norm(swing) + float(rates[0] @ rates[0]))
 
     def add_rate(self, stamp: float, rate: Floats) -> None:
         """Take a rate (3,) [rad/s] in the sensor's axes."""
@@ -325,6 +390,16 @@ def _left_by(found: Floats, free: slice, cost: Floats) -> Floats:
     kept = np.r_[0:9, _GRAVITY]
     A, B = found[free, free] + np.diag(cost), found[free][:, kept]
     return found[np.ix_(kept, kept)] - B.T @ np.linalg.solve(A, B)
+
+
+def _accused(way: Floats, scale: float) -> Agreement:
+    """Return that a gyroscope is wrong which another way to read it explains."""
+    if scale in _SCALES:
+        return Agreement(
+            Fault.RATE_SCALE, agrees=False, remedy=f"gravity turns about {scale:g} times as far as it says"
+        )
+    kind, remedy = _mended(way, scale)
+    return Agreement(kind, agrees=False, remedy=remedy)
 
 
 def _mended(way: Floats, unit: float) -> tuple[Fault, str]:

@@ -62,6 +62,8 @@ BASES: dict[str, BaseSpectrum] = {
 
 def base_spectrum(base: str | BaseSpectrum) -> BaseSpectrum:
     """Return how a base of a name moves; a spectrum itself is returned as it is."""
-    if isinstance(base, str) and base not in BASES:
+    if isinstance(base, BaseSpectrum):
+        return base
+    if base not in BASES:
         raise InputError(f'mounted on "{base}": expected one of {", ".join(BASES)}')
-    return BASES[base] if isinstance(base, str) else base
+    return BASES[base]

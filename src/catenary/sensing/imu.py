@@ -345,7 +345,8 @@ class SensedGravity:
         """Return how far gravity may be off by a turn that is not, or not yet, accounted for [m/s2]."""
         sudden = self._force.sudden
         if not self._rate_is_fresh(time) or not self._rate.is_full:
-            return sudden + self._force.turning_doubt()
+            wrong = self._agreement.found.fault is not Fault.NONE
+            return sudden + self._force.turning_doubt() + (self._agreement.lever() if wrong else 0.0)
         # rates that nothing checked yet, and are not used, may be right
         unused = 0.0 if turning else norm(self._lever(*self._turning(time)))
         return sudden + unused + norm(self.mounting.position) * self._rate.slope_error

@@ -13,7 +13,7 @@ from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, InputError
 from catenary.files import write_atomically
 from catenary.robots.model import RobotModel
-from catenary.robots.plausible import FARTHEST, check_within
+from catenary.robots.plausible import check_within
 from catenary.sensing.vector import Kind
 from catenary.spatial import as_rotation
 
@@ -25,7 +25,7 @@ _HEAD = """# How a sensor of gravity is mounted: true = (reading - bias) / scale
 # rotation, takes to those of the frame `base`; position_m is of the sensor, from that frame's origin. checked: the
 # gyroscope was held against the accelerometer, in the turns between rests
 """
-_MAX_VALUES = {"position": (FARTHEST, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), "rate_bias": (1e3, "rad/s")}
+_MAX_VALUES = {"position": (10.0, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), "rate_bias": (1e3, "rad/s")}
 
 
 @dataclass(frozen=True)

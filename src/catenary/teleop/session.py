@@ -1,13 +1,14 @@
-"""The loop of teleop in a terminal: keys read, the robot moved, and its picture, lines of a fixed size, drawn."""
+"""The loop of teleop in a terminal: keys move the robot and change its run level; a picture of fixed size shows it."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from textwrap import wrap
 
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import CatenaryError
-from catenary.plant import Plant
+from catenary.errors import CatenaryError, TransportError
+from catenary.plant import OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
-from catenary.teleop.driver import BACKWARD_KEYS, FORWARD_KEYS, KEY_TIMEOUT_S, RAMP_S, TeleopDriver
+from catenary.teleop.motion import BACKWARD_KEYS, FORWARD_KEYS, KEY_TIMEOUT_S, RAMP_S, SPEED_KEYS, TeleopMotion
 from catenary.teleop.terminal import KeyReader, RawTerminal
 from catenary.units import in_words
 from catenary.visible import range_bar, visible
@@ -22,28 +23,26 @@ _MORE = (
     "Lower case moves, capitals change the robot's state. H twice within 2 s homes.",
     "Ctrl-C and Q hold the robot, then pause it; Ctrl-Z holds it meanwhile.",
 )
-
-
 _DRAW_EVERY_S = 0.05  # [s] between two pictures
-_STATE_KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes it"}
+_TWICE_WITHIN_S = 2.0  # [s] within which the key that homes comes a second time
+_COMMAND_KEYS: dict[str, StateCommand] = {
+    "E": "enable", "D": "disable", "P": "pause", "R": "resume", "H": "home",
+}  # fmt: skip
+_REMEDIES = {"DISABLED": "; E enables it", "PAUSED": "; R resumes it"}
 
 
 class TeleopSession:
-    """Reads keys, moves the robot, shows it, tick by tick."""
+    """Reads keys, moves the robot, shows it, tick by tick; `message` says what happened last."""
 
     def __init__(self, plant: Plant, model: RobotModel | None, name: str, terminal: RawTerminal) -> None:
-        """Take a robot, the model of its first joints, which place the tip, and a terminal."""
+        """Take a robot in any state, the model of its first joints, which place the tip, and a terminal."""
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
-        self._driver = TeleopDriver(plant, model, keys=_STATE_KEYS, before_command=lambda: self._draw(()))
-        self._keys = KeyReader()
-        self._with_help = False
-        self._drawn = -_DRAW_EVERY_S
-        self._quit = False
-
-    @property
-    def message(self) -> str:
-        """What happened last, in words."""
-        return self._driver.message
+        self._motion, self._keys = TeleopMotion(plant, model), KeyReader()
+        state = plant.operating_state()
+        self._told = self._in_words(state)  # of the robot's state, last
+        self.message = "hold a key to move" if state.is_ready else self._told
+        self._asked_home, self._drawn = -_TWICE_WITHIN_S, -_DRAW_EVERY_S  # when last [s]
+        self._with_help = self._quit = False
 
     def run(self, clock: Callable[[], float]) -> str:
         """Run until somebody quits or the terminal ends, hold and pause the robot, and return why it ended."""
@@ -51,28 +50,29 @@ class TeleopSession:
         try:
             while not self._quit and self._terminal.ended is None:
                 if self._terminal.wants_suspension:
-                    self._driver.hold()
+                    self._hold()
                     self._terminal.suspend()
                 try:
-                    self.tick(clock())
-                except CatenaryError as error:
-                    self._driver.fail(error)
-                    self._show_message(clock())
+                    self._tick(clock())
+                except CatenaryError as error:  # a robot that fell silent may come back; until then nothing is sent
+                    self._motion.stop()
+                    self.message = str(error)
+                    if self._is_due(clock()):
+                        self._terminal.draw([f"catenary teleop  {self._name}", "", self.message, "", "Q quit"])
+                    self.plant.wait()
             why = self._terminal.ended or why
         except KeyboardInterrupt:
             why = "Ctrl-C"
         finally:
-            self._driver.leave()
+            self._leave()
         return why
 
-    def tick(self, now: float) -> None:
-        """Read keys, move the robot by a tick, show it."""
+    def _tick(self, now: float) -> None:
         for key in self._keys.feed(self._terminal.read(), now):
             self._take(key, now)
-        blocked = self._driver.step(now)
+        blocked = self._move(now)
         self.plant.wait()
-        if now - self._drawn >= _DRAW_EVERY_S:
-            self._drawn = now
+        if self._is_due(now):
             self._draw(blocked)
 
     def _take(self, key: str, now: float) -> None:
@@ -80,15 +80,78 @@ class TeleopSession:
             self._quit = True
         elif key == "?":
             self._with_help = not self._with_help
-        elif not self._driver.press(key, now):
-            self._driver.message = f"{key}: does nothing; ? shows the keys"
+        elif key == " ":
+            self._hold()
+            self.message = "held"
+        elif key in _COMMAND_KEYS:
+            self._command(_COMMAND_KEYS[key], now)
+        elif not self._motion.press(key, now):
+            self.message = f"{key}: does nothing; ? shows the keys"
+        elif key in SPEED_KEYS:
+            self.message = f"speed x{self._motion.speed:g}"
+        elif not (state := self.plant.operating_state()).is_ready:
+            self.message = f"does not move: {self._in_words(state)}"
 
-    def _show_message(self, now: float) -> None:
-        """Show that the robot is silent, and let its tick pass."""
-        if now - self._drawn >= _DRAW_EVERY_S:
-            self._drawn = now
-            self._terminal.draw([f"catenary teleop  {self._name}", "", self.message, "", "Q quit"])
-        self.plant.wait()
+    def _move(self, now: float) -> tuple[str, ...]:
+        """Send a tick's motion to a robot that may move; return the joints at a limit that the keys ask to pass."""
+        state = self.plant.operating_state()
+        told = self._in_words(state)  # why a robot is in FAULT may come after its state
+        if told != self._told:
+            self.message = self._told = told
+        if not state.is_ready:
+            self._motion.stop()
+            return ()
+        goal, blocked = self._motion.step(self.plant.setpoint_js().q, now, self.plant.period)
+        if goal is not None:
+            self.plant.servo_jp(goal)
+        if blocked:
+            self.message = f"at its limit: {', '.join(blocked)}"
+        return blocked
+
+    def _hold(self) -> None:
+        """Stop at the setpoint."""
+        self._motion.stop()
+        if self.plant.operating_state().is_ready:
+            self.plant.servo_jp(self.plant.setpoint_js().q)
+            self.plant.wait()
+
+    def _leave(self) -> None:
+        """Hold, then pause; `message` tells of a robot that cannot be reached any more."""
+        try:
+            with suppress(TransportError):  # one that only stood still obeys when it goes on
+                self._hold()
+                if self.plant.operating_state().state != "ENABLED":
+                    return
+            self.plant.state_command("pause")
+        except CatenaryError as error:
+            self.message = f"the robot was not paused: {error}"
+
+    def _command(self, command: StateCommand, now: float) -> None:
+        self._motion.stop()
+        is_second = now - self._asked_home <= _TWICE_WITHIN_S
+        self._asked_home = now if command == "home" and not is_second else -_TWICE_WITHIN_S
+        if command == "home" and not is_second:
+            self.message = "home moves every joint against its stop: clear the workspace, then home again"
+            return
+        self.message = f"{command} ..."
+        self._draw(())
+        try:
+            self.plant.state_command(command)
+            self.message = self._in_words(self.plant.operating_state())
+        except CatenaryError as error:
+            self.message = str(error)
+
+    def _in_words(self, state: OperatingState) -> str:
+        """Return the robot's state as a sentence, with what a person does about it."""
+        homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
+        remedy = "" if state.is_busy else _REMEDIES.get(state.state, "")
+        return f"the robot is {state_in_words(self.plant, state)}, {homed}{remedy}"
+
+    def _is_due(self, now: float) -> bool:
+        """Return whether it is time for a picture, which is then taken to be drawn."""
+        is_due = now - self._drawn >= _DRAW_EVERY_S
+        self._drawn = now if is_due else self._drawn
+        return is_due
 
     def _draw(self, blocked: tuple[str, ...]) -> None:
         """Draw exactly as many lines as the terminal has, none wider than it is."""
@@ -101,7 +164,7 @@ class TeleopSession:
 
     def _robot_lines(self, blocked: tuple[str, ...]) -> list[str]:
         """Return the robot's state, its joints and its tip as text."""
-        plant, motion, state = self.plant, self._driver.motion, self.plant.operating_state()
+        plant, motion, state = self.plant, self._motion, self.plant.operating_state()
         measured, setpoint, lower, upper = plant.measured_js(), plant.setpoint_js().q, plant.lower, plant.upper
         what = "simulated" if plant.simulated else "ROBOT"
         title = f"catenary teleop  {self._name} ({what})  {state.state}{'' if state.is_homed else ', NOT HOMED'}"

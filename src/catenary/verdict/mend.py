@@ -17,7 +17,7 @@ from catenary.verdict.turns import turned_back
 _ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
 _NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
-MEND_KEYS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
+MEND_KEYS = r"^(shift|delay|time_unit|(units|swap|sign|scale|offset)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
 AS_TRAINED = "corrected as the model's training data"  # how a note on them opens
 _TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
@@ -32,6 +32,7 @@ class Mend:
     swap: tuple[str, ...] = ()  # "J1,J2" each, in turn: these columns of q_encoder; "tau:J1,J2" of another array
     sign: tuple[str, ...] = ()  # "J3" each: the column of q_encoder changes its sign; "tau:J3" of another array
     scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
+    offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add that to the column [rad, m, Nm or N]
     delay: float = 0.0  # by which the measurement lies behind the command [s]
     shift: int = 0  # rows by which it does, of a recording without stamps
     time_unit: str = "s"  # of the stamps: s, ms, us, ns, min or ks
@@ -107,7 +108,7 @@ def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
     array, words = units_of(text)
     if step == "units":
         words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
-    elif step in ("swap", "sign", "scale"):
+    elif step in ("swap", "sign", "scale", "offset"):
         array = array or _default(log)
     return (f"{step}:{array}", f"{array}:{','.join(words)}") if array else (step, ",".join(words))
 
@@ -180,17 +181,31 @@ def _sign(log: MotionLog, text: str) -> MotionLog:
 
 
 def _scale(log: MotionLog, text: str) -> MotionLog:
+    array, factors = _numbers(text, "--scale", "JOINT=FACTOR such as J3=0.5")
+    return _times(log, array, factors, "--scale")
+
+
+def _offset(log: MotionLog, text: str) -> MotionLog:
+    array, added = _numbers(text, "--offset", "JOINT=NUMBER such as q_nominal:J3=0.1")
+    key, values = _array(log, array, "--offset")
+    for name, number in added.items():
+        values[:, _joint(log, name, "--offset")] += number
+    return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
+
+
+def _numbers(text: str, option: str, expected: str) -> tuple[str | None, dict[str, float]]:
+    """Return the array that an option names, and its numbers by joint, none of them zero."""
     array, parts = units_of(text)
-    factors = {}
+    numbers = {}
     for part in parts:
         name, _, number = part.rpartition("=")
         try:
-            factors[name] = float(number)
+            numbers[name] = float(number)
         except ValueError:
-            factors[name] = np.nan
-        if not np.isfinite(factors[name]) or factors[name] == 0.0:
-            raise InputError(f"--scale: expected JOINT=FACTOR such as J3=0.5, got {part!r}")
-    return _times(log, array, factors, "--scale")
+            numbers[name] = np.nan
+        if not np.isfinite(numbers[name]) or numbers[name] == 0.0:
+            raise InputError(f"{option}: expected {expected}, got {part!r}")
+    return array, numbers
 
 
 def _times(log: MotionLog, array: str | None, factors: Mapping[str, float], option: str) -> MotionLog:
@@ -278,5 +293,5 @@ def left_out_rows(log: MotionLog) -> Flags:
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
 # that stand still are told among measurements that were brought into time
-_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _delay, _shift, _leave_out)
+_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _offset, _delay, _shift, _leave_out)
 _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}

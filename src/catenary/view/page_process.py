@@ -7,21 +7,23 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from select import select
+from types import MappingProxyType
 from typing import Self
 
 from catenary.errors import CatenaryError, InputError, MissingPackageError, to_install
-from catenary.view.shown import Change, Shown
-from catenary.view.state import ViewState, shortened
+from catenary.monitor import Snapshot
+from catenary.view.shown import Change, Shown, Value
 from catenary.view.viser_page import ViserPage, open_server
 
 _DRAW_HZ = 20.0
 _WRITE_EVERY_PICTURES, _PLOT_EVERY_PICTURES = 5, 10  # pictures between two updates of words, of curves and paths
 _START_WITHIN_S = 120.0  # [s]
 _FIRST_PORT = 8080
+_SHOWN_NOTES, _WORD_CHARACTERS = 6, 140  # of what the program says; characters of each
 
 
 class PageProcess:
@@ -72,11 +74,11 @@ class PageProcess:
         """Whether the page is still there."""
         return self._process.is_alive()
 
-    def put(self, state: ViewState) -> None:
-        """Show a state, unless the page has not taken what was sent before, as its socket tells."""
-        if self._is_open and select([], [self._pipe], [], 0.0)[1]:
+    def put(self, state: Snapshot, values: Mapping[str, Value] = MappingProxyType({})) -> None:
+        """Show a state, and values of controls, unless the page has not taken what was sent before."""
+        if self._is_open and select([], [self._pipe], [], 0.0)[1]:  # as its socket tells
             with contextlib.suppress(OSError):  # a page that is gone shows nothing
-                self._pipe.send(shortened(state))
+                self._pipe.send((shortened(state), dict(values)))
 
     def changes(self) -> list[Change]:
         """Return what was changed on the page since the last call."""
@@ -137,26 +139,41 @@ def _run_page(pipe: Connection, port: int) -> None:
     page.close()
 
 
-def newest(pipe: Connection) -> ViewState | None:
-    """Return the newest state that has come, None where none has; the end, which is told as None, is an EOFError."""
-    state: ViewState | None = None
+def shortened(state: Snapshot) -> Snapshot:
+    """Return a state whose words take little room, whatever a robot's or a file's names are."""
+
+    def cut(text: str) -> str:  # without what is none, as in a file's name
+        return text[:_WORD_CHARACTERS].encode(errors="replace").decode()
+
+    return state._replace(
+        fault=cut(state.fault), silent=state.silent and cut(state.silent), doing=cut(state.doing),
+        notes=tuple(map(cut, state.notes[:_SHOWN_NOTES])),
+    )  # fmt: skip
+
+
+Seen = tuple[Snapshot, dict[str, Value]]  # and values of controls that the program has set
+
+
+def newest(pipe: Connection) -> Seen | None:
+    """Return what has come last, None where nothing has; the end, which is told as None, is an EOFError."""
+    seen: Seen | None = None
     while pipe.poll():
-        state = pipe.recv()
-        if state is None:
+        seen = pipe.recv()
+        if seen is None:
             raise EOFError
-    return state
+    return seen
 
 
-def draw(page: ViserPage, take: Callable[[], ViewState | None]) -> None:
+def draw(page: ViserPage, take: Callable[[], Seen | None]) -> None:
     """Draw states as they come, twenty times a second at most, and none while no browser is connected."""
     number = 0
     while True:
         begin = time.monotonic()
-        state = take()
-        if state is not None and page.clients:
-            page.draw(state)
+        seen = take()
+        if seen is not None and page.clients:
+            page.draw(seen[0])
             if number % _WRITE_EVERY_PICTURES == 0:
-                page.write(state)
+                page.write(*seen)
             if number % _PLOT_EVERY_PICTURES == 0:
                 page.plot()
             number += 1

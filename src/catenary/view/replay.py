@@ -1,4 +1,4 @@
-"""A recording on the page, or a project's: its rows as states, played, and the way to its largest error."""
+"""What is shown and not driven: a robot on ROS, or a recording, played, with the way to its largest error."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -11,17 +11,17 @@ from catenary.arrays import Flags, Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import ConfigError, InputError
 from catenary.gravity.torque import gravity_torque
+from catenary.monitor import Snapshot
 from catenary.plant import Joints, MotionLog, places_of
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
-from catenary.view.curves import SPACING_S
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes, arm_shapes
-from catenary.view.shown import Change, Control, ControlTab, Shown, Value
-from catenary.view.state import ViewState, unknown_state
+from catenary.view.shown import SPACING_S, Change, Control, ControlTab, Shown, Value
 from catenary.workflows.project.calibrate import RECOMMENDED, TEST, TRAIN
 from catenary.workflows.project.folder import project_settings
-from catenary.workflows.robot.snapshots import Corrected, corrected_rows
+from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.snapshots import Corrected, corrected_rows, watch_robot
 
 _SPEEDS = ("1/4", "1", "4", "16", "64")
 _STATE_EVERY_S = 0.04  # [s] between two states
@@ -33,7 +33,7 @@ class RecordedArm:
     """A robot's joints as a recording has them; joints that it does not have stay at zero."""
 
     model: RobotModel
-    rows: Mapping[str, Floats]  # by field of ViewState (N, n) [SI], and `time` (N,) [s]; NaN for what is not known
+    rows: Mapping[str, Floats]  # as Curves has them (N, n), `inside` 0 outside, and `time` (N,); NaN: not known
     simulated: bool
     joints: tuple[int, ...]  # of the model's joints, those that the recording has
 
@@ -47,15 +47,17 @@ class RecordedArm:
         error = np.abs(known - self.rows["true"])[:, joint]
         return int(np.nanargmax(error)) if np.isfinite(error).any() else None
 
-    def state(self, row: int) -> ViewState:
+    def state(self, row: int) -> Snapshot:
         """Return the state of a row."""
-        state = unknown_state(self.model.n)._replace(**{name: column[row] for name, column in self.rows.items()})
-        outside = ", ".join(name for name, ok in zip(self.model.joint_names, state.inside, strict=True) if ok == 0.0)
-        warnings = [f"outside the model's valid range: {outside}"] if outside else []
-        if self.knows("true") and not np.isfinite(state.true[list(self.joints)]).all():
-            warnings.append("no truth on this row")
-        mode = "recording of a simulated robot" if self.simulated else "recording"
-        return state._replace(time=float(state.time), mode=mode, warnings=tuple(warnings))
+        row_of = {name: column[row] for name, column in self.rows.items()}
+        is_measured = np.isfinite(row_of["true"][list(self.joints)]).all() or not self.knows("true")
+        return Snapshot(
+            float(row_of["time"]), self.model.joint_names, self.model.joint_units, row_of["q"],
+            calibrated=row_of["calibrated"], inside=row_of["inside"] != 0.0, interval=row_of["interval"],
+            encoder=row_of["true"], tau=row_of["tau"], gravity_tau=row_of["gravity_tau"],
+            doing=" of a simulated robot" * self.simulated,
+            notes=() if is_measured else ("no truth on this row",),
+        )  # fmt: skip
 
     def columns(self) -> dict[str, Floats]:
         """Return what is drawn as curves, no closer than SPACING_S."""
@@ -166,7 +168,7 @@ class Replay:
             if self._plays and now - self._told >= _SLIDER_STEP_S:  # the slider of the time line moves along
                 self._told, self._values = now, {"time": round(self._now, 2)}
             row = int(np.searchsorted(self._time, self._now, side="right")) - 1
-            page.put(self._arm.state(max(row, 0))._replace(values=dict(self._values)))
+            page.put(self._arm.state(max(row, 0)), self._values)
             sleep(_STATE_EVERY_S)
 
     def take(self, change: Change) -> None:
@@ -183,3 +185,34 @@ class Replay:
             if row is not None:
                 self._now, self._plays = float(self._time[row]), False
                 self._values |= {"plays": False, "time": round(self._now, 2)}
+
+
+class WatchedArm:
+    """A robot that is read, and its model; without one, the page shows what `catenary deploy` publishes."""
+
+    def __init__(
+        self,
+        robot: OperatedRobot,
+        shapes: ArmShapes,
+        model: Path | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Take a robot in any state."""
+        self._robot, self._shapes, self._model, self._clock = robot, shapes, model, clock
+
+    def shown(self, title: str) -> Shown:
+        """Return what its page shows: nothing to drive it by."""
+        legend = {"reported": "reported", "calibrated": "calibrated"}
+        if self._robot.truth() is not None:
+            legend["true"] = "true"
+        hertz = 1.0 / self._robot.plant.period
+        return Shown(title, self._robot.model, self._shapes, legend=legend, nominal_hz=hertz)
+
+    def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
+        """Show the robot until the page is gone or `ended` says so."""
+        # what comes from the page is discarded: nothing here moves a robot
+        for snapshot in watch_robot(self._robot, model=self._model, tick=page.changes, clock=self._clock):
+            page.put(snapshot)
+            if ended() or not page.is_running:
+                return

@@ -1,17 +1,26 @@
-"""The contents of a page as data: an arm, its shapes and controls, and the space that it takes."""
+"""The contents of a page as data: an arm, its shapes and controls, its picture at an instant, curves until then."""
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
-from catenary.plant import Bounded, JointRanges
+from catenary.monitor import Snapshot
+from catenary.plant import Bounded, Jointed, JointRanges
 from catenary.robots.model import RobotModel
-from catenary.view.shapes import ArmShapes
+from catenary.spatial import LEVEL
+from catenary.units import DISPLAY, TORQUE_UNIT
+
+if TYPE_CHECKING:
+    from catenary.view.shapes import ArmShapes
+
 
 Value = float | bool | str
 _ENDLESS_RANGE = {"rad": np.pi, "m": 0.5}  # to either side of zero, of a joint without limits
@@ -64,11 +73,12 @@ class Shown:
 
     title: str
     model: RobotModel
-    shapes: ArmShapes
+    shapes: "ArmShapes"
     tabs: tuple[ControlTab, ...] = ()
     start: Floats | None = None  # (n,) [rad|m] where the camera finds it; the middle of its ranges when None
     legend: Mapping[str, str] = field(default_factory=dict)  # by arm: what it is
     recording: Mapping[str, Floats] | None = None  # of which curves are drawn; those of the states when None
+    nominal_hz: float = math.nan  # at which a robot's ticks should come
 
 
 def extent_of(shown: Shown) -> tuple[Floats, float]:
@@ -93,3 +103,212 @@ def finite_ranges(limits: Bounded) -> JointRanges:
     lower = np.where(np.isfinite(limits.lower), limits.lower, -widest)
     upper = np.where(np.isfinite(limits.upper), limits.upper, widest)
     return JointRanges(limits.joint_names, limits.joint_units, lower, upper)
+
+
+ARMS = ("reported", "calibrated", "true")
+_PATH_POINTS = 400  # points of a tip's path
+_PATH_STEP = 0.002  # times the arm's length: the least way from one of its points to the next
+
+
+class PlacedArm(NamedTuple):
+    """An arm in the base frame."""
+
+    wxyz: Floats  # (n_tree, 4) orientation of its links, quaternions
+    positions: Floats  # (n_tree, 3) [m] of their frames
+    tip: Floats  # (3,) [m]
+
+
+class Scene(NamedTuple):
+    """A picture of an arm."""
+
+    base_wxyz: Floats  # (4,) orientation of the base in the world, whose z axis is up
+    arms: dict[str, PlacedArm]  # by name, of ARMS; those that are known
+    measured: Floats | None  # (3,) gravity in the base frame, of length 1 at 9.81 m/s2
+    assumed: Floats | None  # likewise, as the controller assumes
+
+
+def numbers(values: Floats | None, n: int) -> Floats:
+    """Return those of the first n joints or axes, (n,); NaN for what is not known."""
+    found = np.full(n, np.nan)
+    if values is not None:
+        found[: len(values)] = values[:n]
+    return found
+
+
+def joints_of(shot: Snapshot, n: int) -> dict[str, Floats]:
+    """Return where each of ARMS has its first n joints [rad|m]."""
+    return {name: numbers(q, n) for name, q in zip(ARMS, (shot.q, shot.calibrated, shot.true), strict=True)}
+
+
+def scene_of(model: RobotModel, shot: Snapshot) -> Scene:
+    """Return the picture of a robot whose first joints are the model's."""
+    known = {name: q for name, q in joints_of(shot, model.n).items() if np.isfinite(q).all()}
+    arms = {}
+    if known:
+        frame = model.frame()
+        rotations, positions = link_poses(model, np.array(list(known.values())))
+        for name, turned, moved in zip(known, rotations, positions, strict=True):
+            tip = frame.pose.position
+            if frame.link >= 0:
+                tip = turned[frame.link] @ tip + moved[frame.link]
+            wxyz = np.roll(Rotation.from_matrix(turned).as_quat(), 1, axis=-1)
+            arms[name] = PlacedArm(wxyz, moved, tip)
+    felt = shot.gravity if shot.actual is None else shot.actual
+    return Scene(base_orientation(LEVEL if felt is None else felt), arms, _arrow(shot.gravity), _arrow(shot.assumed))
+
+
+def base_orientation(gravity: ArrayLike) -> Floats:
+    """Return how a base that feels gravity (3,) [m/s2] stands in the world (w, x, y, z), turned least."""
+    vector = np.asarray(gravity, dtype=float)
+    size = float(np.linalg.norm(vector))
+    if not np.isfinite(size) or size < 1e-6:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    turn, _ = Rotation.align_vectors(LEVEL[None], vector[None] / size)
+    return np.asarray(np.roll(turn.as_quat(canonical=True), 1))
+
+
+def _arrow(gravity: Floats | None) -> Floats | None:
+    known = gravity is not None and np.isfinite(gravity).all()
+    return gravity / float(np.linalg.norm(LEVEL)) if gravity is not None and known else None
+
+
+class TipPaths:
+    """Recent paths of the arms' tips, in the base frame."""
+
+    def __init__(self, length: float) -> None:
+        """Begin without any point; the tip must travel a share of `length`, that of the arm [m], between points."""
+        self._step = _PATH_STEP * length
+        self._points: dict[str, deque[Floats]] = {name: deque(maxlen=_PATH_POINTS) for name in ARMS}
+
+    def add(self, scene: Scene) -> None:
+        """Take the tips of a picture."""
+        for name, arm in scene.arms.items():
+            points = self._points[name]
+            if not points or np.linalg.norm(arm.tip - points[-1]) >= self._step:
+                points.append(arm.tip)
+
+    def clear(self) -> None:
+        """Forget all points."""
+        for points in self._points.values():
+            points.clear()
+
+    def segments(self, name: str) -> Floats:
+        """Return the path of an arm's tip as lines from point to point, (K, 2, 3) [m]."""
+        points = np.array(self._points[name])
+        if len(points) < 2:
+            return np.zeros((0, 2, 3))
+        return np.stack([points[:-1], points[1:]], axis=1)
+
+
+_SPAN_S = 30.0  # [s]
+SPACING_S = 0.1  # [s] between two of their points
+
+
+class Curve(NamedTuple):
+    """A line of a plot."""
+
+    label: str  # empty for one that another's label names too
+    values: Floats  # (K,) NaN where it is not known
+    colour: str
+    dashed: bool = False
+
+
+class Plot(NamedTuple):
+    """Curves over one time axis."""
+
+    title: str
+    time: Floats  # (K,) [s] from now: before it negative
+    curves: tuple[Curve, ...]
+
+    def known(self) -> tuple[Curve, ...]:
+        """Return the curves with known values; unknown values repeat the last known one, as no gap can be drawn."""
+        return tuple(
+            curve._replace(values=_level(curve.values)) for curve in self.curves if np.isfinite(curve.values).any()
+        )
+
+
+def _level(values: Floats) -> Floats:
+    """Return values (K,) with those that are not finite replaced by the last one before, or the first one after."""
+    finite = np.isfinite(values)
+    places = np.maximum.accumulate(np.where(finite, np.arange(len(values)), -1))
+    return values[np.where(places < 0, int(np.argmax(finite)), places)]
+
+
+_REPORTED, _CALIBRATED, _TRUE, _GRAVITY, _PD, _REST = ("#4b6b94", "#1f9d55", "#e07b00", "#7a4fbf", "#c0392b", "#8a8f98")
+
+
+# of a snapshot
+_OF_JOINTS = ("q", "true", "calibrated", "interval", "setpoint", "tau", "gravity_tau", "feedback")
+
+
+class Curves:
+    """What is drawn of the last half minute of states, or of the part of a recording around the present one.
+
+    A recording has an array (K, n) [SI] for each of _OF_JOINTS that it knows, and its `time` (K,) [s].
+    """
+
+    def __init__(
+        self, joints: Jointed, recording: Mapping[str, Floats] | None = None, nominal_hz: float = np.nan
+    ) -> None:
+        """Begin without any state of a robot whose ticks come at a rate [Hz]."""
+        self._names, self._units, self._recording = joints.joint_names, joints.joint_units, recording
+        self._nominal_hz = nominal_hz
+        self.span = (
+            (-_SPAN_S, 0.0) if recording is None else (-0.5 * _SPAN_S, 0.5 * _SPAN_S)
+        )  # [s] from now that is drawn
+        self._states: deque[Snapshot] = deque(maxlen=round(_SPAN_S / SPACING_S))
+        self._now = 0.0
+
+    def add(self, state: Snapshot) -> None:
+        """Take a state; those too close to the last are left out, and time that goes back restarts them."""
+        self._now = state.time
+        if self._states and state.time < self._states[-1].time:
+            self._states.clear()
+        if not self._states or state.time - self._states[-1].time >= SPACING_S - 1e-9:
+            self._states.append(state)
+
+    def plots(self, joint: int) -> tuple[Plot, ...]:
+        """Return the plots of a joint: errors [deg|mm], torque [Nm|N] and, of a robot that runs, the loop."""
+        name, unit = self._names[joint], self._units[joint]
+        if self._recording is not None:
+            near = np.abs(self._recording["time"] - self._now) <= 0.5 * _SPAN_S
+            part = {key: column[near] for key, column in self._recording.items()}
+            return joint_plots(part, part["time"] - self._now, joint, name, unit)
+        n, states = len(self._names), self._states
+        columns = {key: np.array([numbers(getattr(state, key), n) for state in states]) for key in _OF_JOINTS}
+        time, rate, late, age = np.array(
+            [(s.time - states[-1].time, s.rate_hz or np.nan, s.late, s.gravity_age) for s in states], dtype=float
+        ).T.reshape(4, -1)
+        loop = (
+            Curve("rate %", 100.0 * rate / self._nominal_hz, _REPORTED),
+            Curve("late ticks/s", late, _PD),
+            Curve("gravity age ms", 1e3 * age, _GRAVITY),
+        )
+        return (*joint_plots(columns, time, joint, name, unit), Plot("loop", time, loop))
+
+
+def joint_plots(columns: Mapping[str, Floats], time: Floats, joint: int, name: str, unit: str) -> tuple[Plot, Plot]:
+    """Return the plots of a joint: errors [deg|mm] and torque [Nm|N] in parts."""
+    shown, scale = DISPLAY[unit]
+    titles = f"{name}: error [{shown}]", f"{name}: torque [{TORQUE_UNIT[unit]}]"
+    if len(time) == 0:
+        return Plot(titles[0], time, ()), Plot(titles[1], time, ())
+
+    def of(key: str) -> Floats:
+        return columns[key][:, joint] if key in columns else np.full(len(time), np.nan)
+
+    q, true, tau, gravity, interval = map(of, ("q", "true", "tau", "gravity_tau", "interval"))
+    errors = (
+        Curve("reported", scale * (q - true), _REPORTED),
+        Curve("calibrated", scale * (of("calibrated") - true), _CALIBRATED),
+        Curve("interval \u00b1", scale * interval, _CALIBRATED, True),
+        Curve("", -scale * interval, _CALIBRATED, True),
+        Curve("tracking", scale * (q - of("setpoint")), _REST),
+    )
+    torques = (
+        Curve("total", tau, _REPORTED),
+        Curve("gravity", gravity, _GRAVITY),
+        Curve("PD", of("feedback"), _PD),
+        Curve("friction, inertia", tau - gravity, _REST, True),
+    )
+    return Plot(titles[0], time, errors), Plot(titles[1], time, torques)

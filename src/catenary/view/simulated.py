@@ -1,17 +1,20 @@
 """A simulated arm driven from the page: its base, payload, sensor, friction and wear; its control loop and controls."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model
 from catenary.control.controllers import CONTROLLERS, make_hold
+from catenary.control.correction import Fade, StateCorrector
 from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import LoopReport
 from catenary.errors import CatenaryError
@@ -19,6 +22,7 @@ from catenary.gravity.payload import Payload
 from catenary.gravity.torque import gravity_torque
 from catenary.monitor import EventRate, Snapshot
 from catenary.plant import Bounded, JointState, Plant, fault_of
+from catenary.robots.catalog import RAVEN_SIDES
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.simulation.base_motion import BaseSamples, SteeredBase
@@ -27,15 +31,106 @@ from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.sensors import InjectedFault
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.spatial import LEVEL
-from catenary.trajectories.reference import Reference
+from catenary.trajectories.reference import InTurn, Reference, Rest, Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.trajectories.zigzag import zigzag
 from catenary.units import DISPLAY
-from catenary.view import steering
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
-from catenary.view.shown import Change, Control, ControlTab, Shown, Value, finite_ranges
-from catenary.view.state import ViewState
-from catenary.view.watched import operating_in_words, view_state
+from catenary.view.shown import Control, ControlTab, Shown, Value, finite_ranges
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
+from catenary.workflows.robot.motion import check_motion, gentle_way, random_within
+
+_STOP_S = 0.4  # [s] in which a motion that is left comes to rest
+
+Motion = Callable[[Floats], Trajectory]  # makes a motion that begins at joint positions (n,) [rad|m]
+
+
+class SteeredTrajectory:
+    """A motion that repeats until another is wanted: then it slows down along its own path, and the next begins."""
+
+    duration = np.inf
+
+    def __init__(self, q: Floats) -> None:
+        """Rest at q (n,) [rad|m]."""
+        self._motion: Trajectory = Rest(q, 0.0)
+        self._recipe: Motion | None = None
+        self._next: Motion | None = None
+        self._place, self._rate, self._time = 0.0, 1.0, 0.0  # along the motion; of it; of the last call
+
+    def follow(self, recipe: Motion | None) -> None:
+        """Come to rest, then follow the motions that a recipe makes, one after the other; None rests."""
+        self._next = _rest if recipe is None else recipe
+
+    def rest_at(self, q: Floats) -> None:
+        """Be at rest at q (n,) [rad|m] at once, as where an arm was led by hand."""
+        self._motion, self._recipe, self._next = Rest(q, 0.0), None, None
+        self._place, self._rate = 0.0, 1.0
+
+    def __call__(self, t: float) -> Reference:
+        """Return the reference at `t` [s], not before the last one that was asked for."""
+        step = max(0.0, t - self._time)
+        self._time = t
+        slower = 0.0
+        if self._next is not None:
+            rate = max(0.0, self._rate - step / _STOP_S)
+            slower = -1.0 / _STOP_S if rate > 0.0 else 0.0
+            self._place += 0.5 * (self._rate + rate) * step
+            self._rate = rate
+        else:
+            self._place += step
+        at_rest = self._rate == 0.0 or self._place >= self._motion.duration
+        if at_rest and (self._next is not None or self._recipe is not None):
+            self._begin(self._motion(min(self._place, self._motion.duration)).q)
+            slower = 0.0
+        q, qd, qdd = self._motion(self._place)
+        return Reference(q, self._rate * qd, self._rate**2 * qdd + slower * qd)
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return references at times (N,) [s], in their order; asking moves the motion on."""
+        rows = [self(float(t)) for t in as_array("times", times, (None,))]
+        q, qd, qdd = (np.array(part) for part in zip(*rows, strict=True))
+        return q, qd, qdd
+
+    def _begin(self, q: Floats) -> None:
+        recipe = self._next if self._next is not None else self._recipe
+        self._next, self._place, self._rate = None, 0.0, 1.0
+        self._motion = Rest(q, 0.0) if recipe is None else recipe(q)
+        self._recipe = None if recipe is _rest else recipe
+
+
+def _rest(q: Floats) -> Trajectory:
+    return Rest(q, 0.0)
+
+
+class SwitchedCorrector:
+    """A model that always corrects, and whose correction is faded into the loop once switched on, and out again."""
+
+    def __init__(
+        self, corrector: StateCorrector, whole: Callable[[JointState], JointState], n: int, period: float
+    ) -> None:
+        """Take a corrector, off, for the `whole` robot's state, whose first n joints are the loop's; `period` [s]."""
+        self._corrector, self._whole, self._n = corrector, whole, n
+        self._fade = Fade(np.zeros(n), period)
+        self.is_on = self._was_on = False
+        self.calibrated, self.interval = np.full(n, np.nan), np.full(n, np.nan)
+        self.inside: Flags = np.ones(n, dtype=bool)
+
+    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
+        """Do nothing: the model knows the whole robot."""
+
+    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
+        """Write positions (n,), reported, calibrated or on the way from one to the other, flags and half-widths."""
+        whole = self._whole(state)
+        size, n = len(whole.q), self._n
+        q, flags, widths = np.empty(size), np.empty(size, dtype=bool), np.empty(size)
+        self._corrector.correct_state(whole, q, flags, widths)
+        self.calibrated, self.inside, self.interval = q[:n], flags[:n], widths[:n]
+        correction = self.calibrated - state.q if self.is_on else np.zeros(n)
+        out[:] = state.q + correction - self._fade.left_out(correction, self.is_on != self._was_on)
+        self._was_on = self.is_on
+        inside[:], interval[:] = self.inside, self.interval
+
 
 # of the sensor, by what the page calls them
 _SENSOR_FAULTS = {
@@ -49,10 +144,12 @@ _AGED_READINGS = {
 # of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
 _RIGID_FRICTION = 0.02
 _FRICTION_END = 4.0
-_CHANGED_BY = {"payload_kg": "carry", "friction": "rub", "wear": "wear"}  # method of a robot with cables
 _GOTO_PREFIX = "goto:"  # begins the name of a joint's slider
 _MOTIONS = _REST, _GO_TO, _RANDOM, _ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
 _ENABLE, _PAUSE, _HOME = _LEVELS = ("enable", "pause", "home")
+_QUICKER = 2.5  # than a gentle go-to, which is for real robots
+_RANDOM_S = 60.0  # of a random motion, after which the next one is drawn
+_SPARSITY = 0.25  # of RAVEN-II's zig-zag
 _OWN_CONTROL = "the robot's own position control"
 _HOLD_CONTROL = "gravity compensation alone"
 
@@ -82,27 +179,26 @@ class Surroundings:
         self._base = SteeredBase()
         self.reading: GravityReading | None = None  # the last one
 
-    def set(self, name: str, value: Value) -> bool:
-        """Change something by the name of its control; False for an unknown name."""
-        plant = self.plant
-        if name == "sensor":
-            self._sensor.faults = (InjectedFault(_SENSOR_FAULTS[value], plant.time),) if value in _SENSOR_FAULTS else ()
-            return True
-        if name in self._attitude:
-            self._attitude[name] = float(value)
-            *angles, frequency = self._attitude.values()
-            roll, pitch, amplitude = np.deg2rad(angles)
-            self._base = self._base.toward(plant.time, roll, pitch, amplitude=amplitude, frequency=frequency)
-            plant.stand_on(self._base)
-        elif name == "payload_kg" and isinstance(plant, MujocoPlant):
-            plant.attach(Payload(float(value)) if float(value) > 0.0 else None)
-        elif name == "friction" and isinstance(plant, MujocoPlant):
-            plant.rub(float(value) * _RIGID_FRICTION * self._torque)
-        elif isinstance(plant, CablePlant) and name in _CHANGED_BY:
-            getattr(plant, _CHANGED_BY[name])(float(value))
-        else:
-            return False
-        return True
+    def changes(self) -> dict[str, Callable[[Any], None]]:
+        """Return what changes something, by the name of its control; it takes the control's value."""
+        found: dict[str, Callable[[Any], None]] = {name: partial(self._tilt, name) for name in self._attitude}
+        found["sensor"] = self._break_sensor
+        plant, unit = self.plant, _RIGID_FRICTION * self._torque
+        if isinstance(plant, CablePlant):
+            return found | {"payload_kg": plant.carry, "friction": plant.rub, "wear": plant.wear}
+        found["payload_kg"] = lambda mass: plant.attach(Payload(mass) if mass > 0.0 else None)
+        return found | {"friction": lambda factor: plant.rub(factor * unit)}
+
+    def _tilt(self, name: str, value: float) -> None:
+        self._attitude[name] = value
+        *angles, frequency = self._attitude.values()
+        roll, pitch, amplitude = np.deg2rad(angles)
+        self._base = self._base.toward(self.plant.time, roll, pitch, amplitude=amplitude, frequency=frequency)
+        self.plant.stand_on(self._base)
+
+    def _break_sensor(self, fault: str) -> None:
+        known = fault in _SENSOR_FAULTS
+        self._sensor.faults = (InjectedFault(_SENSOR_FAULTS[fault], self.plant.time),) if known else ()
 
     def read(self, time: float) -> GravityReading:
         """Return gravity as the sensor says at a time [s]."""
@@ -215,12 +311,18 @@ class DrivenArm:
         self.control = _OWN_CONTROL if model is not None else usual
         self._goal = np.array(self._plant.measured_js().q)
         self.motion = _RANDOM
-        self._recipe: steering.Motion | None = None
-        self._trajectory = steering.SteeredTrajectory(self._goal)
+        self._recipe: Motion | None = None
+        self._zigzag = zigzag("J2-J3", (_SPARSITY,))
+        self._trajectory = SteeredTrajectory(self._goal)
         self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
         self._robot = robot
         self._said: tuple[float, str] = (-np.inf, "")
         self._values: dict[str, Value] = {}
+        self._does: dict[str, Callable[[Any], None]] = {  # by the name of a control, with its value
+            **self.surroundings.changes(), "motion": self._choose_motion, "controller": self._choose_controller,
+            "model": partial(setattr, self._corrector, "is_on"), "level": self._change_level,
+            **{f"{_GOTO_PREFIX}{name}": partial(self._go_to, j) for j, name in enumerate(self._plant.joint_names)},
+        }  # fmt: skip
 
     def shown(self, title: str) -> Shown:
         """Return what its page shows."""
@@ -235,16 +337,15 @@ class DrivenArm:
         shapes, why = shapes_of(self._robot, self.arm.model)
         if why is not None:
             self._say(why)
-        return Shown(title, self.arm.model, shapes, tabs, self._goal, legend)
+        return Shown(title, self.arm.model, shapes, tabs, self._goal, legend, nominal_hz=1.0 / self._plant.period)
 
     def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
-        """Run until the page is gone, `ended` says so, or Ctrl-C."""
+        """Run until the page is gone, `ended` says so, or Ctrl-C; the loop runs whenever the robot is ready for it."""
         self._page, self._ended = page, ended
         self._choose_motion(self.motion)
         while page.is_running and not ended():
-            state = self._plant.operating_state()
             try:
-                if state.is_ready:
+                if self._plant.operating_state().is_ready:
                     self.run_loop()
                 else:
                     self._wait_a_while()
@@ -257,7 +358,7 @@ class DrivenArm:
         """Run the control loop until something ends it; it ends by an exception, with the arm held and paused."""
         own = self.control == _OWN_CONTROL
         start = self._plant.setpoint_js().q if own else self._plant.measured_js().q
-        self._trajectory = steering.SteeredTrajectory(np.array(start))
+        self._trajectory = SteeredTrajectory(np.array(start))
         if self._recipe is not None:
             self._trajectory.follow(self._recipe)
         return run_loop(
@@ -275,14 +376,16 @@ class DrivenArm:
     def _observe(self, tick: Tick) -> None:
         self._count()
         if tick.number % _LISTEN_EVERY_TICKS == 0:
-            self._listen(in_loop=True)
+            self._listen()
+            if self._ended() or not self._page.is_running:
+                raise LeaveLoop
         if tick.number % _SHOW_EVERY_TICKS == 0:
-            setpoint = tick.reference.q
+            setpoint: Floats | None = tick.reference.q
             if self.control == _HOLD_CONTROL:
-                setpoint = np.full(self._n, np.nan)
+                setpoint = None
                 self._trajectory.rest_at(tick.state.q)
             feedback = None if self.control == _OWN_CONTROL else self._controller.feedback.copy()
-            self._page.put(self._state(tick.state._replace(q=tick.q_nominal), setpoint, feedback))
+            self._show(tick.state._replace(q=tick.q_nominal), setpoint, feedback)
 
     def _count(self) -> None:
         now, late = time.perf_counter(), 0 if self._paced is None else self._paced.late
@@ -295,13 +398,13 @@ class DrivenArm:
         for _ in range(20):
             self._plant.wait()
             self._count()
-        self._listen(in_loop=False)
+        self._listen()
         state = self._plant.measured_js()
         self.surroundings.read(state.time)
-        self._page.put(self._state(state, self._plant.setpoint_js().q, None))
+        self._show(state, self._plant.setpoint_js().q, None)
 
-    def _state(self, state: JointState, setpoint: Floats, feedback: Floats | None) -> ViewState:
-        """Return what is shown of a state whose q is as reported."""
+    def _show(self, state: JointState, setpoint: Floats | None, feedback: Floats | None) -> None:
+        """Show a state whose q is as reported."""
         plant, world, now = self._plant, self.surroundings, time.perf_counter()
         reading = world.reading
         gravity = state.gravity if reading is None else reading.gravity
@@ -312,83 +415,67 @@ class DrivenArm:
             known = {"calibrated": corrector.calibrated, "inside": corrector.inside, "interval": corrector.interval}
             if isinstance(world.plant, CablePlant):
                 known["encoder"] = world.plant.external_encoders()
-        snapshot = Snapshot(
+        notes = [self._said[1]] if now - self._said[0] < _SAID_FOR_S else []
+        kind = self._kinds.get(self.control)
+        shot = Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint, tau=state.tau, gravity=gravity,
             gravity_tau=gravity_torque(self.arm.model, state.q, gravity), fault=fault_of(plant), operating=operating,
             gravity_age=state.gravity_age if reading is None else reading.age, lower=plant.lower, upper=plant.upper,
             rate_hz=self._ticks.hertz(now), late=self._late.within(now),
-            error=state.q - self.arm.q_true() if operating.is_homed else None, **known,
+            error=state.q - self.arm.q_true() if operating.is_homed else None,
+            feedback=state.tau if feedback is None else feedback, actual=world.actual(),
+            assumed={"level": LEVEL, "sensed": gravity}.get(kind.gravity or "") if kind else None,
+            doing=f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else "",
+            notes=(*notes, *world.warnings()), **known,
         )  # fmt: skip
-        notes = list(world.warnings())
-        if now - self._said[0] < _SAID_FOR_S:
-            notes.insert(0, self._said[1])
-        doing = f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else ""
-        kind = self._kinds.get(self.control)
-        assumed = {"level": LEVEL, "sensed": gravity}.get(kind.gravity or "") if kind else None
-        return view_state(
-            snapshot, self._n, 1.0 / plant.period, feedback=state.tau if feedback is None else feedback, notes=notes,
-            assumed=assumed, actual=world.actual(), mode=operating_in_words(operating) + doing,
-            values=self._values,
-        )  # fmt: skip
+        self._page.put(shot, self._values)
 
     # what somebody changes
 
-    def _listen(self, *, in_loop: bool) -> None:
-        for change in self._page.changes():
+    def _listen(self) -> None:
+        for name, value in self._page.changes():
             try:
-                self._take(change, in_loop=in_loop)
+                self._does[name](value)
             except CatenaryError as error:
                 self._say(str(error))
-        if in_loop and (self._ended() or not self._page.is_running):
-            raise LeaveLoop
 
-    def _take(self, change: Change, *, in_loop: bool) -> None:
-        name, value = change
-        if self.surroundings.set(name, value):
-            return
-        if name.startswith(_GOTO_PREFIX):
-            self._go_to(name.removeprefix(_GOTO_PREFIX), float(value))
-        elif name == "motion" and str(value) in _MOTIONS:
-            self._choose_motion(str(value))
-        elif name == "controller" and str(value) in (_OWN_CONTROL, *self._controllers):
-            self._choose_controller(str(value), in_loop=in_loop)
-        elif name == "model" and self._corrector is not None:
-            self._corrector.is_on = bool(value)
-        elif name == "level" and str(value) in _LEVELS:
-            self._change_level(str(value), in_loop=in_loop)
-
-    def _go_to(self, joint: str, value: float) -> None:
+    def _go_to(self, j: int, value: float) -> None:
         """Go where the sliders are; value [deg|mm]."""
-        j = self._plant.joint_names.index(joint)
         self._goal = self._goal.copy()
         goal = value / DISPLAY[self._plant.joint_units[j]][1]
         self._goal[j] = np.clip(goal, self._plant.lower[j], self._plant.upper[j])
         self._choose_motion(_GO_TO)
 
     def _choose_motion(self, motion: str) -> None:
-        plant, model = self._plant, self.arm.model
-        recipes: dict[str, Callable[[], steering.Motion | None]] = {
-            _REST: lambda: None,
-            _GO_TO: lambda: lambda q: steering.quick_way(plant, q, np.clip(self._goal, plant.lower, plant.upper)),
-            _RANDOM: lambda: steering.random_motions(model, plant, self._rng),
-            _ZIGZAG: lambda: steering.zigzags(plant),
-        }
-        self._recipe = recipes[motion]()
-        self.motion = motion
-        self._values["motion"] = motion
+        if motion == _ZIGZAG:
+            check_motion(self._plant, self._zigzag)
+        self._recipe = None if motion == _REST else partial(self._way, motion)
+        self.motion = self._values["motion"] = motion
         self._trajectory.follow(self._recipe)
 
-    def _choose_controller(self, control: str, *, in_loop: bool) -> None:
+    def _way(self, motion: str, q: Floats) -> Trajectory:
+        """Return what comes next of a motion that is not rest, from q (n,) [rad|m]."""
+        limits = finite_ranges(self._plant)
+        if motion == _GO_TO:
+            return gentle_way(q, np.clip(self._goal, limits.lower, limits.upper), limits.joint_units, speed=_QUICKER)
+        made: Trajectory = self._zigzag
+        if motion == _RANDOM and self.arm.model.name in RAVEN_SIDES:
+            made = random_sinusoids(self._rng, _RANDOM_S)
+        elif motion == _RANDOM:
+            made = random_within(limits, _RANDOM_S, self._rng)
+        return InTurn([gentle_way(q, made(0.0).q, limits.joint_units, speed=_QUICKER), made])
+
+    def _choose_controller(self, control: str) -> None:
         before, self.control = self.control, control
         if control != _OWN_CONTROL:
             self._controller = self._controllers[control]
         self._values["controller"] = control
-        if in_loop and _OWN_CONTROL in (before, control) and before != control:
+        if _OWN_CONTROL in (before, control) and before != control and self._plant.operating_state().is_ready:
             raise LeaveLoop(_ENABLE)
 
-    def _change_level(self, level: str, *, in_loop: bool) -> None:
+    def _change_level(self, level: str) -> None:
         """Leave the loop, which pauses the arm, or reach the level at once."""
-        if not in_loop:
+        if not self._plant.operating_state().is_ready:
             self._reach_level(level)
         elif level != _ENABLE:
             raise LeaveLoop(level)
@@ -406,9 +493,9 @@ class DrivenArm:
 
     # setting up
 
-    def _switched(self, loaded: CalibrationModel) -> steering.SwitchedCorrector:
+    def _switched(self, loaded: CalibrationModel) -> SwitchedCorrector:
         corrector = Corrector(loaded, rate_hz=1.0 / self._plant.period)
         whole = self.surroundings.plant
         corrector.prepare(whole.joint_names, whole.joint_units, 1.0 / self._plant.period)
         measured = (lambda _: whole.measured_js()) if isinstance(whole, CablePlant) else (lambda state: state)
-        return steering.SwitchedCorrector(corrector, measured, self._n, self._plant.period)
+        return SwitchedCorrector(corrector, measured, self._n, self._plant.period)

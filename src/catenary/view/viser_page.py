@@ -7,7 +7,7 @@ import hmac
 import logging
 import re
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from html import escape
 from http.client import FORBIDDEN, OK, HTTPConnection
@@ -17,12 +17,24 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import CatenaryError
+from catenary.monitor import Snapshot
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
-from catenary.view.curves import Curves, Plot
-from catenary.view.shapes import grown
-from catenary.view.shown import Change, Control, Shown, accepted, extent_of
-from catenary.view.state import ARMS, Scene, TipPaths, ViewState, scene_of
+from catenary.view.shown import (
+    ARMS,
+    Change,
+    Control,
+    Curves,
+    Plot,
+    Shown,
+    TipPaths,
+    Value,
+    accepted,
+    extent_of,
+    joints_of,
+    numbers,
+    scene_of,
+)
 
 _OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
 _REFUSED_TEXT = (
@@ -82,24 +94,25 @@ _COLOURS = {"reported": "#3b6fb5", "calibrated": "#1f9d55", "true": "#a8a39a"}
 _GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
 
 
-def status_html(state: ViewState) -> str:
+def status_html(state: Snapshot) -> str:
     """Return what the robot does, and warnings."""
-    lines = [f"<b>{escape(state.mode)}</b> &nbsp; {state.time:.1f} s" if state.mode else f"{state.time:.1f} s"]
-    lines += [f'<span style="color:#c0392b">&#9888; {escape(warning)}</span>' for warning in state.warnings]
-    if not state.warnings:
+    lines, warnings = [f"<b>{escape(state.state)}</b> &nbsp; {state.time:.1f} s"], state.warnings()
+    lines += [f'<span style="color:#c0392b">&#9888; {escape(warning)}</span>' for warning in warnings]
+    if not warnings:
         lines.append('<span style="color:#1f9d55">no warnings</span>')
     return _block("<br>".join(lines))
 
 
-def joints_html(shown: Shown, state: ViewState) -> str:
+def joints_html(shown: Shown, state: Snapshot) -> str:
     """Return a table of the joints [deg|mm], a column in each arm's colour: calibrated with its interval, ? outside."""
-    rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
+    n = shown.model.n
+    rows, intervals = joints_of(state, n), numbers(state.interval, n)
     arms = [name for name in rows if name in shown.legend]
     lines = [_row("th", ["", *(f"{_square(_COLOURS[name])} {escape(shown.legend[name])}" for name in arms)])]
     for j, (joint, si) in enumerate(zip(shown.model.joint_names, shown.model.joint_units, strict=True)):
         unit, scale = DISPLAY[si]
-        about = f" \u00b1 {scale * state.interval[j]:.2f}" if np.isfinite(state.interval[j]) else ""
-        marks = {"calibrated": f"{about}{'?' if state.inside[j] == 0.0 else ''}"}
+        about = f" \u00b1 {scale * intervals[j]:.2f}" if np.isfinite(intervals[j]) else ""
+        marks = {"calibrated": f"{about}{'' if state.inside is None or state.inside[j] else '?'}"}
         values = [(scale * rows[name][j], marks.get(name, "")) for name in arms]
         cells = [f"{value:.2f}{mark}" if np.isfinite(value) else "-" for value, mark in values]
         lines.append(_row("td", [escape(f"{joint} [{unit}]"), *cells]))
@@ -116,14 +129,14 @@ def _square(colour: str, *, dashed: bool = False) -> str:
     return f'<span style="color:{colour}">{"&#9476;" if dashed else "&#9632;"}</span>'
 
 
-def gravity_html(state: ViewState) -> str:
+def gravity_html(state: Snapshot) -> str:
     """Return the gravity vectors and what tells them apart."""
     lines = []
     for name, vector in (("measured", state.gravity), ("assumed", state.assumed)):
-        if np.isfinite(vector).all():
+        if vector is not None:
             x, y, z = vector
             lines.append(f"{_square(_GRAVITY_COLOURS[name])} gravity {name}: {x:.2f}, {y:.2f}, {z:.2f} m/s&sup2;")
-    if len(lines) == 2:
+    if state.gravity is not None and state.assumed is not None:
         lines.append(f"{np.rad2deg(angle_between(state.gravity, state.assumed)):.1f} deg apart")
     if np.isfinite(state.gravity_age):
         lines.append(f"measured {1e3 * state.gravity_age:.0f} ms ago")
@@ -167,11 +180,10 @@ class ViserPage:
         self._shown, self._tell = shown, tell
         self._server = server
         self._paths = TipPaths(shown.shapes.length)
-        self._curves = Curves(shown.model, shown.recording)
+        self._curves = Curves(shown.model, shown.recording, shown.nominal_hz)
         self._time = 0.0  # of the last picture
-        self._set: dict[str, Floats] = {}  # what was sent of each node last
         self._handles: dict[str, Any] = {}  # of controls
-        self._values: dict[str, float | bool | str] = {}  # of controls, as they were set last
+        self._values: dict[str, Value] = {}  # of controls, as they were set last
         self._joint = 0
         self._wanted = dict.fromkeys(ARMS, True)
         self._build_scene()
@@ -188,8 +200,8 @@ class ViserPage:
 
     # what changes
 
-    def draw(self, state: ViewState) -> None:
-        """Show a state in the picture."""
+    def draw(self, state: Snapshot) -> None:
+        """Show a state in the picture; viser sends what differs."""
         scene = scene_of(self._shown.model, state)
         if not 0.0 <= state.time - self._time <= _PATH_LEAP_S:
             self.forget_paths()
@@ -197,19 +209,25 @@ class ViserPage:
         self._paths.add(scene)
         self._curves.add(state)
         with self._server.atomic():
-            self._place(self._base, "base", scene.base_wxyz, None)
-            for name, arrow in self._arrows.items():
-                self._place(arrow, f"arrow {name}", scene.base_wxyz, None)
+            self._base.wxyz = scene.base_wxyz
             for name in ARMS:
-                self._draw_arm(name, scene)
-            self._draw_gravity(scene)
+                arm = scene.arms.get(name)
+                self._roots[name].visible = arm is not None and self._wanted[name]
+                if arm is not None:
+                    for node, wxyz, position in zip(self._arms[name], arm.wxyz, arm.positions, strict=True):
+                        node.wxyz, node.position = wxyz, position
+            for arrow, vector in zip(self._arrows, (scene.measured, scene.assumed), strict=True):
+                arrow.wxyz, arrow.visible = scene.base_wxyz, vector is not None
+                if vector is not None:
+                    length = _ARROW_LENGTH * self._shown.shapes.length
+                    arrow.points = np.array([[np.zeros(3), length * vector.round(3)]], np.float32)
 
-    def write(self, state: ViewState) -> None:
-        """Show a state's words and numbers, less often than the picture."""
+    def write(self, state: Snapshot, values: Mapping[str, Value]) -> None:
+        """Show a state's words and numbers, and values of controls, less often than the picture."""
         self._status.content = status_html(state)
         self._joints.content = joints_html(self._shown, state)
         self._gravity.content = gravity_html(state)
-        for name, value in state.values.items():
+        for name, value in values.items():
             if name in self._handles and self._values.get(name) != value:
                 self._values[name] = value
                 self._handles[name].value = value
@@ -249,12 +267,12 @@ class ViserPage:
         self._base = scene.add_frame("/base", axes_length=0.12 * length, axes_radius=0.006 * length, origin_radius=0.0)
         if shown.shapes.base is not None:
             base = shown.shapes.base
-            scene.add_mesh_simple("/base/foot", base.vertices, base.faces, color=(70, 74, 82))
+            scene.add_mesh_simple("/base/foot", np.asarray(base.vertices), np.asarray(base.faces), color=(70, 74, 82))
         self._roots: dict[str, Any] = {}
         self._arms = {name: self._add_arm(name) for name in ARMS}
         # next to the arm in the camera's view; it turns with the base but does not move
         corner = centre + radius * np.array([-0.75, -0.8, 0.75])
-        self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
+        self._arrows = [self._add_arrow(name, corner) for name in ("measured", "assumed")]
         empty = np.zeros((1, 2, 3), np.float32)
         self._path_nodes = {
             name: scene.add_line_segments(
@@ -269,14 +287,15 @@ class ViserPage:
 
     def _add_arm(self, name: str) -> list[Any]:
         scene, shapes = self._server.scene, self._shown.shapes
-        meshes = [grown(mesh, _SHELL[name] * shapes.length) for mesh in shapes.links]
+        out = _SHELL[name] * shapes.length
         self._roots[name] = scene.add_frame(f"/base/{name}", show_axes=False, visible=False)
         return [
             scene.add_mesh_simple(
-                f"/base/{name}/link_{i}", mesh.vertices, mesh.faces, color=_rgb(_COLOURS[name]),
+                f"/base/{name}/link_{i}", np.asarray(mesh.vertices + out * mesh.vertex_normals), np.asarray(mesh.faces),
+                color=_rgb(_COLOURS[name]),
                 opacity=_OPACITY[name], side="front", cast_shadow=False, receive_shadow=False,
             )
-            for i, mesh in enumerate(meshes)
+            for i, mesh in enumerate(shapes.links)
         ]  # fmt: skip
 
     def _add_arrow(self, name: str, place: Floats) -> Any:
@@ -290,39 +309,6 @@ class ViserPage:
         if name == "measured":
             self._server.scene.add_label("/gravity_measured/label", "gravity", anchor="bottom-center")
         return arrow
-
-    def _draw_arm(self, name: str, scene: Scene) -> None:
-        arm, root = scene.arms.get(name), self._roots[name]
-        wanted = arm is not None and self._wanted[name]
-        if root.visible != wanted:
-            root.visible = wanted
-        if arm is not None:
-            for i, node in enumerate(self._arms[name]):
-                self._place(node, f"{name}{i}", arm.wxyz[i], arm.positions[i])
-
-    def _place(self, node: Any, key: str, wxyz: Floats, position: Floats | None) -> None:
-        """Move a node, unless it is there."""
-        if self._differs(key, wxyz if position is None else np.concatenate([wxyz, position]), 1e-6):
-            node.wxyz = wxyz
-            if position is not None:
-                node.position = position
-
-    def _differs(self, key: str, value: Floats, least: float) -> bool:
-        """Return whether a value is another one than was sent last, which it is from then on."""
-        before = self._set.get(key)
-        if before is not None and np.abs(before - value).max() < least:
-            return False
-        self._set[key] = value
-        return True
-
-    def _draw_gravity(self, scene: Scene) -> None:
-        length = _ARROW_LENGTH * self._shown.shapes.length
-        for name, vector in (("measured", scene.measured), ("assumed", scene.assumed)):
-            arrow = self._arrows[name]
-            if arrow.visible != (vector is not None):
-                arrow.visible = vector is not None
-            if vector is not None and self._differs(f"gravity {name}", vector, 1e-3):
-                arrow.points = np.array([[np.zeros(3), length * vector]], np.float32)
 
     # the panels
 
@@ -424,8 +410,7 @@ def _draw_plot(handle: Any, plot: Plot) -> None:
     if tuple(one["label"] for one in handle.series) != tuple(one["label"] for one in series):
         handle.series = tuple(series)
     handle.data = (plot.time, *(curve.values for curve in known))
-    if handle.title != plot.title:
-        handle.title = plot.title
+    handle.title = plot.title
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:

@@ -25,18 +25,19 @@ from catenary.errors import CatenaryError, ExcitationError, FileFormatError, Inp
 from catenary.file_formats import endings, format_named, format_of
 from catenary.files import card_path, card_text
 from catenary.gravity.mass_doubts import mass_doubts
+from catenary.identification.course import course_findings
+from catenary.identification.explanations.findings import torque_findings
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.identification.samples import prepare
-from catenary.identification.torque_doubts import torque_findings
+from catenary.identification.samples import check_positions, prepare
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in, is_journal
 from catenary.recording.import_formats.imu_recording import read_imu
 from catenary.recording.import_formats.sources import needs_mapping
 from catenary.recording.logs import Reading, read_recording, read_torque_log
 from catenary.reports.calibration import card_facts, model_name
-from catenary.reports.model_figure import overlay
+from catenary.reports.joint_errors import overlay
 from catenary.reports.page import Column, Table
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
@@ -450,18 +451,23 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     terms = "static" if log.time is None else "full"
     options = IdentifyOptions(terms=terms, consistent=False, friction=())  # type: ignore[arg-type]  # one of the two
     found = (*stamp_findings(log), *(each for _, each in repeated_findings([log])))
-    faults = [f"{each.name}: {each}" for each in found if each.refuses]
-    remarks = [f"{each.name}: {each}" for each in found if not each.refuses]
+    faults, remarks = list[str](), list[str]()
+    result: Identification | None = None
     try:
-        samples = prepare(log, model, options)
+        samples = prepare(log, model, options, within_limits=False)
+        found = (*found, *torque_findings(model, samples))
+        check_positions(log, model)
         speed = np.sqrt(np.mean(samples.qd**2, axis=0))
         still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < _STILL_SPEED and terms == "full"]
         remarks += [*samples.notes, *[f"stands still: {', '.join(still)}"] * bool(still)]
         result = identify_samples([samples], model, options)
+        found = (*found, *course_findings(result, samples))
     except (InputError, ExcitationError) as error:
-        return [*faults, str(error)], remarks, found
-    doubts = tuple(torque_findings(result, samples, fitted=True))
-    faults += [f"{each.name}: {each}" for each in doubts]
+        faults = [str(error)]
+    faults = [*(f"{each.name}: {each}" for each in found if each.refuses), *faults]
+    remarks = [*(f"{each.name}: {each}" for each in found if not each.refuses), *remarks]
+    if result is None:
+        return faults, remarks, found
     left = zip(model.joint_names, result.training[0].relative_rms, strict=True)
     told = f"all {result.base.count} base parameters ({terms}), condition {result.condition:.3g}"
     remarks += [
@@ -469,7 +475,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
         "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: "
         + ", ".join(f"{name} {share:.3f}" for name, share in left),
     ]
-    return faults, remarks, (*found, *doubts)
+    return faults, remarks, found
 
 
 def _with_card(told: Callable[[Path, Any, Card], FileReport], path: Path, content: Any, card: Card) -> FileReport:

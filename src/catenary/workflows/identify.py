@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.actuation_loads import known_loads
@@ -21,21 +20,15 @@ from catenary.errors import InputError
 from catenary.file_formats import format_of
 from catenary.files import write_atomically
 from catenary.gravity.mass_doubts import mass_doubts
+from catenary.identification.course import course_findings
 from catenary.identification.drive_gains import DriveGains
+from catenary.identification.explanations.findings import GAINS, day_findings, findings_against, torque_findings
 from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, rotors_beside
-from catenary.identification.other_causes import cause_findings, day_findings
-from catenary.identification.payload import (
-    PayloadEstimate,
-    estimate_payload,
-    payload_candidates,
-    place_of,
-    zero_findings,
-)
+from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates, zero_findings
 from catenary.identification.residuals import rms
-from catenary.identification.samples import HELD_OUT, Samples, prepare
-from catenary.identification.torque_doubts import torque_findings
+from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.recording.logs import Reading, read_torque_log
@@ -299,16 +292,16 @@ def identify_files(
         gains = gains_of(alone, loaded, model, options, load[0])
         read, read_tests = ([_times(log, gains.gains) for log in part] for part in (read, read_tests))
         weighed = [prepare(_times(log, gains.gains), model, options) for log in with_loads]
-    training, held_out = prepared(read, read_tests, model, options)
+    training, held_out = prepared(read, read_tests, model, options, within_limits=False)
     whole = [part for part in (*training, *held_out) if not part.name.endswith(HELD_OUT)]
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
-    # an axis of the wrong sign has friction below zero, and is told by it: doubts are about a fit that lets it
-    free = identify_samples(training, model, replace(options, consistent=False, friction=())).test(held_out)
-    with threadpool_limits(limits=1):  # as identification itself
-        parts = [*((part, True) for part in training), *((part, False) for part in held_out)]
-        found = [(part.name, each) for part, fitted in parts for each in torque_findings(free, part, fitted=fitted)]
-        doubts = judge(found, accept)
+    settled = () if gains is None else GAINS
+    doubts = judge([(part.name, each) for part in training for each in torque_findings(model, part, settled)], accept)
+    for log in (*read, *read_tests):  # behind what may explain them
+        check_positions(log, model)
     result = identify_samples(training, model, options).test(held_out)
+    tested = [part for part in held_out if part in whole]
+    doubts += judge([(part.name, each) for part in tested for each in findings_against(result, part)], accept)
     if gains is not None:
         result = result.with_gains(gains.gains)
     notes = [*(note for log in (*read, *read_tests) for note in log.named_notes), *gaps]
@@ -326,7 +319,8 @@ def identify_files(
             f"{weighed[0].name}: by what was identified, the load weighs {payload.mass or 0.0:.3f} kg, "
             f"stated {gains.load:g}",
         ]
-    notes += judge([*stamps, *day_findings(result, training)], accept)
+    notes += judge([*stamps, *day_findings(model, training)], accept)
+    notes += judge([(part.name, each) for part in whole for each in course_findings(result, part)], accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
@@ -423,8 +417,7 @@ def payload_of_files(
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
     else:
         best, *candidates = payload_candidates(result, loaded, unloaded=empty)
-    place = None if at is None else place_of(result, at)[1]
-    notes += judge([*zero_findings(result, loaded, best), *cause_findings(result, loaded, best, place)])
+    notes += judge([*zero_findings(result, loaded, best)])
     if best.mass is None:
         notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))
@@ -434,7 +427,7 @@ def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path]
     """Find what something outside asks of an arm's joints in a recording; arguments as `payload_of_files`."""
     result, samples, notes = _read_for(model, (log, *unloaded), **how)
     found = external_torques(result, samples[0], samples[1:])
-    return replace(found, notes=(*notes, *found.notes, *judge(cause_findings(result, samples[:1]))))
+    return replace(found, notes=(*notes, *found.notes))
 
 
 def _read_for(
@@ -459,11 +452,13 @@ def _read_for(
         read = [of_joints(log, result.model) for log in read]
     notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
     notes += [note for log in read for note in log.named_notes]
-    samples = [prepare(log, result.model, options) for log in read]
+    samples = [prepare(log, result.model, options, within_limits=False) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
-    tested = result.test(samples)
-    doubts = [(s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False, may_carry=True)]
-    return result, samples, notes + judge(doubts, accept, done="weighed")
+    found = [(s.name, each) for s in samples for each in (*findings_against(result, s), *course_findings(result, s))]
+    notes += judge(found, accept, done="weighed")
+    for log in read:
+        check_positions(log, result.model)
+    return result, samples, notes
 
 
 SENSED = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes

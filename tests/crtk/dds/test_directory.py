@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
+from catenary.crtk.network import RosArguments
 from patience import until
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from catenary.crtk.dds.program import message_hash
 from catenary.crtk.dds.transport import DdsTransport
-from catenary.crtk.dds.types import message_hash
 from catenary.dvrk_psm import PSM_JOINTS
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.simulation.cable_plant import JOINTS, UNITS

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
+from catenary.crtk.network import RosArguments
 from catenary.crtk.transport import Sending
 from patience import PATIENCE, until
 
@@ -163,7 +163,7 @@ def test_messages_that_are_too_large_are_dropped_and_counted(robot: Any, peer: A
 
 def test_bytes_that_are_no_message_of_the_type_reach_nobody(robot: Any, peer: Any) -> None:
     """A program that calls its type ours: DDS tells types apart by their names where it is told no more."""
-    from catenary.crtk.dds.types import _raw
+    from catenary.crtk.dds.program import _raw
 
     heard = robot.subscribe("/t", TEXT)
     liar = _raw("std_msgs::msg::dds_::String_", {"data": int})

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from catenary.crtk.dds import types as names
-from catenary.crtk.dds.types import _DISTRIBUTIONS, distribution, message_hash
+from catenary.crtk.dds import program as names
+from catenary.crtk.dds.program import _DISTRIBUTIONS, distribution, message_hash
 from catenary.crtk.message_bytes import CDR, codec
 from catenary.errors import InputError
 from catenary.recording.messages import MESSAGES, current_name

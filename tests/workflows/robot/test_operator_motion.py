@@ -5,7 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.cli.signals import EndedBySignal
+from catenary.cli.exit_codes import EndedBySignal
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError, TransportError
 from catenary.open_robot import Simulated

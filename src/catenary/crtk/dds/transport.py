@@ -15,12 +15,21 @@ from cyclonedds.core import DDSException
 from cyclonedds.sub import DataReader
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.dds.arguments import RosArguments
-from catenary.crtk.dds.program import Endpoint, Program, Quality, taken
-from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_type
+from catenary.crtk.dds.program import (
+    Endpoint,
+    Program,
+    Quality,
+    Raw,
+    dds_topic,
+    dds_type,
+    distribution,
+    message_type,
+    taken,
+)
 from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.network import RosArguments
 from catenary.crtk.transport import SETTLE_S, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 

@@ -56,10 +56,6 @@ class Master:
         """URI of a node that the master knows, or None."""
         return self._lookup("lookupNode", name)
 
-    def service(self, name: str) -> str | None:
-        """URI of a service that somebody offers, or None."""
-        return self._lookup("lookupService", name)
-
     def node_answers(self, uri: str, topic: str | None = None) -> bool:
         """Return whether a node is alive, and publishes a topic: another may have the port of one that crashed."""
         try:
@@ -70,7 +66,7 @@ class Master:
 
     def service_answers(self, name: str) -> bool:
         """Return whether a service is offered by a program that is alive."""
-        parts = urlparse(self.service(name) or "")
+        parts = urlparse(self._lookup("lookupService", name) or "")
         if parts.hostname is None:
             return False
         try:

@@ -136,11 +136,6 @@ class Node:
 
         self.services[name] = rospy.Service(name, service_class(type_name), handle)
 
-    def call(self, name: str, type_name: str, request: bytes) -> bytes:
-        """Return a service's answer; rospy waits for it without end."""
-        proxy = rospy.ServiceProxy(name, service_class(type_name))
-        return proxy(raw_class(f"{type_name}Request")(request)).data
-
     def end_services(self) -> None:
         """Offer none any more."""
         while self.services:

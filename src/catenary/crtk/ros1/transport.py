@@ -8,11 +8,9 @@ it is back, which rospy alone does not do.
 import importlib
 import importlib.util
 import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-from catenary.crtk.inbox import Request
 from catenary.crtk.ros1.master import master_uri
 from catenary.crtk.transport import Answer, HeardTopic, Publisher, Transport, other_type
 from catenary.errors import MissingPackageError, TransportError
@@ -86,13 +84,6 @@ class Ros1Transport(Transport):
         if name in self.node.services or self.node.master.service_answers(name):
             raise TransportError(f"service {name} is offered already")
         self.node.serve(name, type_name, lambda data: self._polled(answer, data))
-
-    def _call(self, name: str, type_name: str, data: bytes, timeout: float) -> Request:
-        if self.node.master.service(name) is None:
-            raise TransportError(f"service {name}: nobody offers it")
-        called = Request(lambda: self.node.call(name, type_name, data))
-        threading.Thread(target=called.run, daemon=True).start()  # rospy itself would wait for ever
-        return called
 
     def _published(self) -> Iterator[tuple[str, str, str]]:
         types = self.node.master.topics()

@@ -19,7 +19,6 @@ import numpy as np
 from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, operating_state_message, pose_message, pose_of, rotation_of
-from catenary.crtk.serving import moves
 from catenary.crtk.serving.dialect import (
     Dialect,
     MakeMessage,
@@ -31,7 +30,15 @@ from catenary.crtk.serving.dialect import (
     joints_and_tool,
     single_number,
 )
-from catenary.crtk.serving.served_arm import BASE_FRAME, ServedArm
+from catenary.crtk.serving.served_arm import (
+    BASE_FRAME,
+    ServedArm,
+    joint_move,
+    pose_move,
+    servo_pose,
+    servo_pose_increment,
+    servo_twist,
+)
 from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, jacobian, torques_for
 from catenary.crtk.topic_names import CrtkTopic, topics
 from catenary.errors import CatenaryError, InputError
@@ -340,7 +347,7 @@ def _step_of(arm: ServedArm, message: Message) -> Floats:
 
 
 def _servo_cv(arm: ServedArm, message: Message) -> None:
-    moves.servo_twist(arm, arm.settings.unturned(np.array([message.twist.linear, message.twist.angular])).ravel())
+    servo_twist(arm, arm.settings.unturned(np.array([message.twist.linear, message.twist.angular])).ravel())
 
 
 _OBEYED: dict[str, Obey] = {
@@ -348,25 +355,21 @@ _OBEYED: dict[str, Obey] = {
     "servo_jr": lambda arm, message: arm.increment(_increments(arm, message)),
     "servo_jv": lambda arm, message: arm.run_at(_increments(arm, message, "velocity")),
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
-    "servo_cp": lambda arm, message: moves.servo_pose(arm, arm.settings.unplaced(pose_of(message))),
-    "servo_cr": lambda arm, message: moves.servo_pose_increment(arm, *_step_of(arm, message)),
+    "servo_cp": lambda arm, message: servo_pose(arm, arm.settings.unplaced(pose_of(message))),
+    "servo_cr": lambda arm, message: servo_pose_increment(arm, *_step_of(arm, message)),
     "servo_cv": _servo_cv,
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
-    "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
-    "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),
-    "move_cp": lambda arm, message: arm.move_when_planned(
-        moves.straight_move(arm, arm.settings.unplaced(pose_of(message)))
-    ),
-    "move_cr": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _moved(arm, message))),
+    "move_jp": lambda arm, message: arm.move(joint_move(arm, _goal(arm, message))),
+    "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _increments(arm, message))),
+    "move_cp": lambda arm, message: arm.move(pose_move(arm, arm.settings.unplaced(pose_of(message)))),
+    "move_cr": lambda arm, message: arm.move(pose_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
     "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
     "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "jaw/servo_jf": _jaw_servo_jf,
-    "jaw/move_jp": lambda arm, message: arm.move_jaw(
-        moves.joint_move(arm, arm.joints_at_opening(single_number(message)))
-    ),
+    "jaw/move_jp": lambda arm, message: arm.move_jaw(joint_move(arm, arm.joints_at_opening(single_number(message)))),
     "jaw/move_jr": lambda arm, message: arm.move_jaw(
-        moves.joint_move(arm, arm.setpoint.q + arm.jaw_increments(single_number(message)))
+        joint_move(arm, arm.setpoint.q + arm.jaw_increments(single_number(message)))
     ),
 }

@@ -98,7 +98,6 @@ class Dialect:
             raise InputError("the arm is parked")
         if not arm.is_ready:
             raise InputError(why_not_obeyed(arm.state))
-        arm.obeys = topic.name
         do(arm, message)
 
 

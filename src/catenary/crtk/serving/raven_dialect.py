@@ -8,9 +8,8 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
-from catenary.crtk.serving import moves
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, jaw, joints_and_tool, single_number
-from catenary.crtk.serving.served_arm import JAW_JOINTS, ServedArm
+from catenary.crtk.serving.served_arm import JAW_JOINTS, ServedArm, servo_pose, servo_pose_increment
 from catenary.crtk.serving.state_machine import robot_state
 from catenary.crtk.topic_names import GRAV_DIR, RAVEN_TOPICS, CrtkTopic
 from catenary.errors import InputError
@@ -186,7 +185,7 @@ class RavenDialect(Dialect):
             vector = rotation_vector(rotation_of(turn.rotation)) if any(turn.rotation) else np.zeros(3)
             if not (step.any() or vector.any()) or not arm.is_ready:
                 continue
-            moves.servo_pose_increment(arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector))
+            servo_pose_increment(arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector))
 
 
 def _is_grasp(arm: ServedArm, message: Message) -> bool:
@@ -225,7 +224,7 @@ def _grasp_servo_jv(arm: ServedArm, message: Message) -> None:
 
 def _servo_cr(arm: ServedArm, message: Message, share: float = 1.0) -> None:
     pose = _increment_of(message)
-    moves.servo_pose_increment(arm, share * pose.position, share * rotation_vector(pose.rotation))
+    servo_pose_increment(arm, share * pose.position, share * rotation_vector(pose.rotation))
 
 
 def _increment_of(message: Message) -> Pose:
@@ -240,7 +239,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_jr": _servo_jr,
     "servo_jp": _servo_jp,
     "servo_jv": _servo_jv,
-    "servo_cp": lambda arm, message: moves.servo_pose(arm, pose_of(message)),
+    "servo_cp": lambda arm, message: servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
     "servo_cv": lambda arm, message: _servo_cr(arm, message, arm.plant.period),
     "grasp_servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),

@@ -1,19 +1,21 @@
-"""One arm behind a server: what it was commanded becomes one command a tick for its plant."""
+"""One arm behind a server: what it was commanded becomes one command a tick for its plant; its moves and steps."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose, ToolState
 from catenary.errors import CatenaryError, InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant
-from catenary.spatial import Pose
+from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.smoothed_path import go_to
 
 # messages of one tick that are added up; more than two clients at 1 kHz send, so that a backlog gets shorter
 _INCREMENTS_A_TICK = 4
@@ -86,7 +88,6 @@ class ServedArm:
         self.machine = StateMachine(plant, dialect)
         self.lower, self.upper = plant.lower, plant.upper
         self.place = ""  # namespace of its commands
-        self.obeys = ""  # topic of the command that it obeyed last
         self.most = plant.period * np.array([_SETPOINT_SPEED[unit] for unit in plant.joint_units])
         self._increments: deque[tuple[Floats, int]] = deque()  # that wait (n,), and the ticks in which they came
         self._goal: Floats | None = None  # (n,) that is approached by clamped steps
@@ -99,7 +100,7 @@ class ServedArm:
         self.reports_time = 0  # [ns] of the tick, for what is reported in it
         self.changes = 0  # times that its state was read
         self._doing: Iterator[Floats | None] = iter(())  # where to set it (n,) in each tick, by the command that acts
-        self._is_moving = False  # along a trajectory, or one is being planned
+        self._is_moving = False  # along a trajectory
         self._push: _Push | None = None
         self._pushed: Floats | None = None  # torques (n,) that were asked for in this tick
         self._jaw_wanted: Callable[[], Trajectory] | None = None
@@ -159,11 +160,7 @@ class ServedArm:
 
     def move(self, make: Callable[[], Trajectory]) -> None:
         """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
-
-        def way() -> Iterator[Floats]:
-            yield from self._follow(make())
-
-        self._do(way())
+        self._do(self._follow(make))
 
     def move_jaw(self, make: Callable[[], Trajectory]) -> None:
         """Move the jaw along a trajectory of all joints: beside what the arm does where it is apart, as a dVRK does."""
@@ -171,11 +168,6 @@ class ServedArm:
             self._jaw_wanted = make
         else:
             self.move(make)
-
-    def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
-        """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
-        self._do(self._follow_planned(plan))
-        self._is_moving = True
 
     def hold(self) -> None:
         """Forget all commands and stay."""
@@ -320,8 +312,8 @@ class ServedArm:
                 self._goal, self._steps = None, 0
             yield self.setpoint.q + step
 
-    def _follow(self, trajectory: Trajectory) -> Iterator[Floats]:
-        begin, self._is_moving = self.tick, True
+    def _follow(self, make: Callable[[], Trajectory]) -> Iterator[Floats]:
+        trajectory, begin, self._is_moving = make(), self.tick, True
         while self._is_moving:
             q, has_ended = self._along(trajectory, begin)
             if self.tool.jaw_is_apart:
@@ -329,19 +321,6 @@ class ServedArm:
             if has_ended:
                 self._is_moving, self._arrived = False, True
             yield q
-
-    def _follow_planned(self, plan: Iterator[Trajectory | None]) -> Iterator[Floats | None]:
-        trajectory = None
-        while trajectory is None:
-            try:
-                trajectory = next(plan)
-            except CatenaryError as error:  # the mechanism cannot follow all the way
-                self._do(iter(()))
-                kind = f"{self.obeys}: refused"
-                self.reports.say(kind, str(error), self.reports_time, to=(self.arm,), each=True)
-                return
-            yield None
-        yield from self._follow(trajectory)
 
     def _along(self, trajectory: Trajectory, begin: int) -> tuple[Floats, bool]:
         """Return where a trajectory that began in a tick is now (n,), and whether it ends there."""
@@ -387,3 +366,71 @@ class ServedArm:
             self.plant.servo_jp(np.minimum(np.maximum(q, self.lower), self.upper))
         else:
             self.reports.say(f"{self.arm}: cannot", "the robot takes no positions", self.reports_time)
+
+
+# a third of what a setpoint may do, and there in half a second
+_SPEED = {"rad": 0.8, "m": 0.016}  # [rad/s], [m/s]
+_ACCELERATION = {"rad": 1.6, "m": 0.032}  # [rad/s2], [m/s2]
+_GOAL_STEPS = 60  # steps of the search for joints far from the setpoint: some milliseconds, once
+
+
+def joint_move(arm: ServedArm, q: Floats) -> Callable[[], Trajectory]:
+    """Move all joints from the setpoint to q (n,), arriving together; what is returned makes the trajectory."""
+    arm.require_inside(q)
+    velocity, acceleration = _bounds(arm)
+    return partial(go_to, arm.setpoint.q, q, max_velocity=velocity, max_acceleration=acceleration)
+
+
+def pose_move(arm: ServedArm, goal: Pose) -> Callable[[], Trajectory]:
+    """Move all joints from the setpoint to those of a pose, as `joint_move`: a dVRK's tool, too, goes no straight line.
+
+    [jhu-dvrk/sawIntuitiveResearchKit: mtsIntuitiveResearchKitArm::control_move_cp]
+    """
+    return joint_move(arm, arm.tool.joints(goal, arm.setpoint.q, steps=_GOAL_STEPS))
+
+
+def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
+    units = arm.plant.joint_units
+    speed = arm.settings.speed_ratio * np.array([_SPEED[unit] for unit in units])
+    return speed, arm.settings.acceleration_ratio * np.array([_ACCELERATION[unit] for unit in units])
+
+
+_REFUSED_FROM_M = 0.075  # [m] from the setpoint: the RAVEN-II refuses a servo_cp beyond
+_CLIPPED_TO_M = 0.015  # [m] a servo_cp goes at most
+
+
+def servo_pose(arm: ServedArm, pose: Pose) -> None:
+    """Go towards a pose: refused beyond 75 mm from the setpoint, and at most 15 mm of the way."""
+    start = arm.tool.pose(arm.setpoint.q)
+    way = pose.position - start.position
+    distance = float(np.linalg.norm(way))
+    if distance > _REFUSED_FROM_M:
+        raise InputError(
+            f"servo_cp: {1e3 * distance:.1f} mm from the setpoint, expected at most {1e3 * _REFUSED_FROM_M:.0f}"
+        )
+    if distance > _CLIPPED_TO_M:
+        share = _CLIPPED_TO_M / distance
+        turn = share * rotation_vector(start.rotation.T @ pose.rotation)
+        pose = Pose(start.rotation @ rotation_from_vector(turn), start.position + share * way)
+    arm.go_towards(arm.tool.joints(pose, arm.setpoint.q))
+
+
+def servo_pose_increment(arm: ServedArm, step: Floats, turn: Floats) -> None:
+    """Move the tool by a step (3,) [m] and turn it by a rotation vector (3,) [rad], both in base axes."""
+    q = arm.commanded
+    arm.increment_along(_joints_beside(arm, q, step, turn) - q)
+
+
+def servo_twist(arm: ServedArm, twist: Floats) -> None:
+    """Move the tool at a velocity and angular velocity (6,) in base axes [m/s, rad/s], for 0.1 s."""
+    dt, q = arm.plant.period, arm.setpoint.q
+    qd = (_joints_beside(arm, q, dt * twist[:3], dt * twist[3:]) - q) / dt
+    with np.errstate(divide="ignore"):
+        arm.run_at(qd * min(1.0, float((arm.most / dt / np.abs(qd)).min())))
+
+
+def _joints_beside(arm: ServedArm, q: Floats, step: Floats, turn: Floats) -> Floats:
+    step, turn = as_array("translation", step, (3,)), as_array("rotation", turn, (3,))
+    start = arm.tool.pose(q)
+    goal = Pose(rotation_from_vector(turn) @ start.rotation, start.position + step)
+    return arm.tool.joints(goal, q)

@@ -18,9 +18,8 @@ from math import hypot
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.inverse_kinematics import inverse_kinematics, search_range
 from catenary.dynamics.kinematics import Configuration, forward_kinematics
-from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, identity_pose
@@ -51,8 +50,6 @@ class ToolPose:
         if self.jaws == 2:
             self.to_model[-1, -2:], self.from_model[-2:, -1] = (-0.5, 0.5), (-1.0, 1.0)
         self.reach = _reach(model)  # [m] from the base, which the tool never passes
-        # poses that `path` finds well within a tick
-        self.poses_a_tick = 16 if model.closed_form == "raven2" else 1
         frame_0 = model.frames.get("frame0")
         self._frame_0 = identity_pose() if frame_0 is None else frame_0.pose
         self._base_in_frame_0 = self._frame_0.inverse()
@@ -61,11 +58,12 @@ class ToolPose:
         """Return the tool's pose in the base frame, at joints (n,)."""
         return forward_kinematics(self.model, self.to_model @ q)
 
-    def joints(self, pose: Pose, near: Floats) -> Floats:
+    def joints(self, pose: Pose, near: Floats, *, steps: int = _SEARCH_STEPS) -> Floats:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws."""
         self.require_reach(pose)
         start = np.clip(self.to_model @ near, self.model.lower, self.model.upper)
-        return self._with_jaws(inverse_kinematics(self.model, pose, start, max_iterations=_SEARCH_STEPS), near)
+        found = inverse_kinematics(self.model, pose, start, max_iterations=steps)
+        return self.from_model @ found + near - self.from_model @ (self.to_model @ near)
 
     def require_reach(self, pose: Pose) -> None:
         """Refuse a pose farther away than the arm is long, before anything is worked out."""
@@ -75,31 +73,11 @@ class ToolPose:
                 f"{distance:.4g} m from the base, expected at most {self.reach:.4g} m, the arm's reach"
             )
 
-    def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
-        """Return joints (N, n) along poses (N, 3, 3), (N, 3) [m], each as `joints` from the one before."""
-        model = self.model
-        start = np.clip(self.to_model @ near, model.lower, model.upper)
-        if model.closed_form == "raven2":
-            found = raven_path(model, rotations, positions, start)
-        else:
-            found = np.empty((len(positions), model.n))
-            for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
-                start = found[k] = inverse_kinematics(
-                    model, Pose(rotation, position), start, max_iterations=_SEARCH_STEPS
-                )
-        return self._with_jaws(found, near)
-
     def prepare(self) -> None:
-        """Compile what `path` runs, in the middle of the joints' range, wherever the robot may be."""
-        lower, upper = (np.nan_to_num(end, posinf=0.0, neginf=0.0) for end in (self.model.lower, self.model.upper))
+        """Compile what `joints` runs, in the middle of the joints' range, wherever the robot may be."""
+        lower, upper = search_range(self.model)
         near: Floats = self.from_model @ (0.5 * (lower + upper))
-        place = self.pose(near)
-        self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)
-
-    def _with_jaws(self, found: Floats, near: Floats) -> Floats:
-        """Return the robot's joints (..., n) at the model's, with the opening of the jaws as in `near`."""
-        opening = near - self.from_model @ (self.to_model @ near)
-        return found @ self.from_model.T + opening
+        self.joints(self.pose(near), near)
 
     def in_frame_0(self, pose: Pose) -> Pose:
         """Return a pose of the base in the mechanism's frame 0; the same where it has none."""

@@ -113,12 +113,12 @@ def gentle_way(
     goal: ArrayLike,
     units: Sequence[str],
     *,
+    speed: float = 1.0,
     max_velocity: ArrayLike | None = None,
-    max_acceleration: ArrayLike | None = None,
 ) -> Trajectory:
-    """Return a motion from (k,) to (k,) [rad|m], as fast as GENTLE_VELOCITY and _ACCELERATION where none are given."""
-    velocity = [GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
-    acceleration = [GENTLE_ACCELERATION[u] for u in units] if max_acceleration is None else max_acceleration
+    """Return a motion from (k,) to (k,) [rad|m] at `speed` times GENTLE_VELOCITY, where no other, and _ACCELERATION."""
+    velocity = [speed * GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
+    acceleration = [speed * GENTLE_ACCELERATION[unit] for unit in units]
     return go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)
 
 

@@ -1,0 +1,1 @@
+"""Doubts about recorded torques as hypotheses that compete: one regression, judged by evidence."""

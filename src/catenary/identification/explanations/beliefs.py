@@ -1,0 +1,126 @@
+"""What is known of an arm before a recording is looked at: from its file's masses, or from an identification.
+
+Masses of a file are wrong by unknown shares, c of all parts of a link alike, s each by itself: P = c^2 phi phi^T +
+s^2 D, where D has the square of .3 of a link's size in each of its ten parameters. s is .1, .3 or 1, weighted and
+summed. An arm without masses has links of about 1 kg and .1 m. An identification gives its parameters' covariance, and
+friction of another day.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
+from catenary.identification.identification import Identification
+from catenary.identification.parameters import Parameters
+from catenary.robots.model import RobotModel
+
+# relative error of each of a file's masses, of all alike, and its probability
+_SPREADS = ((0.1, 0.1, 0.3), (0.3, 0.15, 0.5), (1.0, 0.3, 0.2))
+_FREE_SPREADS = ((0.3, 0.0, 0.4), (3.0, 0.0, 0.4), (30.0, 0.0, 0.2))  # the same about 1 kg and 0.1 m
+_FREE_MASS, _FREE_LENGTH_M = 1.0, 0.1
+_LEAST_SHARE, _LEAST_LENGTH_M = 0.04, 0.06  # of the arm's mass, and from the joint: what every link is given
+_LOAD_SHARE, _LEAST_LOAD = 0.12, 1.0  # standard deviation of a load, of the arm's mass, and at least [kg]
+_LOAD_REACH_M, _LOAD_INERTIA_M2 = 0.1, 0.02  # of its centre and inertia, per kg
+_OTHER_DAY_SHARE = 0.1  # by which friction of another day differs
+_OTHER_ZERO_SHARE = 0.03  # of a joint's torque, by which its zero does
+
+
+@dataclass(frozen=True)
+class Belief:
+    """A Gaussian mixture over an arm's parameters: links, and the file's actuation too if it was identified."""
+
+    mean: Floats  # (k,)
+    covariances: tuple[Floats, ...]  # (k, k) each
+    log_weights: tuple[float, ...]
+    middle: int  # which of them searches begin with
+    knows_masses: bool
+    links: tuple[int, ...]
+    mass: float  # of all links [kg]
+
+    def with_loads(self, which: int, loads: tuple[int, ...]) -> Floats:
+        """Return one covariance where some links carry a body of unknown mass and place."""
+        covariance = self.covariances[which]
+        for link in loads:
+            covariance = covariance.copy()
+            own = PER_LINK * self.links.index(link) + np.arange(PER_LINK)
+            covariance[own, own] += self.load_std**2
+        return covariance
+
+    def after(self, mean: Floats, covariance: Floats) -> "Belief":
+        """Return what a recording made of it: links and the file's actuation."""
+        return Belief(
+            mean, (covariance,), (0.0,), 0, True, self.links, float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
+        )
+
+    @property
+    def load_std(self) -> Floats:
+        """Standard deviations (10,) of the parameters of a body that a link carries."""
+        parts = [1.0, *[_LOAD_REACH_M] * 3, *[_LOAD_INERTIA_M2] * 6]
+        return max(_LEAST_LOAD, _LOAD_SHARE * self.mass) * np.array(parts)
+
+
+def belief_of_file(model: RobotModel) -> Belief:
+    """Return what a robot's file says of its masses."""
+    links = Parameters(model, "full").links
+    phi = link_parameters(model.tree).reshape(-1, PER_LINK)[list(links)]
+    knows = not model.missing_inertia and float(model.tree.mass.sum()) > 0.0
+    spreads = _SPREADS if knows else _FREE_SPREADS
+    known = phi if knows else 0.0 * phi
+    return Belief(
+        phi.ravel() * knows,
+        tuple(_covariance(known, knows, s, common) for s, common, _ in spreads),
+        tuple(float(np.log(weight)) for _, _, weight in spreads),
+        1,
+        knows,
+        links,
+        float(phi[:, 0].sum()) if knows else 0.0,
+    )
+
+
+def _covariance(phi: Floats, knows: bool, spread: float, common: float) -> Floats:
+    """Return the covariance (10 k, 10 k) of parameters (k, 10) by their relative errors."""
+    P = np.zeros((phi.size, phi.size))
+    total = max(float(phi[:, 0].sum()), 1e-9)
+    for i, p in enumerate(phi):
+        mass, length = _FREE_MASS, _FREE_LENGTH_M
+        if knows:
+            mass = max(float(p[0]), _LEAST_SHARE * total)
+            length = max(float(np.linalg.norm(p[1:4])) / max(float(p[0]), 1e-9), _LEAST_LENGTH_M)
+        sizes = mass * np.array([0.3, *[0.5 * length + 0.01] * 3, *[length**2 + 0.003] * 6])
+        own = slice(PER_LINK * i, PER_LINK * (i + 1))
+        P[own, own] = common**2 * np.outer(p, p) + np.diag((spread * sizes) ** 2)
+    return P
+
+
+def belief_of(result: Identification) -> Belief:
+    """Return what an identification says of the arm's links, friction, rotors and springs."""
+    file, parameters = belief_of_file(result.model), result.base.parameters
+    per, count = parameters.per_link, len(parameters.links) * PER_LINK
+    terms = len(parameters.actuation)
+    P = np.zeros((count + terms, count + terms))
+    P[:count, :count] = file.covariances[-1]
+    B = np.zeros((result.base.count, count + terms))
+    own = np.concatenate([PER_LINK * k + np.arange(per) for k in range(len(parameters.links))])
+    B[:, [*own, *range(count, count + terms)]] = result.base.combination
+    scale = np.abs(B[:, count:]) * np.abs(result.beta)[:, None]
+    P[count:, count:] = np.diag((3.0 * scale.max(axis=0, initial=0.0) + 1e-6) ** 2)
+    mean = np.concatenate([file.mean, np.zeros(terms)])
+    gain = np.linalg.solve(B @ P @ B.T + result.covariance, B @ P).T
+    mean = mean + gain @ (result.beta - B @ mean)
+    C = P - gain @ B @ P
+    other = _OTHER_DAY_SHARE * np.abs(mean[count:])
+    for k, term in enumerate(parameters.actuation):
+        if term.kind == "offset":
+            other[k] += _OTHER_ZERO_SHARE * float(_torque_size(result) @ np.abs(term.combination))
+    C[count:, count:] += np.diag(other**2)
+    C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(P))
+    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()))
+
+
+def _torque_size(result: Identification) -> Floats:
+    """Return the RMS (n,) of the torques that were fitted [Nm or N]."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sizes = [np.nan_to_num(part.rms / part.relative_rms) for part in result.training]
+    return np.asarray(np.mean(sizes, axis=0))

@@ -1,0 +1,176 @@
+"""Rows of a recording as regressor columns and torques, under what a hypothesis supposes.
+
+Columns are the links' parameters, reduced to the combinations that torques can show, the robot file's friction,
+rotors and springs, and friction, a rotor and a zero of every joint beside them. All have a Gaussian prior, so that none
+is singular. What stands beside the links is sized by the RMS of its joint's torque.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.inverse_dynamics import BaseMotion
+from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
+from catenary.identification.explanations.supposed import Supposed
+from catenary.identification.identify_options import actuation_of
+from catenary.identification.parameters import Parameters, recorded_load
+from catenary.identification.samples import Samples
+from catenary.robots.model import RobotModel
+from catenary.spatial import STANDARD_GRAVITY
+
+_SLOW = {"rad": 0.02, "m": 0.005}  # [rad/s, m/s] speed of tanh(v / slow) in Coulomb friction: velocities have noise
+_STRIBECK_RATIO = 5.0  # of Stribeck's speed to that
+# standard deviations beforehand, of the RMS of the joint's torque
+_COULOMB_SHARE, _TERM_SHARE, _ROTOR_SHARE = 0.3, 0.5, 0.4
+_STRIBECK_SHARE, _LOADED_SHARE, _QUADRATIC_SHARE = 0.1, 0.07, 0.1
+_SHARED_SHARE, _SHARED_ROTOR_SHARE = 0.3, 0.2
+_SHIFT_SHARE = 1.0
+_ENDS_SHARE = 0.02  # of the rows, left out at either end
+_LEAST_TORQUE = 0.002  # of the largest joint's RMS: the least size that a joint's torque is given
+_DRAWN_ROWS, _VISIBLE_RATIO = 60, 1e-9  # of random motion, which tells the combinations that torques can show
+
+
+class Beside(NamedTuple):
+    """Prior of the columns beside the links, (k,) each."""
+
+    mean: Floats
+    std: Floats
+    joint: np.ndarray  # whose torque's size they have, -1 for none
+    power: Floats  # that each takes per unit, if it is friction: all of a joint together take power
+
+    def and_columns(self, mean: Sequence[float], std: Sequence[float]) -> "Beside":
+        """Return the prior with more columns behind, that are no joint's friction."""
+        none = np.full(len(mean), -1)
+        more = (mean, std, none, 0.0 * none)
+        return Beside(*(np.concatenate([had, new]) for had, new in zip(self, more, strict=True)))
+
+
+class Rows:
+    """Some rows of a recording."""
+
+    def __init__(self, model: RobotModel, samples: Samples, count: int) -> None:
+        """Take rows (count at most) that lie evenly along a recording."""
+        total = len(samples)
+        self.model, self.samples = model, samples
+        first, last = _ENDS_SHARE * (total - 1), (1.0 - _ENDS_SHARE) * (total - 1)
+        self.at = np.unique(np.linspace(first, last, min(count, total)).astype(np.int64))
+        self.step = float(np.median(np.diff(samples.time)))
+        self.measured, self.known = samples.tau + samples.known, samples.known[self.at]
+        size = np.sqrt(np.mean(self.measured[self.at] ** 2, axis=0))
+        self.size = np.maximum(size, _LEAST_TORQUE * max(float(size.max()), 1e-12))  # (n,) [Nm or N]
+        self.still = not samples.qd.any()
+        self.parameters = Parameters(model, "static" if self.still else "full")
+        self.carried = np.zeros_like(self.known)  # (N, n) what links ask, by a first fit; measured, it explains itself
+        self._friction: dict[tuple[object, ...], Floats] = {}
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    @cached_property
+    def shown(self) -> Floats:
+        """The combinations (L, r) of the links' parameters that torques can show, under any gravity."""
+        rng, n = np.random.default_rng(0), self.model.n
+        q, qd, qdd = rng.uniform(-2.0, 2.0, (3, _DRAWN_ROWS, n)) * np.array([1.0, *[not self.still] * 2])[:, None, None]
+        down = STANDARD_GRAVITY * rng.normal(size=(_DRAWN_ROWS, 3))
+        Y = torque_regressor(self.model, q, qd, qdd, down)[:, :, self._own].reshape(-1, len(self._own))
+        _, sizes, Vt = np.linalg.svd(Y, full_matrices=False)
+        return np.asarray(Vt[sizes > _VISIBLE_RATIO * sizes[0]].T)
+
+    @cached_property
+    def _own(self) -> list[int]:
+        return [PER_LINK * link + p for link in self.parameters.links for p in range(PER_LINK)]
+
+    def motion(self, supposed: Supposed) -> tuple[Floats, Floats, Floats]:
+        """Return the arm's positions, velocities and accelerations (N, n)."""
+        order, sign = list(supposed.position_order), np.array(supposed.signs)
+        q, qd, qdd = (getattr(self.samples, key)[self.at][:, order] * sign for key in ("q", "qd", "qdd"))
+        return q - np.array(supposed.zeros), qd, qdd
+
+    def links(self, supposed: Supposed) -> Floats:
+        """Return the columns (N, n, L) of the links' parameters."""
+        samples, base = self.samples, None
+        if samples.base is not None:
+            base = BaseMotion(samples.base[self.at, 0], samples.base[self.at, 1])
+        down = samples.gravity[self.at] if samples.holds_gravity else samples.gravity
+        gravity = down if supposed.gravity is None else np.array(supposed.gravity)
+        return torque_regressor(self.model, *self.motion(supposed), gravity, base)[:, :, self._own]
+
+    def torques(self, supposed: Supposed) -> Floats:
+        """Return recorded torques (N, n) in the joints' order, where they lie behind from later rows."""
+        late = round(supposed.late_s / self.step) if supposed.late_s else 0
+        at = np.clip(self.at + late, 0, len(self.measured) - 1)
+        return self.measured[at][:, list(supposed.torque_order)]
+
+    def term_loads(self, supposed: Supposed) -> Floats:
+        """Return the loads (N, t) of the robot file's friction, rotors and springs, as friction remembers its path."""
+        terms = self.parameters.actuation
+        springs = any(term.kind == "spring" for term in terms)
+        key = (supposed.signs, supposed.position_order, supposed.zeros if springs else ())
+        if key not in self._friction:
+            order, sign = list(supposed.position_order), np.array(supposed.signs)
+            few = self.samples.rows(np.isin(np.arange(len(self.samples)), self.at), self.samples.name)
+            history, smooth = few.history, actuation_of(self.model).coulomb_velocity
+            if history is not None:
+                segments = [(q[:, order] * sign, qd[:, order] * sign, cut) for q, qd, cut in history.segments]
+                history = replace(history, segments=tuple(segments))
+            q, qd, qdd = self.motion(supposed)
+            few = replace(few, q=q, qd=qd, qdd=qdd, history=history)
+            slow = max(smooth, min(_SLOW[unit] for unit in self.model.joint_units))
+            loads = [recorded_load(term, few, slow) for term in terms]
+            self._friction[key] = np.column_stack(loads) if loads else np.zeros((len(few), 0))
+        return self._friction[key]
+
+    def beside(self, supposed: Supposed) -> tuple[Floats, Beside, int]:
+        """Return the columns (N, n, k) beside the links, their prior, and how many are the robot file's own."""
+        carried = np.abs(self.carried[:, list(supposed.torque_order)])
+        n, (_, qd, qdd) = self.model.n, self.motion(supposed)
+        size, eye = self.size[list(supposed.torque_order)], np.eye(n)
+        found = list[tuple[Floats, float, float, int, float]]()  # column, mean, deviation, joint, power
+
+        def add(load: Floats, along: Floats, share: float, mean: float = 0.0, rubs: bool = False) -> None:
+            joint = int(np.argmax(np.abs(along)))
+            power = float(np.mean(load * (qd @ along))) if rubs else 0.0
+            found.append((load[:, None] * along, mean * share * size[joint], share * size[joint], joint, power))
+
+        terms = self.parameters.actuation
+        for term, load in zip(terms, self.term_loads(supposed).T, strict=True):
+            constant = term.kind in ("coulomb", "offset")
+            share = _COULOMB_SHARE if constant else _TERM_SHARE / _spread(load)
+            rubs = term.friction is not None and not term.friction.at_rest
+            add(load, term.combination, share, 0.5 if term.kind in ("coulomb", "viscous") else 0.0, rubs)
+        geared = {i for term in terms if term.kind == "motor_inertia" for i in np.flatnonzero(term.combination)}
+        if not self.still:
+            for i in range(n):
+                if i not in geared:
+                    add(qdd[:, i], eye[i], _ROTOR_SHARE / _spread(qdd[:, i]))
+            slow = np.array([_SLOW[unit] for unit in self.model.joint_units])
+            direction = np.tanh(qd / slow)
+            for i in range(n):
+                stribeck = direction[:, i] * np.exp(-((qd[:, i] / slow[i] / _STRIBECK_RATIO) ** 2))
+                add(stribeck, eye[i], _STRIBECK_SHARE, rubs=True)
+                add(direction[:, i] * carried[:, i] / size[i], eye[i], _LOADED_SHARE, rubs=True)
+                square = qd[:, i] * np.abs(qd[:, i])
+                add(square, eye[i], _QUADRATIC_SHARE / _spread(square), rubs=True)
+            for i, j, sign in supposed.shared:
+                along, rate = eye[i] + sign * eye[j], qd[:, i] + sign * qd[:, j]
+                for load in (np.tanh(rate / slow[i]), rate):
+                    add(load, along, _SHARED_SHARE / _spread(load), rubs=True)
+                crossed = qdd[:, [j]] * eye[i] + qdd[:, [i]] * eye[j]
+                found.append((crossed, 0.0, _SHARED_ROTOR_SHARE * size[i] / _spread(qdd[:, j]), i, 0.0))
+        for i in supposed.shifted:
+            add(np.ones(len(qd)), eye[i], _SHIFT_SHARE)
+        columns, *prior = zip(*found, strict=True)
+        return np.stack(columns, axis=2), Beside(*map(np.array, prior)), len(terms)
+
+
+def _spread(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) + 1e-9
+
+
+def joined(parts: Sequence[Floats]) -> Floats:
+    """Return columns (N, n, k) side by side."""
+    return np.concatenate(parts, axis=2)

@@ -1,0 +1,235 @@
+"""How likely a recording is under what a hypothesis supposes, in closed form from the columns' Gram matrices.
+
+A Gaussian regression with Gaussian priors and a noise per joint, found by three EM steps under an inverse-gamma prior
+(MacKay, Information theory, inference and learning algorithms, 2003, ch. 28; Bishop, Pattern recognition and machine
+learning, 2006, sec. 3.5). Rows that hang together count as fewer: N / c, c the autocorrelation time of the widest fit
+times 1 + (relative residual / .04)^2, as every model is wrong by some per cent, of which more rows tell nothing.
+
+Friction takes power: the evidence has the probability that it does, of each joint, after and over before.
+
+A gain g of a joint multiplies its torque by 1/g: the Gram matrix is the same, and the density has the Jacobian
+N log |1/g|. So a gain is weighed against torques as they are predicted; measured ones as a column explain themselves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.special import log_ndtr
+
+from catenary.arrays import Floats
+from catenary.dynamics.torque_regressor import PER_LINK
+from catenary.identification.explanations.beliefs import Belief, belief_of_file
+from catenary.identification.explanations.columns import Beside, Rows, joined
+from catenary.identification.explanations.supposed import Supposed, nothing_supposed
+from catenary.identification.samples import Samples
+from catenary.robots.model import RobotModel
+
+_ROWS = 240
+_KNOWN_STD = 1e-4  # of the factor of torques that are known beforehand, which is one
+_COARSE = 0.04  # of a torque, by which every model is wrong
+_NOISE_SHARE, _NOISE_DEGREES = 0.03, 4.0  # inverse-gamma prior of the noise: of the torque, degrees of freedom
+_FIRST_NOISE, _LEAST_NOISE = 4.0, 0.3  # times that
+_LEAST_INDEPENDENT = 12  # rows that count of a recording, however its residual hangs together
+_EM_STEPS = 3
+_DRIVING_LOG = -10.0  # log probability that friction of a joint seems to drive it, as models are wrong
+_KEPT_GRAMS, _KEPT_COLUMNS = 400, 4
+_LARGEST_LAG = 60  # rows
+
+
+class Extra(NamedTuple):
+    """A column (N, n) beside all others, with its prior."""
+
+    column: Floats
+    mean: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A posterior: of all columns, the links' first, and what it leaves of the torques."""
+
+    log_evidence: float
+    beta: Floats  # (p,)
+    covariance: Floats  # (p, p)
+    relative: Floats  # (n,) RMS of the residual over that of the torque
+    implausible: float  # squared Mahalanobis distance of the links' parameters from the file's, per parameter
+
+
+class _Gram(NamedTuple):
+    XX: Floats  # (n, p, p)
+    beside: Beside
+    own: int  # columns of the robot file's actuation
+
+
+class Evidence:
+    """Evidence of one recording for hypotheses about it."""
+
+    def __init__(self, model: RobotModel, samples: Samples, belief: Belief | None = None, rows: int = _ROWS) -> None:
+        """Take a recording of an arm, and what is known of the arm: its file's masses when None."""
+        self.model, self.rows = model, Rows(model, samples, rows)
+        self.belief = belief_of_file(model) if belief is None else belief
+        self.plain = nothing_supposed(model.n)
+        self._grams: dict[object, _Gram] = {}
+        self._columns: dict[object, Floats] = {}
+        self._priors: dict[object, tuple[Floats, Floats, Floats, float]] = {}
+        self._links: dict[object, Floats] = {}
+        self.correlated = np.ones(model.n)  # rows that count as one, by joint
+        self.correlated = self._correlation()
+
+    def log(self, supposed: Supposed, which: int, extra: Sequence[Extra] = ()) -> float:
+        """Return the log evidence under one of the belief's spreads."""
+        return self._solved(supposed, which, extra)[0]
+
+    def fit(self, supposed: Supposed, which: int, extra: Sequence[Extra] = ()) -> Fit:
+        """Return the posterior under one of the belief's spreads."""
+        value, beta, covariance, rss, scaled_size = self._solved(supposed, which, extra)
+        mean, precision, _, _ = self._prior(which, supposed.loads)
+        off = (beta - self._mean(mean, len(beta)))[: self.shown]
+        distance = float(off @ precision[: self.shown, : self.shown] @ off)
+        relative = np.sqrt(np.maximum(rss, 0.0) / len(self.rows)) / scaled_size
+        return Fit(value, beta, covariance, relative, distance / (PER_LINK * len(self.belief.links)))
+
+    def over_spreads(self, supposed: Supposed) -> tuple[float, int]:
+        """Return the log evidence over all spreads of the belief, and which is the likeliest."""
+        found = [self.log(supposed, k) + weight for k, weight in enumerate(self.belief.log_weights)]
+        return float(np.logaddexp.reduce(found)), int(np.argmax(found))
+
+    @property
+    def shown(self) -> int:
+        """How many columns the links have."""
+        return self.rows.shown.shape[1]
+
+    def columns(self, supposed: Supposed) -> tuple[Floats, Beside, int]:
+        """Return the regressor (N, n, p), the prior of what stands beside the links, and the count of file's terms."""
+        key = supposed.motion
+        if key not in self._links:
+            links = self.rows.links(supposed)
+            if len(self._links) > _KEPT_COLUMNS:
+                self._links.clear()
+            self._links[key] = links
+        links = self._links[key]
+        found, beside, own = self.rows.beside(supposed)
+        known = self.rows.known
+        if known.any():
+            n = self.model.n
+            found = joined([found, known[:, :, None] * np.eye(n)])
+            beside = beside.and_columns([1.0] * n, [_KNOWN_STD] * n)
+        return joined([links @ self.rows.shown, found]), beside, own
+
+    def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
+        """Return the columns' products with each other, with torques (n, p), and of torques (n,)."""
+        key = (*supposed.motion, supposed.shifted, supposed.torque_order)
+        if key not in self._grams or key not in self._columns or extra:
+            X, beside, own = self.columns(supposed)
+            if extra:
+                X = joined([X, np.stack([each.column for each in extra], axis=2)])
+                beside = beside.and_columns([each.mean for each in extra], [each.std for each in extra])
+            by_joint = np.ascontiguousarray(X.transpose(1, 0, 2))
+            gram = _Gram(by_joint.transpose(0, 2, 1) @ by_joint, beside, own)
+            if not extra:
+                for kept, most in ((self._grams, _KEPT_GRAMS), (self._columns, _KEPT_COLUMNS)):
+                    if len(kept) > most:
+                        kept.clear()
+                self._grams[key], self._columns[key] = gram, by_joint
+        else:
+            gram, by_joint = self._grams[key], self._columns[key]
+        y = self.rows.torques(supposed).T
+        return gram, (y[:, None] @ by_joint)[:, 0], np.sum(y**2, axis=1)
+
+    def _prior(self, which: int, loads: tuple[int, ...]) -> tuple[Floats, Floats, Floats, float]:
+        """Return mean, precision, variances and log determinant of the covariance of what the belief is about."""
+        if (which, loads) not in self._priors:
+            covariance, V = self.belief.with_loads(which, loads), self.rows.shown
+            k = len(V)
+            onto = np.zeros((len(covariance), V.shape[1] + len(covariance) - k))
+            onto[:k, : V.shape[1]] = V
+            onto[k:, V.shape[1] :] = np.eye(len(covariance) - k)
+            reduced = onto.T @ covariance @ onto
+            scale = np.sqrt(np.diag(reduced))
+            correlation = reduced / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
+            log_determinant = float(np.linalg.slogdet(correlation)[1]) + 2.0 * float(np.log(scale).sum())
+            precision = np.linalg.inv(correlation) / np.outer(scale, scale)
+            self._priors[which, loads] = onto.T @ self.belief.mean, precision, scale**2, log_determinant
+        return self._priors[which, loads]
+
+    @staticmethod
+    def _mean(first: Floats, count: int) -> Floats:
+        return np.concatenate([first, np.zeros(max(0, count - len(first)))])[:count]
+
+    def _solved(
+        self, supposed: Supposed, which: int, extra: Sequence[Extra]
+    ) -> tuple[float, Floats, Floats, Floats, Floats]:
+        """Return log evidence, posterior mean and covariance, squares left (n,), and the size of torques (n,)."""
+        gram, Xy, yy = self._gram(supposed, extra)
+        order, x = list(supposed.torque_order), 1.0 / np.array(supposed.gains)
+        mean, precision, own_variances, log_determinant = self._prior(which, supposed.loads)
+        skip = gram.own if len(mean) > self.shown else 0  # terms that the belief is about already
+        joint = gram.beside.joint[skip:]
+        scale = np.where(joint >= 0, np.abs(x)[joint], 1.0)
+        std = gram.beside.std[skip:] * scale
+        M = np.concatenate([mean, gram.beside.mean[skip:] * scale])
+        b, p = len(mean), len(M)
+        K = np.zeros((p, p))
+        K[:b, :b] = precision
+        K[range(b, p), range(b, p)] = 1.0 / std**2
+        log_determinant += 2.0 * float(np.log(std).sum())
+        variances = np.concatenate([own_variances, std**2])
+        N = len(self.rows)
+        counted, size = N / self.correlated[order], self.rows.size[order] * np.abs(x)
+        least = _NOISE_SHARE * size
+        variance = (_FIRST_NOISE * least) ** 2
+        XX, Xy, yy, KM = gram.XX, Xy * x[:, None], yy * x**2, K @ M
+        for step in range(_EM_STEPS):
+            w = counted / N / variance
+            A, right = K + np.tensordot(w, XX, 1), KM + w @ Xy
+            d = 1.0 / np.sqrt(np.diag(A))
+            L = lapack.dpotrf(A * d[:, None] * d + 1e-12 * np.eye(p), lower=1, clean=0)[0]
+            lower = lapack.dpotri(L, lower=1)[0]
+            C = (np.tril(lower) + np.tril(lower, -1).T) * d[:, None] * d
+            beta = C @ right
+            XXb = XX @ beta
+            rss = yy - 2.0 * Xy @ beta + XXb @ beta
+            if step < _EM_STEPS - 1:
+                unsure = XX.reshape(len(XX), -1) @ C.ravel()
+                spread = counted / N * (np.maximum(rss, 0.0) + unsure) + _NOISE_DEGREES * least**2
+                variance = np.maximum(spread / (counted + _NOISE_DEGREES), (_LEAST_NOISE * least) ** 2)
+        value = -0.5 * np.sum(counted * np.log(2.0 * np.pi * variance)) - 0.5 * w @ yy + 0.5 * right @ beta
+        value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
+        value += float(np.sum(counted * np.log(np.abs(x))))
+        value += self._braking(gram.beside, beta, C) - self._braking(gram.beside, M, np.diag(variances))
+        value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
+        return float(value), beta, C, rss, size
+
+    def _braking(self, beside: Beside, mean: Floats, covariance: Floats) -> float:
+        """Return the log probability that friction of every joint takes power, joint by joint."""
+        tail = len(mean) - len(beside.power)
+        total = 0.0
+        for i in range(self.model.n):
+            of = np.flatnonzero((beside.joint == i) & (beside.power != 0.0))
+            if len(of):
+                power, at = beside.power[of], of + tail
+                std = np.sqrt(power @ covariance[np.ix_(at, at)] @ power)
+                total += float(np.logaddexp(log_ndtr(power @ mean[at] / std), _DRIVING_LOG))
+        return total
+
+    def _correlation(self) -> Floats:
+        """Return over how many rows the residual of the widest fit hangs together, by joint (n,)."""
+        widest = len(self.belief.covariances) - 1
+        fit = self.fit(self.plain, widest)
+        X = self.columns(self.plain)[0]
+        left = self.rows.torques(self.plain) - X @ fit.beta
+        left = left - left.mean(axis=0)
+        lags = range(min(_LARGEST_LAG, len(left) // 3))
+        products = np.array([np.sum(left[k:] * left[: len(left) - k], axis=0) for k in lags])
+        shares = (products / (np.sum(left**2, axis=0) + 1e-300)).T
+        times = []
+        for share in shares:
+            ends = np.flatnonzero(share < 0.05)
+            times.append(1.0 + 2.0 * float(share[1 : ends[0] if len(ends) else None].sum()))
+        self.rows.carried = X[:, :, : self.shown] @ fit.beta[: self.shown]
+        self._grams.clear()
+        coarse = np.array(times) * (1.0 + (fit.relative / _COARSE) ** 2)
+        return np.clip(coarse, 1.0, max(1.0, len(left) / _LEAST_INDEPENDENT))

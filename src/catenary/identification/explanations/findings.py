@@ -1,0 +1,174 @@
+"""How an explanation is told: a note where it is the arm's, a refusal with its option where it is the recording's.
+
+There is advice only where the mended recording is as good as a sound one: no joint is left with 30 % of its torque,
+masses are plausible, no rival is nearly as likely, and the number that mends it is known to a tenth.
+"""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.torque_regressor import PER_LINK
+from catenary.identification.explanations.beliefs import Belief, belief_of
+from catenary.identification.explanations.columns import Rows
+from catenary.identification.explanations.evidence import Evidence
+from catenary.identification.explanations.hypotheses import UNSURE, PossibleCause
+from catenary.identification.explanations.search import Cause, ExplainedRecording, explain
+from catenary.identification.explanations.supposed import Supposed
+from catenary.identification.identification import Identification
+from catenary.identification.samples import Samples
+from catenary.robots.model import RobotModel
+from catenary.verdict.finding import Finding
+
+GAINS = ("gain", "common gain", "currents")
+_POOR = 0.3  # relative residual of a joint, beyond which nothing is advised about it
+_IMPLAUSIBLE = 2.0  # squared distance of masses from the file's, per parameter
+_UNSEEN_SHARE = 0.5  # of a joint's torque at usual motions, that a recording leaves open
+_USUAL_ROWS, _USUAL_RANGE = 60, 0.6  # random motion: rows, and least amplitude [rad or m]
+
+
+def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str] = ()) -> list[Finding]:
+    """Explain a recording that is to be fitted, by the masses of the robot's file.
+
+    Args:
+        model: The robot, its actuation as its file has it.
+        samples: The recording, filtered.
+        settled: Hypotheses that are left out, such as `GAINS` of currents whose gains were just found.
+
+    Returns:
+        Findings that refuse it with the option that mends it, and notes on what the arm has beside its file.
+    """
+    evidence = Evidence(model, samples)
+    explanation = explain(evidence, settled)
+    unseen = unseen_joints(evidence, explanation.supposed)
+    return [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+
+
+def _unseen(name: str) -> Finding:
+    says = "the motion leaves its torque at usual motions open: move it, and by itself"
+    return Finding("short", (name,), says, refuses=False)
+
+
+def findings_against(result: Identification, samples: Samples) -> list[Finding]:
+    """Explain a recording by an arm that was identified: a test, or one with a load."""
+    evidence = Evidence(result.model, samples, belief_of(result))
+    return _told(evidence, explain(evidence))
+
+
+def _told(evidence: Evidence, explanation: ExplainedRecording) -> list[Finding]:
+    return [_finding(evidence, explanation, cause) for cause in explanation.causes]
+
+
+def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> Finding:
+    """Return one cause as a finding."""
+    hypothesis, candidate = cause.hypothesis, cause.candidate
+    names = tuple(evidence.model.joint_names[i] for i in candidate.joints)
+    says = f"{candidate.says}{_of_load(evidence, explanation, candidate)}; log evidence +{cause.gain:.0f}"
+    if hypothesis.of_arm or not hypothesis.mended:
+        culprit = "it is identified with the arm" if hypothesis.of_arm else ""
+        return Finding(hypothesis.finding, names, says + _rivals(cause), culprit, refuses=False)
+    faults = not any(rival.of_arm or not rival.mended for _, rival, _ in cause.rivals)
+    whose = list(candidate.joints) or list(range(evidence.model.n))
+    sound = bool((explanation.fit.relative[whose] < _POOR).all()) and explanation.fit.implausible < _IMPLAUSIBLE
+    refuses = sound and faults and candidate.error < UNSURE
+    remedies = [_option(evidence, c.remedy) for c in (candidate, *(c for _, _, c in cause.rivals))] if refuses else []
+    if not refuses:
+        says += "; nothing is advised: " + (
+            "its number is not sure"
+            if candidate.error >= UNSURE
+            else "it explains too little"
+            if faults
+            else "see rivals"
+        )
+    return Finding(hypothesis.finding, names, says + _rivals(cause), "", " or ".join(remedies), refuses=refuses)
+
+
+def _rivals(cause: Cause) -> str:
+    """Return what else would explain it nearly as well."""
+    told = [f"{candidate.says} (-{less:.1f})" for less, _, candidate in cause.rivals]
+    return f"; nearly as likely: {'; '.join(told)}" if told else ""
+
+
+def _option(evidence: Evidence, remedy: str) -> str:
+    """Return a remedy with what velocities need, if they were recorded."""
+    return re.sub(r"\{rates:(.*?)\}", r" \1" if evidence.rows.samples.has_rates else "", remedy)
+
+
+def _of_load(evidence: Evidence, explanation: ExplainedRecording, candidate: PossibleCause) -> str:
+    """Return the mass of the last load that is supposed, if that is what the candidate adds."""
+    if candidate.joints or not candidate.supposed.loads or "carries a body" not in candidate.says:
+        return ""
+    mass, std = load_mass(evidence, explanation.supposed, candidate.supposed.loads[-1])
+    return f": {mass:.2g} kg, standard deviation {std:.1g}"
+
+
+def load_mass(evidence: Evidence, supposed: Supposed, link: int) -> tuple[float, float]:
+    """Return the mass [kg] of a body on a link that is supposed to carry one, and its standard deviation."""
+    _, which = evidence.over_spreads(supposed)
+    fit, V = evidence.fit(supposed, which), evidence.rows.shown
+    k, r = V.shape
+    P = evidence.belief.with_loads(which, supposed.loads)[:k, :k]
+    own = PER_LINK * evidence.belief.links.index(link) + np.arange(PER_LINK)
+    D = np.diag(evidence.belief.load_std**2)
+    gain = D @ V[own] @ np.linalg.inv(V.T @ P @ V)
+    body = gain @ (fit.beta[:r] - V.T @ evidence.belief.mean[:k])
+    unsure = D - gain @ V[own].T @ D + gain @ fit.covariance[:r, :r] @ gain.T
+    return float(body[0]), float(np.sqrt(max(unsure[0, 0], 0.0)))
+
+
+def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
+    """Return the joints whose torque at usual motions a recording leaves open."""
+    fit, samples, model = (
+        evidence.fit(supposed, evidence.over_spreads(supposed)[1]),
+        evidence.rows.samples,
+        evidence.model,
+    )
+    rng, n = np.random.default_rng(0), model.n
+    reach = np.maximum(np.ptp(samples.q, axis=0) / 2.0, _USUAL_RANGE)
+    q = samples.q.mean(axis=0) + rng.uniform(-1.0, 1.0, (_USUAL_ROWS, n)) * reach
+    rates = [np.sqrt(np.mean(values**2, axis=0)) for values in (samples.qd, samples.qdd)]
+    qd, qdd = (rng.normal(size=q.shape) * np.maximum(rate, 0.5 * np.median(rate)) for rate in rates)
+    zero, time = np.zeros_like(q), np.arange(float(_USUAL_ROWS))
+    gravity = samples.gravity.mean(axis=0) if samples.holds_gravity else samples.gravity
+    usual = Rows(model, Samples(samples.name, q, qd, qdd, zero, zero, time, 1.0, gravity), _USUAL_ROWS)
+    under = replace(evidence.plain, gravity=supposed.gravity)
+    few, _, own = usual.beside(under)
+    X = np.concatenate([usual.links(under) @ evidence.rows.shown, few[:, :, :own]], axis=2)
+    p = X.shape[2]
+    spread = np.sqrt(np.mean(np.einsum("nij,jk,nik->ni", X, fit.covariance[:p, :p], X), axis=0))
+    size = np.sqrt(np.mean((X @ fit.beta[:p]) ** 2, axis=0))
+    return tuple(name for name, share in zip(model.joint_names, spread / size, strict=True) if share > _UNSEEN_SHARE)
+
+
+def day_findings(model: RobotModel, days: Sequence[Samples]) -> list[tuple[str, Finding]]:
+    """Explain each of several recordings by an arm as the others show it."""
+    found = []
+    for day in days:
+        belief: Belief | None = None
+        for other in days:
+            if other is not day:
+                belief = posterior(Evidence(model, other, belief))
+        if belief is not None:
+            evidence = Evidence(model, day, belief)
+            found += [(day.name, finding) for finding in _told(evidence, explain(evidence))]
+    return found
+
+
+def posterior(evidence: Evidence) -> Belief:
+    """Return what is believed of an arm after a recording, taken as it is."""
+    _, which = evidence.over_spreads(evidence.plain)
+    fit, V, belief = evidence.fit(evidence.plain, which), evidence.rows.shown, evidence.belief
+    k, r = V.shape
+    p = r + evidence.columns(evidence.plain)[2]
+    P, mean = belief.covariances[which][:k, :k], belief.mean[:k]
+    gain = P @ V @ np.linalg.inv(V.T @ P @ V)
+    phi = mean + gain @ (fit.beta[:r] - V.T @ mean)
+    onto = np.eye(k + p - r, p, r - k)
+    onto[:k], onto[k:, r:] = np.hstack([gain, np.zeros((k, p - r))]), np.eye(p - r)
+    C: Floats = onto @ fit.covariance[:p, :p] @ onto.T
+    C[:k, :k] += P - gain @ V.T @ P
+    C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(C))
+    return belief.after(np.concatenate([phi, fit.beta[r:p]]), C)

@@ -1,0 +1,420 @@
+"""The hypotheses about a recording of torques, one record each: what it supposes, its price, and how it is told.
+
+Adding one is a function that yields candidates and a record in `HYPOTHESES`. A candidate that has a number is searched
+on a grid, then by parabolas, and the evidence integrated about its best (Laplace's method); prices are the nats by
+which it is less likely beforehand.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.identification.explanations.evidence import Evidence, Extra
+from catenary.identification.explanations.supposed import Supposed
+from catenary.spatial import STANDARD_GRAVITY, angle_between
+
+_Density = Callable[[float], float]
+
+
+class Trial(NamedTuple):
+    """What candidates are added to: an evidence, what is supposed already, and the belief's spread."""
+
+    evidence: Evidence
+    supposed: Supposed
+    which: int
+
+    def log(self, supposed: Supposed, extra: Sequence[Extra] = ()) -> float:
+        """Return the log evidence of another supposition."""
+        return self.evidence.log(supposed, self.which, extra)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints' names."""
+        return self.evidence.model.joint_names
+
+    @property
+    def n(self) -> int:
+        """The number of joints."""
+        return self.evidence.model.n
+
+    @property
+    def moves(self) -> np.ndarray:
+        """Which joints move."""
+        q = self.evidence.rows.samples.q
+        return np.asarray(q.std(axis=0) > _LEAST_MOTION)
+
+
+class PossibleCause(NamedTuple):
+    """One way in which a recording may be explained."""
+
+    supposed: Supposed
+    log_evidence: float  # under the trial's spread, integrated over its number
+    says: str
+    joints: tuple[int, ...] = ()
+    remedy: str = ""  # {rates:...} stands for what velocities need, where they were recorded
+    error: float = 0.0  # relative, of its number, or degrees over 90: above a tenth there is no advice
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A kind of explanation.
+
+    Args:
+        name: It has among explanations.
+        finding: Of `FINDINGS`, that it is told as.
+        price: [nats] by which each of its candidates is less likely beforehand, from the number of joints.
+        candidates: What it tries.
+        of_arm: It is true of the arm: a note, and no fault of the data.
+        by_masses: Only a file's masses, or identified ones, can tell it.
+        mended: A recording can be mended, or identified as it is; otherwise it is a note.
+    """
+
+    name: str
+    finding: str
+    price: Callable[[int], float]
+    candidates: Callable[[Trial], Iterator[PossibleCause]]
+    of_arm: bool = False
+    by_masses: bool = False
+    mended: bool = True
+    by_identification: bool = False
+
+
+UNSURE = 0.1  # relative error of a number, from which on it is no advice
+_LEAST_MOTION = 1e-3  # [rad, m] deviation of positions, below which a joint stands still
+_SEARCH_STEPS, _SEARCH_SHRINK, _SEARCH_TOLERANCE = 4, 2.5, 0.02
+
+
+def _normal(std: float, mean: float = 0.0) -> _Density:
+    return lambda x: -0.5 * ((x - mean) / std) ** 2 - float(np.log(std * np.sqrt(2.0 * np.pi)))
+
+
+def _either(first: _Density, second: _Density) -> _Density:
+    return lambda x: float(np.logaddexp(first(x), second(x)) - np.log(2.0))
+
+
+def _integrated(log: _Density, grid: Floats, prior: _Density) -> tuple[float, float, float]:
+    """Return where log + prior is largest, the logarithm of its integral, and the standard deviation about it."""
+
+    def f(x: float) -> float:
+        return log(x) + prior(x)
+
+    values = [f(x) for x in grid]
+    k = int(np.argmax(values))
+    h = float(grid[1] - grid[0] if k == 0 else grid[k] - grid[k - 1])
+    x, best, curvature = float(grid[k]), values[k], -1.0
+    for _ in range(_SEARCH_STEPS):
+        h /= _SEARCH_SHRINK
+        left, right = f(x - h), f(x + h)
+        bend = left + right - 2.0 * best
+        curvature = bend / h**2
+        step = (
+            float(np.clip(0.5 * h * (left - right) / bend, -2.0 * h, 2.0 * h))
+            if bend < 0.0
+            else np.copysign(h, right - left)
+        )
+        best, x = max((best, x), (left, x - h), (right, x + h), (f(x + step), x + step))
+        if h < _SEARCH_TOLERANCE:
+            break
+    precision = max(-curvature, 1e-9)
+    return x, best + 0.5 * float(np.log(2.0 * np.pi / precision)), precision**-0.5
+
+
+def _scales(trial: Trial, factors: Floats) -> str:
+    """Return the option that multiplies torques by factors (n,)."""
+    return " ".join(f"--scale tau:{n}={f:.4g}" for n, f in zip(trial.names, factors, strict=True) if f != 1.0)
+
+
+def _load(trial: Trial) -> Iterator[PossibleCause]:
+    model, links = trial.evidence.model, trial.evidence.belief.links
+    for link in links:
+        if link not in trial.supposed.loads:
+            supposed = replace(trial.supposed, loads=(*trial.supposed.loads, link))
+            elsewhere = 0.0 if link == model.frame().link else float(np.log(_OTHER_LINK_PRICE * len(links)))
+            says = f"{model.link_names[link]} carries a body that the masses of the arm lack"
+            yield PossibleCause(supposed, trial.log(supposed) - elsewhere, says)
+
+
+_OTHER_LINK_PRICE = 3.0  # log of it times the number of links, for a load that is not on the tip's link
+_LOG_GAINS = np.array([-2.4, -1.2, -0.6, -0.2, 0.0, 0.2, 0.6, 1.2, 2.4])
+
+
+def _gain(trial: Trial) -> Iterator[PossibleCause]:
+    for i, name in enumerate(trial.names):
+        of = trial.supposed.gains[i]
+
+        def put(u: float, i: int = i, of: float = of) -> Supposed:
+            return trial.supposed.with_one("gains", i, of * float(np.exp(u)))
+
+        u, value, std = _integrated(lambda u: trial.log(put(u)), _LOG_GAINS, _either(_normal(0.15), _normal(1.2)))
+        factor = float(np.exp(u))
+        says = f"torques of {name} are {factor:.3g} (standard deviation {factor * std:.2g}) times the arm's"
+        yield PossibleCause(put(u), value, says, (i,), f"--scale tau:{name}={1.0 / factor:.4g}", std)
+
+
+def _sign(trial: Trial) -> Iterator[PossibleCause]:
+    for i, name in enumerate(trial.names):
+        supposed = trial.supposed.with_one("gains", i, -trial.supposed.gains[i])
+        yield PossibleCause(
+            supposed, trial.log(supposed), f"torques of {name} have the other sign", (i,), f"--sign tau:{name}"
+        )
+
+
+def _position_sign(trial: Trial) -> Iterator[PossibleCause]:
+    for i, name in enumerate(trial.names):
+        if trial.moves[i]:
+            supposed = trial.supposed.with_one("signs", i, -trial.supposed.signs[i])
+            says = f"positions of {name} count the other way"
+            yield PossibleCause(
+                supposed, trial.log(supposed), says, (i,), f"--sign q_nominal:{name}{{rates:--sign qd:{name}}}"
+            )
+
+
+def _backwards(trial: Trial) -> Iterator[PossibleCause]:
+    for i, name in enumerate(trial.names):
+        if trial.moves[i]:
+            supposed = trial.supposed.with_one("signs", i, -trial.supposed.signs[i])
+            supposed = supposed.with_one("gains", i, -supposed.gains[i])
+            says = f"{name} counts the other way, positions and torques"
+            remedy = f"--sign q_nominal:{name}{{rates:--sign qd:{name}}} --sign tau:{name}"
+            yield PossibleCause(supposed, trial.log(supposed), says, (i,), remedy)
+
+
+_ZEROS = np.arange(-7, 9) * np.pi / 8
+_SLIDING_ZEROS = np.linspace(-0.4, 0.4, 9)  # [m]
+
+
+def _zero(trial: Trial) -> Iterator[PossibleCause]:
+    for i, (name, unit) in enumerate(zip(trial.names, trial.evidence.model.joint_units, strict=True)):
+        of, turns = trial.supposed.zeros[i], unit == "rad"
+
+        def put(u: float, i: int = i, of: float = of) -> Supposed:
+            return trial.supposed.with_one("zeros", i, of + u)
+
+        wide: _Density = (lambda x: -float(np.log(2.0 * np.pi))) if turns else _normal(0.3)
+        prior = _either(_normal(0.2 if turns else 0.05), wide)
+        u, value, std = _integrated(lambda u: trial.log(put(u)), _ZEROS if turns else _SLIDING_ZEROS, prior)
+        shown = f"{np.rad2deg(u):.1f} ({np.rad2deg(std):.1f}) deg" if turns else f"{1e3 * u:.0f} ({1e3 * std:.0f}) mm"
+        says = f"positions of {name} are too large by {shown}, standard deviation in brackets"
+        yield PossibleCause(
+            put(u), value, says, (i,), f"--offset q_nominal:{name}={-u:.4g}", std / max(abs(u), 0.5 if turns else 0.1)
+        )
+
+
+def _torque_zero(trial: Trial) -> Iterator[PossibleCause]:
+    for i, name in enumerate(trial.names):
+        if i not in trial.supposed.shifted:
+            supposed = replace(trial.supposed, shifted=(*trial.supposed.shifted, i))
+            yield PossibleCause(
+                supposed, trial.log(supposed), f"the zero of the torque of {name} is not the one identified", (i,)
+            )
+
+
+def _all_signs(trial: Trial) -> Iterator[PossibleCause]:
+    supposed = replace(trial.supposed, gains=tuple(-g for g in trial.supposed.gains))
+    remedy = " ".join(f"--sign tau:{name}" for name in trial.names)
+    yield PossibleCause(supposed, trial.log(supposed), "all torques have the other sign", tuple(range(trial.n)), remedy)
+
+
+_UNITS = {"mNm": 1e3, "kgf m": 1.0 / STANDARD_GRAVITY, "Nm times 57.3": 57.29578, "Nm times 9.81": STANDARD_GRAVITY}
+_UNIT_PRICE = 2.0  # nats
+_FROM_CURRENTS = (
+    "--currents with a known --load, or --scale tau:JOINT=FACTOR of every joint, from the drives' data sheets"
+)
+
+
+def _all_times(trial: Trial, factors: Floats) -> Supposed:
+    return replace(trial.supposed, gains=tuple(np.array(trial.supposed.gains) * factors))
+
+
+def _common_gain(trial: Trial) -> Iterator[PossibleCause]:
+    every = tuple(range(trial.n))
+    prior = _either(_normal(0.1), _normal(3.0))
+    grid = np.linspace(-8.0, 8.0, 17)
+    u, value, std = _integrated(lambda u: trial.log(_all_times(trial, np.full(trial.n, np.exp(u)))), grid, prior)
+    g = float(np.exp(u))
+    says = f"all torques are {g:.3g} (standard deviation {g * std:.2g}) times the arm's"
+    factors = np.full(trial.n, g)
+    sure = std < UNSURE
+    remedy = _scales(trial, 1.0 / factors) if sure else _FROM_CURRENTS
+    yield PossibleCause(_all_times(trial, factors), value, says, every, remedy, std if sure else 0.0)
+    for unit, g in _UNITS.items():
+        factors = np.full(trial.n, g)
+        supposed = _all_times(trial, factors)
+        yield PossibleCause(
+            supposed, trial.log(supposed) - _UNIT_PRICE, f"torques are in {unit}", every, _scales(trial, 1.0 / factors)
+        )
+
+
+_CURRENT_SWEEPS, _PERCENT = 3, 100.0
+
+
+def _currents(trial: Trial) -> Iterator[PossibleCause]:
+    every, n = tuple(range(trial.n)), trial.n
+    centre = _integrated(
+        lambda u: trial.log(_all_times(trial, np.full(n, np.exp(u)))), np.linspace(-8.0, 8.0, 17), _normal(3.0)
+    )[0]
+    logs, value = np.full(n, centre), _normal(3.0)(centre)
+    for sweep in range(_CURRENT_SWEEPS):
+        for i in range(n):
+
+            def put(u: float, i: int = i) -> float:
+                return trial.log(_all_times(trial, np.exp(np.where(np.arange(n) == i, u, logs))))
+
+            width = 1.0 / (1.0 + 2.0 * sweep)
+            grid = logs[i] + width * np.array([-1.5, -0.5, 0.0, 0.5, 1.5])
+            logs[i], _, std = _integrated(put, grid, _normal(1.0, centre))
+            if sweep == _CURRENT_SWEEPS - 1:
+                value += float(np.log(std * np.sqrt(2.0 * np.pi))) + _normal(1.0, centre)(logs[i])
+    supposed = _all_times(trial, np.exp(logs))
+    told = ", ".join(f"{name} {g:.3g}" for name, g in zip(trial.names, np.exp(-logs), strict=True))
+    says = f"torques are motor currents, or in a unit for each joint; factors to Nm are about {told}"
+    remedy = _FROM_CURRENTS
+    yield PossibleCause(supposed, trial.log(supposed) + value, says, every, remedy)
+    limits = trial.evidence.model.effort_limit
+    if (limits > 0.0).all() and np.isfinite(limits).all():
+        factors = _PERCENT / limits
+        supposed = _all_times(trial, factors)
+        says = "torques are in percent of the joints' effort limits"
+        yield PossibleCause(supposed, trial.log(supposed) - _UNIT_PRICE, says, every, _scales(trial, 1.0 / factors))
+
+
+def _no_gravity(trial: Trial) -> Iterator[PossibleCause]:
+    supposed = replace(trial.supposed, gravity=(0.0, 0.0, 0.0))
+    yield PossibleCause(supposed, trial.log(supposed), "gravity was taken out of the torques", (), "--gravity 0,0,0")
+
+
+_WALLS = {
+    "the base stands upright": (0, 0, -1), "the base hangs from a ceiling": (0, 0, 1),
+    "the base is on a wall, its x axis down": (1, 0, 0), "the base is on a wall, its x axis up": (-1, 0, 0),
+    "the base is on a wall, its y axis down": (0, 1, 0), "the base is on a wall, its y axis up": (0, -1, 0),
+}  # fmt: skip
+_TILT_RAD, _WALL_RAD = np.deg2rad(6.0), np.deg2rad(10.0)  # standard deviations
+_WALL_PRICE, _TILT_STEPS = 3.0, 3
+_NAMED_RAD = np.deg2rad(10.0)
+_SURE_TILT_RAD = 0.3  # of smaller ones the error is told as of this
+
+
+def _tilt(trial: Trial) -> Iterator[PossibleCause]:
+    samples = trial.evidence.rows.samples
+    if samples.holds_gravity:
+        return
+    size = float(np.linalg.norm(samples.gravity))
+    stated = np.array(samples.gravity if trial.supposed.gravity is None else trial.supposed.gravity)
+    if not stated.any():
+        return
+    axes = {name: size * np.array(axis, dtype=float) for name, axis in _WALLS.items()}
+    wall = max(axes.values(), key=lambda down: trial.log(replace(trial.supposed, gravity=tuple(down))))
+    starts = [(stated, _TILT_RAD, 0.0)]
+    if angle_between(wall, stated) > _NAMED_RAD:
+        starts.append((wall, _WALL_RAD, _WALL_PRICE))
+    for start, std, price in starts:
+        supposed, value, error = _turned(trial, start, std)
+        down = np.array(supposed.gravity)
+        off = angle_between(down, stated)
+        name = min(axes, key=lambda name: float(angle_between(down, axes[name])))
+        named = angle_between(down, axes[name]) < _NAMED_RAD < off
+        mounted = f": {name}" if named else ""
+        down = axes[name] if named else down
+        says = f"gravity is turned by {np.rad2deg(off):.1f} ({np.rad2deg(error):.1f}) deg from what was stated{mounted}"
+        remedy = f"--gravity {','.join(f'{v:.4g}' for v in down + 0.0)}"
+        yield PossibleCause(supposed, value - price, says, (), remedy, error / max(float(off), _SURE_TILT_RAD))
+
+
+def _turned(trial: Trial, start: Floats, std: float) -> tuple[Supposed, float, float]:
+    """Return gravity turned from a start by what fits, the evidence over both angles, and their error [rad]."""
+    size, across = float(np.linalg.norm(start)), np.linalg.svd(start[None])[2][1:] * np.linalg.norm(start)
+    supposed, turn = replace(trial.supposed, gravity=tuple(start)), np.zeros(2)
+    for _ in range(_TILT_STEPS):
+        beta = trial.evidence.fit(supposed, trial.which).beta
+        own = trial.evidence.columns(supposed)[0]
+        extra = []
+        for way, had in zip(across, turn, strict=True):
+            down = tuple(np.array(supposed.gravity) + way)
+            change = (trial.evidence.columns(replace(supposed, gravity=down))[0] - own) @ beta
+            extra.append(Extra(change, -float(had), std))
+        fit = trial.evidence.fit(supposed, trial.which, extra)
+        turn = turn + fit.beta[-2:]
+        down = start + turn @ across
+        supposed = replace(supposed, gravity=tuple(size * down / np.linalg.norm(down)))
+    unsure = fit.covariance[-2:, -2:]
+    value = trial.log(supposed) + 0.5 * float(np.linalg.slogdet(2.0 * np.pi * unsure)[1])
+    value += _normal(std)(turn[0]) + _normal(std)(turn[1])
+    return supposed, value, float(np.sqrt(np.diag(unsure).max()))
+
+
+_EXCHANGED = {"torques alone": ("torque_order",), "all columns": ("torque_order", "position_order")}
+
+
+def _swapped(trial: Trial) -> Iterator[PossibleCause]:
+    units = trial.evidence.model.joint_units
+    for (i, a), (j, b) in combinations(enumerate(trial.names), 2):
+        for words, fields in _EXCHANGED.items():
+            positions = "position_order" in fields
+            if positions and units[i] != units[j]:
+                continue
+            supposed = trial.supposed.with_swapped(fields, i, j)
+            moved = f"--swap q_nominal:{a},{b}{{rates:--swap qd:{a},{b}}} " if positions else ""
+            says = f"{a} and {b} look swapped, {words}"
+            yield PossibleCause(supposed, trial.log(supposed), says, (i, j), f"{moved}--swap tau:{a},{b}")
+
+
+def _shared_drive(trial: Trial) -> Iterator[PossibleCause]:
+    for i in range(trial.n - 1):
+        for sign in (1.0, -1.0):
+            if (i, i + 1, sign) not in trial.supposed.shared:
+                supposed = replace(trial.supposed, shared=(*trial.supposed.shared, (i, i + 1, sign)))
+                along = f"{trial.names[i]} {'+' if sign > 0.0 else '-'} {trial.names[i + 1]}"
+                says = f"a drive moves {along}, with friction and a rotor of its own"
+                yield PossibleCause(supposed, trial.log(supposed), says, (i, i + 1))
+
+
+_DELAYS_S = np.array([-160, -80, -40, -20, -10, -5, 0, 5, 10, 20, 40, 80, 160]) / 1e3
+_DELAY_STD_S = 0.03
+_LEAST_DELAY_S = 0.012  # of real arms' delays intervals contain zero, and are about 10 ms wide at best
+
+
+def _delay(trial: Trial) -> Iterator[PossibleCause]:
+    step = trial.evidence.rows.step
+
+    def log(u: float) -> float:
+        return trial.log(replace(trial.supposed, late_s=trial.supposed.late_s + u)) + _normal(_DELAY_STD_S)(u)
+
+    grid = _DELAYS_S[(np.abs(_DELAYS_S) >= step) | (_DELAYS_S == 0.0)]
+    best = grid[int(np.argmax([log(u) for u in grid]))]
+    fine = best + np.linspace(-0.5, 0.5, 9) * max(abs(best), 4.0 * step)
+    values = np.array([log(u) for u in fine])
+    u = round(float(fine[int(np.argmax(values))]) / step) * step
+    if abs(u) < _LEAST_DELAY_S:
+        return
+    late = "late" if u > 0.0 else "early"
+    says = f"torques come {abs(u) * 1e3:.0f} ms too {late} for the motion: what is printed is off"
+    value = float(np.logaddexp.reduce(values) + np.log(fine[1] - fine[0]))
+    yield PossibleCause(replace(trial.supposed, late_s=trial.supposed.late_s + u), value, says)
+
+
+def _of_joint(n: int) -> float:
+    return float(np.log(3.0 * n))
+
+
+_ALL = (
+    Hypothesis("load", "arm", lambda n: 1.0, _load, of_arm=True, by_masses=True),
+    Hypothesis("gain", "torques", _of_joint, _gain, by_masses=True),
+    Hypothesis("sign", "sign", lambda n: _of_joint(n) + 0.7, _sign),
+    Hypothesis("position sign", "sign", lambda n: _of_joint(n) + 2.0, _position_sign),
+    Hypothesis("backwards", "sign", _of_joint, _backwards),
+    Hypothesis("zero", "offset", _of_joint, _zero),
+    Hypothesis("torque zero", "offset", _of_joint, _torque_zero, by_identification=True, mended=False),
+    Hypothesis("all signs", "sign", lambda n: 2.5, _all_signs),
+    Hypothesis("common gain", "torques", lambda n: 1.5, _common_gain, by_masses=True),
+    Hypothesis("currents", "torques", lambda n: 2.5, _currents, by_masses=True),
+    Hypothesis("no gravity", "gravity", lambda n: 3.0, _no_gravity, by_masses=True),
+    Hypothesis("tilt", "gravity", lambda n: 1.5, _tilt, by_masses=True),
+    Hypothesis("swapped", "swapped", lambda n: float(np.log(2.0 * n * (n - 1.0))) + 1.0, _swapped),
+    Hypothesis("shared drive", "arm", lambda n: float(np.log(4.0 * n)), _shared_drive, of_arm=True),
+    Hypothesis("delay", "delay", lambda n: 1.5, _delay, mended=False),
+)
+HYPOTHESES = {hypothesis.name: hypothesis for hypothesis in _ALL}
