@@ -20,7 +20,7 @@ from catenary.kernels.compiled import compiled
 
 _FACTORS = (-1.2, -0.8, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 0.8, 1.2)  # of ranges, from which the search begins
 _SLACKS = tuple(0.0004 * 1.25**k for k in range(22))  # of a path's range
-_MIN_PATH_LOG_GAIN = 0.15  # in the logarithm of the error: paths that explain less hold for one motion alone
+_MIN_PATH_LOG_GAIN = 0.28  # in the logarithm of the error: zig-zags show up to 0.25 where there is no such path
 _MAX_SLACKS = 2  # of a joint
 _POWERS = (2, 3)
 

@@ -38,6 +38,7 @@ _MAX_STEP_SHARE = 0.015  # of each joint's range: a longer step is split; 2 deg 
 _SIMPLEX_STEP = 0.35  # of the search, in logarithms and couplings
 _MAX_SEARCH_STEPS = 80  # steps
 _MIN_COUPLING_LOG_GAIN = 0.08  # in the logarithm of the error: pairs of drawn arms without such friction stay below
+_MIN_START_LOG_GAIN = 0.02  # where the search begins: pairs that gain less are not searched
 _COUPLING_RIDGE = 1e-4  # weight on squared couplings
 
 
@@ -112,7 +113,7 @@ def _start(n: int, coupling: float) -> Floats:
 
 def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
     """Return the two joints whose errors friction states explain most beyond play states; none where none do."""
-    best, pair = 0.0, tuple[int, ...]()
+    best, pair = _MIN_START_LOG_GAIN, tuple[int, ...]()
     moving = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in {p for p, _ in rows.signals.play}]
     for joints in combinations(moving, 2):
         alone = (None, _friction(_start(2, 0.0), 2))

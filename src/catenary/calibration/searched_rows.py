@@ -19,7 +19,8 @@ from catenary.plant import MotionLog
 
 _BLOCKS = 5
 # rows that are searched whole; else this many parts, and rows before each
-_MAX_SEARCHED_ROWS, _WINDOWS, _WARMUP_SHARE = 12_000, 10, 0.2
+_MAX_SEARCHED_ROWS, _WINDOWS, _WARMUP_SHARE = 8_000, 10, 0.2
+_PERIOD_S = 0.04  # between rows that are searched
 _FAR_DEVIATIONS = 8.0  # robust deviations
 MIN_ROWS = 200  # rows
 MIN_LOG_GAIN = 0.03  # in the logarithm of the error, that what is found must explain
@@ -61,7 +62,9 @@ def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) 
     for which, log in enumerate(logs):
         if log.q_encoder is None:
             raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
-        for number, (start, first, last) in enumerate(_windows(_seen(log, held_out), len(logs))):
+        period = 0.0 if log.time is None else float(np.median(np.diff(log.time)))
+        every = max(1, int(_PERIOD_S / period)) if period > 0.0 else 1  # play states hardly depend on the rate
+        for number, (start, first, last) in enumerate(_windows(_seen(log, held_out), len(logs), every)):
             part = log.part(start, last)
             X = inputs.features.matrix(part)
             error = log.q_encoder[start:last] - log.q_nominal[start:last]
@@ -69,10 +72,12 @@ def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) 
             usable[: first - start] = False
             if recordings.max_error is not None:
                 usable[usable] = (np.abs(error[usable]) <= recordings.max_error).all(axis=1)
-            at = np.flatnonzero(usable)
-            ends = [*part.starts[1:], len(part)]
-            for begin, end in zip(part.starts, ends, strict=True):
-                paths.append((part.q_nominal[begin:end] / scale, at[(at >= begin) & (at < end)] - begin, which))
+            sampled = np.zeros(len(part), dtype=bool)
+            for begin, end in zip(part.starts, [*part.starts[1:], len(part)], strict=True):
+                sampled[begin:end:every] = True
+                at = np.flatnonzero(usable[begin:end:every])
+                paths.append((part.q_nominal[begin:end:every] / scale, at, which))
+            at = np.flatnonzero(usable & sampled)
             fixed.append(X[at])
             errors.append(error[at])
             recording.append(np.full(len(at), which))
@@ -101,9 +106,9 @@ def _seen(log: MotionLog, held_out: float) -> int:
     return max(1, round((1.0 - held_out) * len(log)))
 
 
-def _windows(rows: int, recordings: int) -> list[tuple[int, int, int]]:
+def _windows(rows: int, recordings: int, every: int) -> list[tuple[int, int, int]]:
     """Return parts of a recording: where its path begins, and the rows of it that count."""
-    most = _MAX_SEARCHED_ROWS // recordings
+    most = every * (_MAX_SEARCHED_ROWS // recordings)
     if rows <= most:
         return [(0, 0, rows)]
     length, spacing = most // _WINDOWS, rows // _WINDOWS
