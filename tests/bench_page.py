@@ -12,6 +12,7 @@ HEADINGS = ("holds", "doubt named", "refused", "fails")
 WINDOWS = {
     "check": "untouched windows of 2 and 5 minutes, checked",
     "refresh": "refreshed with 2 minutes of another day",
+    "torques": "recorded torques with a known fault, or none",
 }
 _BLOCK = re.compile(r"(<!-- bench -->\n).*?(<!-- end -->)", re.DOTALL)
 

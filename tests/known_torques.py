@@ -183,3 +183,37 @@ TRUTHS = (
     Truth("J1 locked", None, locked=0, **_UR10E),
     Truth("J4 locked", None, locked=3, **_UR10E),
 )
+
+
+def drawn() -> tuple[Truth, ...]:
+    """Return forty others, of which nothing was tuned: other arms, masses 5 to 40 % off, friction .7 to 1.6 times."""
+    counts = {"gen3": 7, "iiwa14": 7, "ur10e": 6, "panda": 7}
+    found = []
+    for k in range(40):
+        robot = tuple(counts)[k % 4]
+        n, joint = counts[robot], 1 + k // 4 % 3
+        every = tuple(range(n))
+        pair = (joint, joint + 2)
+        faults: tuple[tuple[str, str, tuple[int, ...], dict[str, Any]], ...] = (
+            ("load", "load", (), {"load": (1.5, (0.02, 0.0, 0.08))}),
+            ("backwards", "backwards", (joint,), {"spoil": {"signs": {joint: "q tau"}}}),
+            ("20 deg off", "zero", (joint,), {"spoil": {"zeros": {joint: 0.35}}}),
+            ("tilted", "tilt", (), {"gravity": _tilted(12.0)}),
+            ("times 1.6", "gain", (joint,), {"gain": _of_one(n, joint, 1.6)}),
+            ("negated", "sign", (joint,), {"gain": _of_one(n, joint, -1.0)}),
+            ("torques swapped", "swapped", pair, {"spoil": {"swapped": pair, "torques_alone": True}}),
+            ("mNm", "common gain", every, {"gain": 1000.0}),
+            ("currents", "currents", every, {"gain": 1.0 / np.linspace(14.0, 7.0, n)}),
+            ("all negated", "all signs", every, {"gain": -1.0}),
+            ("30 ms late", "delay", (), {"spoil": {"late_rows": 6}}),
+            ("gravity taken out", "no gravity", (), {"gravity": (0.0, 0.0, 0.0)}),
+            ("swapped", "swapped", pair, {"spoil": {"swapped": pair}}),
+            ("on a wall", "tilt", (), {"gravity": (0.0, 9.81, 0.0)}),
+        )
+        words, cause, joints, what = faults[k % len(faults)] if k >= 12 else ("sound", None, (), {})
+        how: dict[str, Any] = {
+            "robot": robot, "seed": 200 + k, "masses": (0.05, 0.12, 0.2, 0.3, 0.4)[k % 5],
+            "friction": (0.7, 1.0, 1.6)[k % 3], "seconds": (40.0, 20.0, 30.0)[k % 3],
+        }  # fmt: skip
+        found.append(Truth(f"{k}, {robot} {words}", cause, joints, **how, **what))
+    return tuple(found)

@@ -27,6 +27,7 @@ from tests.truth.bench import (
 from tests.truth.imports import imports
 from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
 from tests.truth.spoilings import NOTHING, SPOILINGS, late
+from tests.truth.torques import torques
 from tests.verdict.test_check import TOGETHER
 from tests.verdict.test_delay import periodic_arm
 
@@ -56,6 +57,7 @@ def outcomes(only: str) -> Iterator[Outcome]:
         yield from (clocked(clock, folder) for clock in CLOCKS if re.search(only, f"clock: {clock}"))
         if re.search(only, "refresh"):
             yield from refreshes(folder)
+        yield from torques(only)
         yield from unlike_others(only, folder)
 
 
@@ -110,7 +112,7 @@ def main() -> int:
         old = [
             line
             for line in TABLE.read_text().splitlines()
-            if line.startswith(("| fit", "| eval", "| check", "| clock", "| refr", "| import", "| units"))
+            if line.startswith(("| fit", "| eval", "| check", "| clock", "| refr", "| import", "| units", "| torques"))
         ]
         written = {line.split(" | ")[0][2:]: line for line in old} | written
     wrong = sum(f"| {FAILS}" in line for line in written.values())

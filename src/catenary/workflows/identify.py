@@ -300,7 +300,7 @@ def identify_files(
     for log in (*read, *read_tests):  # behind what may explain them
         check_positions(log, model)
     result = identify_samples(training, model, options).test(held_out)
-    tested = [part for part in held_out if part in whole]
+    tested = [part for part in held_out if not part.name.endswith(HELD_OUT)]
     doubts += judge([(part.name, each) for part in tested for each in findings_against(result, part)], accept)
     if gains is not None:
         result = result.with_gains(gains.gains)

@@ -1,7 +1,8 @@
 """How an explanation is told: a note where it is the arm's, a refusal with its option where it is the recording's.
 
 There is advice only where the mended recording is as good as a sound one: no joint is left with 30 % of its torque,
-masses are plausible, no rival is nearly as likely, and the number that mends it is known to a tenth.
+masses are plausible, only faults of the same joints are nearly as likely, and the number that mends it is known to a
+tenth.
 """
 
 import re
@@ -70,17 +71,17 @@ def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
     if hypothesis.of_arm or not hypothesis.mended:
         culprit = "it is identified with the arm" if hypothesis.of_arm else ""
         return Finding(hypothesis.finding, names, says + _rivals(cause), culprit, refuses=False)
-    faults = not any(rival.of_arm or not rival.mended for _, rival, _ in cause.rivals)
+    alike = all(not kind.of_arm and kind.mended and rival.joints == candidate.joints for _, kind, rival in cause.rivals)
     whose = list(candidate.joints) or list(range(evidence.model.n))
     sound = bool((explanation.fit.relative[whose] < _POOR).all()) and explanation.fit.implausible < _IMPLAUSIBLE
-    refuses = sound and faults and candidate.error < UNSURE
+    refuses = sound and alike and candidate.error < UNSURE
     remedies = [_option(evidence, c.remedy) for c in (candidate, *(c for _, _, c in cause.rivals))] if refuses else []
     if not refuses:
         says += "; nothing is advised: " + (
             "its number is not sure"
             if candidate.error >= UNSURE
             else "it explains too little"
-            if faults
+            if alike
             else "see rivals"
         )
     return Finding(hypothesis.finding, names, says + _rivals(cause), "", " or ".join(remedies), refuses=refuses)
