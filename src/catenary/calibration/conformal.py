@@ -40,14 +40,19 @@ Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
 
 def estimate_intervals(
-    errors: CrossValidation, *, level: float = 0.9, widening: Floats | None = None
+    errors: CrossValidation, *, level: float = 0.9, widening: Floats | None = None, off_path: Floats | float = 0.0
 ) -> Intervals | None:
     """Return half-widths for a model from the errors of its cross-validation; None where there are too few rows.
 
     Inside the valid range they are of rows inside the ranges of the folds' models; outside, and where hardly a block
     has rows inside, of the fixed offset on all rows. A model's `widening` (n,) multiplies them, and bounds the margin.
+    What a model may be wrong by off its path, RMS `off_path` (n,) [rad|m], widens them, as an error of normal
+    distribution that depends on no other.
     """
+    from scipy.stats import norm
+
     check_level(level)
+    more = float(norm.ppf(0.5 + 0.5 * level)) * np.broadcast_to(off_path, errors.after_model.shape[1])
     block = time_blocks(errors.recording, level=level)
     inside, outside = [], []
     for j in range(errors.after_model.shape[1]):
@@ -58,7 +63,8 @@ def estimate_intervals(
             return None
         near = near if math.isfinite(near) else far
         outside.append(max(near, far))
-        inside.append(min(near * (1.0 if widening is None else widening[j]), outside[-1]))
+        near *= 1.0 if widening is None else widening[j]
+        inside.append(min(math.hypot(near, more[j]), outside[-1]))
     margin = None if widening is None else MARGIN_RATIO * np.array(inside)
     return Intervals(level, np.array(inside), np.array(outside), margin)
 
@@ -70,6 +76,7 @@ def expected(
     fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
     intervals: Intervals | None,  # whose coverage is to be stated; none without
     widening: Floats | float = 1.0,  # (n,) as for `estimate_intervals`
+    off_path: Floats | float = 0.0,  # (n,) the same, in the unit of the spread
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
@@ -88,7 +95,7 @@ def expected(
     times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
-    high = mean * times * widening
+    high = np.hypot(mean * times * widening, off_path)
     stated: dict[str, Floats] = {
         "rmse_low": mean * np.minimum(1.0 / times, _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT),
         "rmse_high": high,

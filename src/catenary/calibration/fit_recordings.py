@@ -7,7 +7,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from catenary.arrays import Flags, Floats
+from catenary.arrays import Floats, spread
 from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
@@ -18,7 +18,9 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -32,7 +34,8 @@ from catenary.verdict.mend import left_out_rows, mends_of
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 _MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
-_FAR_DEVIATIONS, _MAX_FAILED_SHARE = 10.0, 0.03
+_PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
+_FAR_DEVIATIONS, _MAX_FAR_SHARE = 10.0, 0.03
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
 
@@ -96,9 +99,7 @@ def fit_recordings(
     validation: CrossValidation | None = None
     notes: tuple[str, ...] = ()
     if model.widening is not None:
-        failed = _failed(data, model)
-        notes = _failed_notes(data, model, failed)
-        data = data.rows(~failed)
+        notes = _far_notes(data, model)
     if run.folds:
 
         def refitted(part: CalibrationData, tell: Progress) -> CalibrationModel:
@@ -115,24 +116,19 @@ def fit_recordings(
     )
 
 
-def _failed(data: CalibrationData, model: CalibrationModel) -> Flags:
-    """Return rows (N,) that failed measurements are likely on: few, and beyond ten robust deviations of the errors."""
-    left = np.abs(data.error - model.correction(data.X, data.q_nominal))
-    far = np.any(left > _FAR_DEVIATIONS * 1.4826 * np.median(left, axis=0) + _RESOLUTION_SI, axis=1)
-    return far if far.mean() <= _MAX_FAILED_SHARE else np.zeros_like(far)
-
-
-def _failed_notes(data: CalibrationData, model: CalibrationModel, failed: Flags) -> tuple[str, ...]:
-    """Say which rows count in no printed error, and the errors with them."""
-    if not failed.any():
+def _far_notes(data: CalibrationData, model: CalibrationModel) -> tuple[str, ...]:
+    """Say how many rows are beyond ten robust deviations of the errors, if few, and the errors without them."""
+    left = data.error - model.correction(data.X, data.q_nominal)
+    far = np.any(np.abs(left) > _FAR_DEVIATIONS * 1.4826 * np.median(np.abs(left), axis=0) + _RESOLUTION_SI, axis=1)
+    if not 0.0 < far.mean() <= _MAX_FAR_SHARE:
         return ()
-    left = (data.error - model.correction(data.X, data.q_nominal)) * [DISPLAY[u][1] for u in data.joint_units]
+    left *= [DISPLAY[unit][1] for unit in data.joint_units]
     shown = [
-        f"{name} {rms(column[~failed]):.3g} ({rms(column):.3g}) {DISPLAY[unit][0]}"
+        f"{name} {rms(column[~far]):.3g} ({rms(column):.3g}) {DISPLAY[unit][0]}"
         for name, unit, column in zip(data.joint_names, data.joint_units, left.T, strict=True)
     ]
-    what = f"{failed.sum()} rows lie beyond {_FAR_DEVIATIONS:g} robust deviations of the model's errors"
-    return (f"{what}, as failed measurements do, and count in no error: RMSE without (with) them {', '.join(shown)}",)
+    what = f"{far.sum()} rows lie beyond {_FAR_DEVIATIONS:g} robust deviations of the model's errors"
+    return (f"{what}, as failed measurements do; RMSE without (with) them: {', '.join(shown)}",)
 
 
 def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
@@ -167,9 +163,10 @@ def _concluded(
     """Return a fitted model with its intervals, errors and card."""
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
     notes = (*data_notes(logs, everything), *found.notes)
-    intervals = (
-        None if validation is None else estimate_intervals(validation, level=run.coverage, widening=model.widening)
-    )
+    off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
+    intervals: Intervals | None = None
+    if validation is not None:
+        intervals = estimate_intervals(validation, level=run.coverage, widening=model.widening, off_path=off_path)
     limits = _limits(recordings.robot, data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
@@ -196,6 +193,7 @@ def _concluded(
             left,
             intervals,
             1.0 if model.widening is None else model.widening,
+            apart * [DISPLAY[unit][1] for unit in data.joint_units],
         )
         vague = [
             f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
@@ -214,6 +212,43 @@ def _concluded(
     ]
     card["left_out"] = [asdict(each) for each in left_out]
     return FitResult(model, card, data, spread, held_out, notes, left_out, logs)
+
+
+def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, Floats]:
+    """Return how much more a model may be wrong off the path that it learnt from, within its valid range, (n,) [rad|m].
+
+    A linear model of the same rows is nearly as good on the path; as one that is linear itself, one with products of
+    its inputs. How far the two lie apart where joints meet as they stood in different rows is what neither knows. The
+    first is what widens intervals, without products, which off the path bend more than joints do; then all.
+    """
+    nothing = np.zeros_like(model.offset)
+    if model.kind == "offset" or model.widening is not None:  # which says so itself
+        return nothing, nothing
+    data = data.rows(np.isin(np.arange(len(data)), spread(len(data), _SAMPLED_ROWS)))
+    linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
+    lines = [group for group in model.groups if isinstance(group.predictor, Linear)]
+    bent = [
+        fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=_PRODUCTS_RIDGE * len(data.X))
+        for group in lines
+    ]
+
+    def apart_on(X: Floats) -> Floats:
+        other = linear.predict(X)
+        for group, predictor in zip(lines, bent, strict=True):
+            other[:, list(group.joints)] = predictor.predict(np.ascontiguousarray(X[:, group.columns]))
+        squares: Floats = np.mean((model.correction(X, data.q_nominal[: len(X)]) - other) ** 2, axis=0)
+        return squares
+
+    owners = model.features.owners  # whose position, torque and memory go together
+    rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(owners)}
+    met = np.column_stack([column[rows[joint]] for column, joint in zip(data.X.T, owners, strict=True)])
+    met = met[model.inside(met).all(axis=1)]
+    if len(met) == 0:
+        return nothing, nothing
+    apart = np.sqrt(np.maximum(apart_on(met) - apart_on(data.X), 0.0))
+    widening = apart.copy()
+    widening[[joint for group in lines for joint in group.joints]] = 0.0
+    return widening, apart
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
