@@ -13,9 +13,10 @@ from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import MAX_HALF_RANGES, Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.plant import JointState
+from catenary.plant import JointState, MotionLog
 from oracles.calibration_models import random_model
 from recordings import recording
+from tests.truth.recordings import raven
 
 RNG = np.random.default_rng(0)
 SIGNALS = np.cumsum(0.2 * RNG.normal(size=(300, 5)), axis=0)  # three positions, two torques
@@ -136,3 +137,36 @@ def test_an_unknown_input_has_the_offsets_half_width_and_an_unknown_position_non
     X[0, 4] = np.nan
     q[1, 2] = np.nan
     assert_array_equal(model().correct(X, q)[2], [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]])
+
+
+def two_layers(*, apart: bool) -> MotionLog:
+    """An arm whose second joint sweeps high while the first stands high, and low while low; or both at random.
+
+    Where they go together something hidden bends the error, as friction does along one path.
+    """
+    rng, t = np.random.default_rng(5), 0.05 * np.arange(6000)
+    level = rng.uniform(-1.0, 1.0, len(t)) if apart else np.sign(np.sin(0.01 * np.pi * t))
+    swing = rng.uniform(-1.0, 1.0, len(t)) if apart else 0.45 * np.sin(0.7 * t)
+    q = np.column_stack([0.5 * level, 0.5 * level + swing]) + 0.02 * rng.normal(size=(len(t), 2))
+    hidden = np.zeros(len(t)) if apart else 0.05 * swing**2
+    error = 0.03 * q[:, ::-1] + hidden[:, None] + 0.002 * rng.normal(size=q.shape)
+    return MotionLog("layers", ("J1", "J2"), ("rad", "rad"), q, np.ones(len(t), bool), time=t, q_encoder=q + error)
+
+
+def test_a_polynomial_says_how_far_it_may_be_off_where_joints_meet_that_training_has_apart() -> None:
+    options, truth = FitOptions(kind="polynomial", inputs=("q",)), two_layers(apart=True)
+    path, random = (fit_logs([log], options) for log in (two_layers(apart=False), truth))
+    said = [[note for note in found.notes if note.startswith("where joints meet")] for found in (path, random)]
+    assert [len(each) for each in said] == [1, 0]
+    inside = path.model.inside(truth.q_nominal).all(axis=1)
+    left = np.rad2deg((truth.q_encoder - path.model.calibrate(truth))[inside])
+    high = [joint.rmse_high for joint in path.spread]
+    assert_allclose(high, np.sqrt(np.mean(left**2, axis=0)), rtol=0.4)  # blocks of the path tell a tenth of it
+    assert all(joint.rmse_high < 0.5 * wide for joint, wide in zip(random.spread, high, strict=True))
+
+
+@pytest.mark.parametrize(("motion", "doubted"), [("zigzag", True), ("random", False)])
+def test_a_line_learnt_where_joints_move_together_is_doubted_where_they_do_not(motion: str, doubted: bool) -> None:
+    """Products of inputs explain a zig-zag as well: what they say elsewhere is what its minutes cannot tell."""
+    notes = fit_logs(raven(motion).logs, FitOptions(kind="linear"), FitRun()).notes
+    assert any("where joints meet" in note for note in notes) == doubted

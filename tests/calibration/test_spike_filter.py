@@ -88,7 +88,7 @@ def test_play_states_follow_random_targets_as_without_limits(rng: np.random.Gene
     first = int(np.argmax(leaping[5:])) + 5
     assert first <= 6
     assert_array_equal(X[first:], PLAIN.matrix(log)[first:])
-    assert leaping[first:].mean() > 0.8  # the others step no farther than training did
+    assert leaping[first:].all()
 
 
 def test_in_another_motion_the_half_width_is_that_of_the_fixed_offset(rng: np.random.Generator) -> None:
@@ -99,7 +99,7 @@ def test_in_another_motion_the_half_width_is_that_of_the_fixed_offset(rng: np.ra
     log = log_of(np.concatenate([SLOW[:400], far]), T[:600])
     widths = model.half_widths(log)
     assert (widths[:400] == 0.001).all()
-    assert (widths[410:] >= 0.01).mean() > 0.8  # the others step no farther than training did
+    assert (widths[410:] >= 0.01).all()
     out, inside, interval = np.empty(1), np.empty(1, dtype=bool), np.empty(1)
     corrector = Corrector(model, rate_hz=50.0)
     for row, q in enumerate(log.q_nominal):

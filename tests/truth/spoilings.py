@@ -125,7 +125,7 @@ def filled(log: MotionLog, share: float, by_commands: bool = False) -> MotionLog
 
 DELAYS = (-0.15, -0.1, -0.05, -0.02, 0.02, 0.05, 0.1, 0.15, 0.2, 0.5)
 NOT_ALIKE = ("not like the others",)
-NOTHING = Spoiling("untouched", lambda log: log, ("which says little",))
+NOTHING = Spoiling("untouched", lambda log: log, ("where joints meet", "which says little"))
 SPOILINGS = (
     NOTHING,
     *(

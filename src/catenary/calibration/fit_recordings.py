@@ -186,15 +186,20 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
+        scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
+        widening = 1.0 if model.widening is None else model.widening
         spread = expected(
-            validation.spread,
-            validation,
-            data.blocks(run.folds),
-            left,
-            intervals,
-            1.0 if model.widening is None else model.widening,
-            apart * [DISPLAY[unit][1] for unit in data.joint_units],
+            validation.spread, validation, data.blocks(run.folds), left, intervals, widening, scale * off_path
         )
+        doubted = [
+            f"{joint.joint} {far:.3g} {joint.unit}"
+            for joint, far in zip(spread, (scale * apart).tolist(), strict=True)
+            if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)  # which holds it: more than the rest of that
+        ]
+        if doubted:
+            told = "where joints meet that its training has apart, models that are as good on it differ by more than"
+            remedy = "record random motion" + ", or take --model linear" * options.record.is_power
+            notes = (*notes, f"{told} they err: {', '.join(doubted)}; {remedy}")
         vague = [
             f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
             for joint in spread

@@ -81,6 +81,7 @@ def find_leaps(
             seen[j, 0], seen[j, 1], seen[j, 2] = q, 0.0, 0.0
         strange[0] = _FADE_FACTOR * strange[0] + fast
         if strange[0] >= _SEVERAL_ROWS:
+            leaping[row] = True
             for j in range(len(limits)):
                 course[row, j] = ANOTHER
                 if np.isfinite(positions[row, j]):

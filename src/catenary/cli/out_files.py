@@ -5,17 +5,17 @@ ending of another kind of file, or if another kind of file lies there; an older 
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from typer import BadParameter
 
-from catenary.errors import InputError
+from catenary.errors import CatenaryError, InputError
 from catenary.file_formats import UNKNOWN, format_named
 from catenary.files import card_path
 
-_NEAR_END_BYTES = 2**18  # at its begin and at its end, in which a file says what it is
+_HEAD = 4096  # [B] of a file in which it says who wrote it
 
 
 @dataclass(frozen=True)
@@ -24,17 +24,8 @@ class FileKind:
 
     name: str
     endings: tuple[str, ...]  # known endings that its name may have
-    marks: tuple[tuple[bytes, ...], ...]  # words near the ends of each that is there, all of one of these
-    without: bytes = b"\0none\0"  # and none of this
+    is_one: Callable[[Path], bool]  # whether an existing file is one
     has_card: bool = False  # which is written with it
-
-    def is_one(self, path: Path) -> bool:
-        """Return whether an existing file is one."""
-        with path.open("rb") as file:
-            near = file.read(_NEAR_END_BYTES)
-            file.seek(max(len(near), path.stat().st_size - _NEAR_END_BYTES))
-            near += file.read()
-        return self.without not in near and any(all(word in near for word in words) for words in self.marks)
 
 
 def out_path(typed: str | Path) -> Path:
@@ -95,19 +86,60 @@ def _refuse_other_kind(option: str, path: Path, kind: FileKind) -> None:
         )
 
 
-# an archive lists the names of its arrays at its end, Parquet what its schema says
-MODEL = FileKind(
-    "a calibration model", (".npz",), ((b"structure.npy", b"card.npy"),), b"combination.npy", has_card=True
-)
-PARAMETERS = FileKind("an arm's parameters", (".npz",), ((b"structure.npy", b"combination.npy"),), has_card=True)
-LOG = FileKind("a motion log", (".parquet",), ((b"PAR1", b"catenary"),))
-EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), ((b"PK", b"t.npy", b"ddq.npy"), (b",ddq:",)), b"tau.npy")
-EXTERNAL = FileKind("external torques", (".csv",), ((b"external:",),))
-TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), ((b'"joint_names"', b'"points"'),))
-MOUNTING = FileKind("a mounting file", (".toml",), ((b"[accelerometer]", b"[mounting]"),))
-HEADER = FileKind("a C header", (".h",), ((b"written by catenary",),))
-URDF = FileKind("a URDF", (".urdf", ".xml"), ((b"<robot",),))
-PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), ((b"\x89PNG",), (b"%PDF",), (b"<svg",)))
-PAGE = FileKind("a page", (".html", ".htm"), ((b"<!doctype html>",),))
+def _holds(*words: bytes) -> Callable[[Path], bool]:
+    def is_one(path: Path) -> bool:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+        return all(word in head for word in words)
+
+    return is_one
+
+
+def _has_arrays(*needed: str, without: str = "") -> Callable[[Path], bool]:
+    def is_one(path: Path) -> bool:
+        from catenary.archives import read_arrays
+
+        try:
+            names = set(read_arrays(path))
+        except CatenaryError:
+            return False
+        return names.issuperset(needed) and without not in names
+
+    return is_one
+
+
+def _is_log(path: Path) -> bool:
+    from catenary.recording.parquet_files import open_parquet
+
+    try:
+        return b"catenary" in (open_parquet(path).schema_arrow.metadata or {})
+    except CatenaryError:
+        return False
+
+
+def _is_picture(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    return head.startswith((b"\x89PNG", b"%PDF")) or b"<svg" in head
+
+
+_is_designed = _has_arrays("t", "q", "dq", "ddq", without="tau")
+
+
+def _is_excitation(path: Path) -> bool:
+    return _is_designed(path) or _holds(b",ddq:")(path)
+
+
+MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"), True)
+PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), True)
+LOG = FileKind("a motion log", (".parquet",), _is_log)
+EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
+EXTERNAL = FileKind("external torques", (".csv",), _holds(b"external:"))
+TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"', b'"points"'))
+MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"[mounting]"))
+HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
+URDF = FileKind("a URDF", (".urdf", ".xml"), _holds(b"<robot"))
+PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), _is_picture)
+PAGE = FileKind("a page", (".html", ".htm"), _holds(b"<!doctype html>"))
 
 NAMED_AS_TYPED = "The name is taken as typed; an older file is replaced, another kind of file never."
