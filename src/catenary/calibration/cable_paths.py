@@ -12,11 +12,10 @@ from scipy.optimize import minimize_scalar
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.features import after
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FoundCables
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.searched_rows import MIN_ROWS, SearchedRows, SumsBeside, is_gain, searched_rows
-from catenary.kernels.compiled import compiled
+from catenary.verdict.pairs import play
 
 _FACTORS = (-1.2, -0.8, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 0.8, 1.2)  # of ranges, from which the search begins
 _SLACKS = tuple(0.0004 * 1.25**k for k in range(22))  # of a path's range
@@ -115,17 +114,5 @@ def _least(score: Callable[[float], float], start: float, away: float) -> float:
 
 
 def play_states(path: Floats, widths: Floats) -> Floats:
-    """Return play states of half-widths (K,) along a path (N,), less the path, (N, K)."""
-    states = np.empty((len(path), len(widths)))
-    _play(np.ascontiguousarray(path), widths, states)
-    return states
-
-
-@compiled
-def _play(path: Floats, widths: Floats, states: Floats) -> None:
-    """Write play states, each from the middle of its slack."""
-    for k in range(len(widths)):
-        state = np.nan
-        for row in range(len(path)):
-            state = after(state, path[row], widths[k])
-            states[row, k] = state - path[row]
+    """Return play states of half-widths (K,) along a path (N,), each from the middle of its slack, less the path."""
+    return np.column_stack([play(path, width) for width in widths]) - path[:, None]

@@ -126,6 +126,11 @@ class FeatureSet:
         return np.array([column.is_state for column in self._columns])
 
     @property
+    def play_columns(self) -> dict[int, tuple[str, float]]:
+        """Which columns are play states: the position or path that each follows, and its half-width."""
+        return dict(enumerate(self.play, len(self.signals)))
+
+    @property
     def owners(self) -> tuple[str, ...]:
         """The joint that each feature comes from, F."""
         return tuple(column.signal.rpartition(":")[2] for column in self._columns)

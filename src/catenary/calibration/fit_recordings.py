@@ -31,11 +31,12 @@ from catenary.units import DISPLAY
 from catenary.verdict.check import Passed
 from catenary.verdict.finding import Finding
 from catenary.verdict.mend import left_out_rows, mends_of
+from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 _MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
 _PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
-_FAR_DEVIATIONS, _MAX_FAR_SHARE = 10.0, 0.03
+_MAX_FAR_SHARE = 0.03  # of rows, that failed measurements are
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
 
@@ -93,33 +94,26 @@ def fit_recordings(
         options = replace(options, cables=find_cables(recordings, options, held_out=held_out))
         options = replace(options, friction=find_friction(recordings, options, held_out=held_out))
     inputs = choose_inputs(recordings, options, held_out=held_out)
-    data, *_ = rows_of(inputs.features)
+    rows = rows_of(inputs.features)
+    data = rows[0]
     halves = [part_of(progress, k, 2) for k in range(2)]
     model = fit(data, inputs, options, progress=halves[0])
+    notes = () if model.widening is None else _far_notes(data, model)
     validation: CrossValidation | None = None
-    notes: tuple[str, ...] = ()
-    if model.widening is not None:
-        notes = _far_notes(data, model)
     if run.folds:
 
         def refitted(part: CalibrationData, tell: Progress) -> CalibrationModel:
             return fit(part, inputs, options, like=model, progress=tell)
 
         validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
-    return _concluded(
-        recordings,
-        options,
-        run,
-        (model, validation),
-        found._replace(notes=[*found.notes, *notes]),
-        (data, *rows_of(inputs.features)[1:]),
-    )
+    found = found._replace(notes=[*found.notes, *notes])
+    return _concluded(recordings, options, run, (model, validation), found, rows)
 
 
 def _far_notes(data: CalibrationData, model: CalibrationModel) -> tuple[str, ...]:
     """Say how many rows are beyond ten robust deviations of the errors, if few, and the errors without them."""
     left = data.error - model.correction(data.X, data.q_nominal)
-    far = np.any(np.abs(left) > _FAR_DEVIATIONS * 1.4826 * np.median(np.abs(left), axis=0) + _RESOLUTION_SI, axis=1)
+    far = np.any(np.abs(left) > OUTLIER_SIGMAS * outliers(left)[1] + _RESOLUTION_SI, axis=1)
     if not 0.0 < far.mean() <= _MAX_FAR_SHARE:
         return ()
     left *= [DISPLAY[unit][1] for unit in data.joint_units]
@@ -127,7 +121,7 @@ def _far_notes(data: CalibrationData, model: CalibrationModel) -> tuple[str, ...
         f"{name} {rms(column[~far]):.3g} ({rms(column):.3g}) {DISPLAY[unit][0]}"
         for name, unit, column in zip(data.joint_names, data.joint_units, left.T, strict=True)
     ]
-    what = f"{far.sum()} rows lie beyond {_FAR_DEVIATIONS:g} robust deviations of the model's errors"
+    what = f"{far.sum()} rows lie beyond {OUTLIER_SIGMAS:g} robust deviations of the model's errors"
     return (f"{what}, as failed measurements do; RMSE without (with) them: {', '.join(shown)}",)
 
 

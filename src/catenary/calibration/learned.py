@@ -57,12 +57,13 @@ def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
     names = [features.names[c] for c in columns]
     units = [features.feature_units[c] for c in columns]
     is_state = features.bounded[columns]
-    widths = {f"play({p}, {width:.4g})": width for p, width in features.play}
+    plays = features.play_columns
+    widths = [plays[c][1] if c in plays else None for c in columns.tolist()]
     low, high, (_, sd) = X.min(axis=0), X.max(axis=0), standardisation(X)
     is_position = np.array([name.startswith("q:") for name in names])
     middle = np.where(is_position, 0.5 * (low + high), np.where(is_state, 0.0, np.median(X, axis=0)))
     half = np.where(high > low, 0.5 * (high - low), 1.0)
-    scale = np.where(is_position, half, [widths.get(name, d) for name, d in zip(names, sd, strict=True)])
+    scale = np.where(is_position, half, [d if w is None else w for w, d in zip(widths, sd, strict=True)])
     limit = np.where(is_position, _POSITION_LIMIT, np.where(is_state, ANY_SIZE, _LOAD_LIMIT))
     moves: list[int] = np.flatnonzero(high > low).tolist()
     positions = [k for k in moves if is_position[k]]
@@ -72,7 +73,7 @@ def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
     joints = [features.owners[c] for c in columns]
     for k in positions:
         own = [load for load in loads if joints[load] == joints[k]]
-        ladder = [i for i, name in enumerate(names) if name in widths and joints[i] == joints[k]]
+        ladder = [i for i, width in enumerate(widths) if width is not None and joints[i] == joints[k]]
         pairs += [(play, other) for play in ladder[2:-2:_EVERY] for other in (k, *own)]
         pairs += [(position, load) for position in positions for load in own]
     indices = (np.array(each, dtype=np.int64) for each in (positions, angles, loads, np.reshape(pairs, (-1, 2))))
@@ -82,13 +83,14 @@ def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
 def groups_of(terms: Terms, features: FeatureSet, columns: Integers, joint: str) -> Integers:
     """Return the group of each term, (C,), for the model of a joint."""
     coupled = () if features.friction is None else [f"{lag}" for lag, _ in features.friction.columns]
-    along = tuple(f"play({name}," for name, *_ in features.paths)
+    paths = {name for name, *_ in features.paths}
+    along = {c for c, (name, _) in features.play_columns.items() if name in paths}
     names, is_state = [features.names[c] for c in columns], features.bounded[columns]
     kinds, owners = term_owners(terms, [features.owners[c] for c in columns])
     found = []
     for k, (kind, owner) in enumerate(zip(kinds, owners, strict=True)):
         if kind == "feature":
-            kind = ("path" if names[k].startswith(along) else "memory") if is_state[k] else kind
+            kind = ("path" if columns[k] in along else "memory") if is_state[k] else kind
             owner = joint if names[k] in coupled else owner
         found.append(0 if kind == "feature" else 7 if kind == "product" else _OF_KIND[kind][owner == joint])
     return np.array(found)

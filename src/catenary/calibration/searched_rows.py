@@ -42,8 +42,8 @@ class SearchedRows(NamedTuple):
     def columns(self, joints: Sequence[int]) -> Integers:
         """Return the columns of `fixed` without play states of the given joints."""
         own = {f"q:{self.joint_names[j]}" for j in joints}
-        names = self.signals.names
-        return np.array([i for i, n in enumerate(names) if not (n.startswith("play(") and n[5:].split(",")[0] in own)])
+        plays = [column for column, (along, _) in self.signals.play_columns.items() if along in own]
+        return np.setdiff1d(np.arange(len(self.signals.names)), plays)
 
     def of_paths(self, state: Callable[[Floats], Floats], only: int | None = None) -> Floats:
         """Return states (N, S) at the rows, of all recordings or one; `state` gives them for paths (L, n)."""
@@ -121,10 +121,8 @@ class SumsBeside:
     """Sums of products over each block of some columns (N, F) and an output (N,), to which others are added."""
 
     def __init__(self, X: Floats, y: Floats, block: Integers) -> None:
-        mean, scale = standardisation(X)
-        A = np.column_stack([(X - mean) / scale, np.ones(len(X)), y])
         self._rows = [np.flatnonzero(block == k) for k in np.unique(block)]
-        self._parts = [A[rows] for rows in self._rows]
+        self._parts = _parts(X, y[:, None], block)
         self._sums = [part.T @ part for part in self._parts]
 
     def errors(self, P: Floats) -> Floats:
@@ -140,10 +138,14 @@ class SumsBeside:
 
 def sums_over_blocks(X: Floats, Y: Floats, block: Integers) -> tuple[Floats, int]:
     """Return sums of products of standardised columns, a one and Y over each block, (K, F + 1 + m, ...), and m."""
+    return np.array([part.T @ part for part in _parts(X, Y, block)]), Y.shape[1]
+
+
+def _parts(X: Floats, Y: Floats, block: Integers) -> list[Floats]:
+    """Return standardised columns, a one and Y of each block's rows."""
     mean, scale = standardisation(X)
-    all_columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
-    parts = [all_columns[block == k] for k in np.unique(block)]
-    return np.array([each.T @ each for each in parts]), Y.shape[1]
+    columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
+    return [columns[block == k] for k in np.unique(block)]
 
 
 def errors_on_blocks(sums: Floats, m: int) -> Floats:

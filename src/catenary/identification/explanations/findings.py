@@ -16,7 +16,7 @@ from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows
 from catenary.identification.explanations.evidence import Evidence
-from catenary.identification.explanations.hypotheses import UNSURE, PossibleCause
+from catenary.identification.explanations.hypotheses import UNSURE
 from catenary.identification.explanations.search import Cause, ExplainedRecording, explain
 from catenary.identification.explanations.supposed import Supposed
 from catenary.identification.identification import Identification
@@ -67,7 +67,7 @@ def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
     """Return one cause as a finding."""
     hypothesis, candidate = cause.hypothesis, cause.candidate
     names = tuple(evidence.model.joint_names[i] for i in candidate.joints)
-    says = f"{candidate.says}{_of_load(evidence, explanation, candidate)}; log evidence +{cause.gain:.0f}"
+    says = f"{candidate.says}{_of_load(evidence, explanation, cause)}; log evidence +{cause.gain:.0f}"
     if hypothesis.of_arm or not hypothesis.mended:
         culprit = "it is identified with the arm" if hypothesis.of_arm else ""
         return Finding(hypothesis.finding, names, says + _rivals(cause), culprit, refuses=False)
@@ -77,13 +77,8 @@ def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
     refuses = sound and alike and candidate.error < UNSURE
     remedies = [_option(evidence, c.remedy) for c in (candidate, *(c for _, _, c in cause.rivals))] if refuses else []
     if not refuses:
-        says += "; nothing is advised: " + (
-            "its number is not sure"
-            if candidate.error >= UNSURE
-            else "it explains too little"
-            if alike
-            else "see rivals"
-        )
+        unsure = "its number is not sure" if candidate.error >= UNSURE else ""
+        says += f"; nothing is advised: {unsure or ('it explains too little' if alike else 'see rivals')}"
     return Finding(hypothesis.finding, names, says + _rivals(cause), "", " or ".join(remedies), refuses=refuses)
 
 
@@ -98,11 +93,11 @@ def _option(evidence: Evidence, remedy: str) -> str:
     return re.sub(r"\{rates:(.*?)\}", r" \1" if evidence.rows.samples.has_rates else "", remedy)
 
 
-def _of_load(evidence: Evidence, explanation: ExplainedRecording, candidate: PossibleCause) -> str:
-    """Return the mass of the last load that is supposed, if that is what the candidate adds."""
-    if candidate.joints or not candidate.supposed.loads or "carries a body" not in candidate.says:
+def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> str:
+    """Return the mass of the body that a cause supposes, if it supposes one."""
+    if cause.hypothesis.name != "load":
         return ""
-    mass, std = load_mass(evidence, explanation.supposed, candidate.supposed.loads[-1])
+    mass, std = load_mass(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
     return f": {mass:.2g} kg, standard deviation {std:.1g}"
 
 

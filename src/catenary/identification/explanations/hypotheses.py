@@ -71,6 +71,7 @@ class Hypothesis:
         of_arm: It is true of the arm: a note, and no fault of the data.
         by_masses: Only a file's masses, or identified ones, can tell it.
         mended: A recording can be mended, or identified as it is; otherwise it is a note.
+        by_identification: Only of an arm that was identified.
     """
 
     name: str
