@@ -51,13 +51,7 @@ from simulated_project import calibrate_short
 print("ready", flush=True)
 calibrate_short(Path(sys.argv[1]), with_page=False)
 """
-COMMANDS = (
-    ("home",),
-    ("excite", "--sparsity", "1"),
-    ("record", "--hours", "0.01"),
-    ("extract",),
-    ("extract", "--bag", "ros1"),
-)
+COMMANDS = (("home",), ("excite", "--sparsity", "1"), ("record", "--hours", "0.01"), ("extract",))
 
 
 def environment() -> dict[str, str]:

@@ -1,20 +1,14 @@
-"""A project's recordings as motion logs: extracted and synchronised, or third-party ones, read once by a mapping."""
+"""A project's recordings as motion logs: extracted and synchronised."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catenary.errors import ConfigError, InputError
-from catenary.files import sha256_of
-from catenary.plant import MotionLog
-from catenary.recording.bag_reader import open_recording, open_recordings, rescue_of
-from catenary.recording.bag_writer import BagKind, write_group_bags
-from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
+from catenary.errors import ConfigError
+from catenary.recording.bag_reader import open_recordings, rescue_of
+from catenary.recording.logs import write_parquet
 from catenary.workflows.project.folder import Project, contents, describe, hold, missing, write
 from catenary.workflows.project.kinds import kind_of
-from catenary.workflows.project.robot import empty
 
 
 def extract_recording(project: Project, name: str) -> bool:
@@ -61,71 +55,6 @@ def extract_recording(project: Project, name: str) -> bool:
     return project.run(step, made_from, files, work)
 
 
-def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
-    """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless done; never over bags of others."""
-    step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
-    files = [project.folder / written for written in project.outputs_of(step) or {}]
-    made_from = contents(describe(project.folder, [recording]), f"recordings/{name}")
-
-    def work() -> None:
-        half, whole = folder / f"{name}.{kind}.part", folder / name
-        for old in files:
-            old.unlink(missing_ok=True)
-        empty(half)
-        bags = write_group_bags(open_recording(recording), half, kind)
-        whole.mkdir(exist_ok=True)
-        there = [path for bag in bags if (path := whole / bag.name).is_file() or any(path.glob("*"))]
-        if there:
-            raise InputError(f"{there[0]}: exists already, and is never overwritten; delete it, and run this again")
-        for bag in bags:
-            bag.rename(whole / bag.name)
-        half.rmdir()
-        files[:] = [whole / bag.name for bag in bags]
-
-    project.run(step, made_from, files, work)
-    written = {Path(*Path(path).parts[:3]) for path in project.outputs_of(step) or {}}
-    return sorted(project.folder / path for path in written)
-
-
 def motion_log_path(project: Project, name: str) -> Path:
     """Return the path of a recording's motion log."""
     return project.folder / f"{name}.parquet"
-
-
-@dataclass(frozen=True)
-class Imported:
-    """A third-party recording that was read, and where the project keeps it."""
-
-    log: MotionLog
-    path: Path  # imported/NAME.parquet
-    made_from: Any
-
-
-def read_imports(project: Project, paths: Sequence[Path], mapping: RecordingMapping) -> list[Imported]:
-    """Read recordings by a mapping, or what the project keeps of them; nothing is written."""
-    found = []
-    for path in paths:
-        if not path.exists():
-            raise InputError(f"{path}: no such recording")
-        parts = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-        hashes = [sha256_of(part) for part in parts]
-        kept = project.folder / "imported" / f"{path.stem}-{hashes[0][:8]}.parquet"
-        made_from = [hashes, mapping.model_dump(mode="json")]
-        if project.done(f"import {kept.stem}", made_from, [kept]):
-            log = read_log(kept)
-        else:
-            log = read_recording(path, Reading(mapping=mapping))
-        found.append(Imported(log, kept, made_from))
-    return found
-
-
-def keep_imports(project: Project, imports: Sequence[Imported]) -> list[Path]:
-    """Write recordings that were read into the project, unless that was done; return the files."""
-    for one in imports:
-
-        def work(one: Imported = one) -> None:
-            one.path.parent.mkdir(exist_ok=True)
-            write_parquet(one.log, one.path)
-
-        project.run(f"import {one.path.stem}", one.made_from, [one.path], work)
-    return [one.path for one in imports]
