@@ -39,7 +39,7 @@ def extract(
     Writes a motion log NAME.parquet for each, and a report. Of an interrupted recording it keeps the
     intact part and reports the loss.
     """
-    from catenary.workflows.project.recordings import extract_recording, motion_log_path
+    from catenary.workflows.project.calibrate import extract_recording, motion_log_path
 
     gap = ("longest gap [ms]", lambda t: t["longest_gap"] and f"{1e3 * t['longest_gap']:.0f}")
     columns_of_topics: list[Column] = ["topic", "messages", ("rate [Hz]", "rate:.1f"), gap]
@@ -234,7 +234,7 @@ def _too_slow(took: float, period: float) -> None:
 def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool) -> None:
     from catenary.config import plain_data
     from catenary.reports.project import corrector_time, deployed_table
-    from catenary.simulation.plant_state import restore_plant
+    from catenary.simulation.firmware_plant import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.kinds import kind_of
     from catenary.workflows.project.robot import deploy_on_robot, left_at

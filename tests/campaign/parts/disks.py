@@ -70,8 +70,8 @@ def pipeline(seed: int, folder: Path) -> None:
 
     from catenary.calibration.fit_options import FitOptions, FitRun
     from catenary.workflows.project import calibrate
+    from catenary.workflows.project.calibrate import extract_recording, motion_log_path
     from catenary.workflows.project.folder import Project, ProjectSettings
-    from catenary.workflows.project.recordings import extract_recording, motion_log_path
 
     warnings.simplefilter("ignore", UserWarning)  # of matplotlib, about fonts
     rng = random.Random(seed)

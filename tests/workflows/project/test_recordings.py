@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from catenary.recording.logs import read_log
+from catenary.workflows.project.calibrate import extract_recording, motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from command_line import catenary
 from oracles.raven_recording import record
 
