@@ -213,12 +213,14 @@ def payload(
     if best.detected:
         sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
         parts.append(f"payload {best.location}{sure}")
-    elif best.like_zeros:
-        parts.append("a payload, or zeros of torque that shifted: not told")
+    elif best.rival:
+        parts.append("a payload, or something that looks alike: not told")
     else:
         parts.append(f"no payload (confidence {best.confidence:.3f} that there is one)")
     if best.detected and len(best.likely) > 1:
         parts.append(f"if it is on {best.link}:")
+    if best.beside and (best.detected or at is not None):
+        parts.append(f"beside it: {best.beside}")
     told = best.detected or at is not None
     if best.mass is not None and told:
         parts.append(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
@@ -226,9 +228,8 @@ def payload(
         moment, off = (", ".join(f"{v:.4f}" for v in each) for each in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
-        title = "Links that could carry it, and what it would explain of the residual there"
-        likely: list[Column] = ["link", ("probability", "probability:.2f"), ("explained", "explained:.1f %")]
-        parts.append(Table(likely, [best, *result.candidates], title))
+        likely: list[Column] = ["link", ("probability", "probability:.2f")]
+        parts.append(Table(likely, [best, *result.candidates], "Links that could carry it"))
     print_result(result.summary(), *parts, notes=result.notes)
 
 

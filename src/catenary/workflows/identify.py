@@ -26,7 +26,7 @@ from catenary.identification.explanations.findings import GAINS, day_findings, f
 from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, rotors_beside
-from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates, zero_findings
+from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
@@ -417,7 +417,8 @@ def payload_of_files(
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
     else:
         best, *candidates = payload_candidates(result, loaded, unloaded=empty)
-    notes += judge([*zero_findings(result, loaded, best)])
+    if best.rival:
+        notes.append(f"a load on {best.link} cannot be told from {best.rival}")
     if best.mass is None:
         notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))

@@ -6,7 +6,7 @@ summed. An arm without masses has links of about 1 kg and .1 m. An identificatio
 friction of another day.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,15 +38,23 @@ class Belief:
     knows_masses: bool
     links: tuple[int, ...]
     mass: float  # of all links [kg]
+    identified: bool = False  # with the rotors that it has, none beside
+    bodies: tuple[tuple[int, Floats], ...] = ()  # that links carry, see `carrying`
 
-    def with_loads(self, which: int, loads: tuple[int, ...]) -> Floats:
-        """Return one covariance where some links carry a body of unknown mass and place."""
-        covariance = self.covariances[which]
-        for link in loads:
-            covariance = covariance.copy()
-            own = PER_LINK * self.links.index(link) + np.arange(PER_LINK)
-            covariance[own, own] += self.load_std**2
-        return covariance
+    def carrying(self, link: int, load: Floats) -> "Belief":
+        """Return it of an arm with a body on a link: load (10, m) times m numbers of mean 0 and deviation 1."""
+        return replace(self, bodies=(*self.bodies, (link, load)))
+
+    def covariance(self, which: int) -> Floats:
+        """Return one covariance, with the bodies that links carry."""
+        found = self.covariances[which].copy()
+        for link, load in self.bodies:
+            found[self.own(link), self.own(link)] += load @ load.T
+        return found
+
+    def own(self, link: int) -> slice:
+        """Return where a link's parameters are."""
+        return slice(PER_LINK * self.links.index(link), PER_LINK * (self.links.index(link) + 1))
 
     def after(self, mean: Floats, covariance: Floats) -> "Belief":
         """Return what a recording made of it: links and the file's actuation."""
@@ -55,10 +63,15 @@ class Belief:
         )
 
     @property
-    def load_std(self) -> Floats:
-        """Standard deviations (10,) of the parameters of a body that a link carries."""
+    def load(self) -> Floats:
+        """A body of unknown mass, place and inertia: standard deviations of its parameters, (10, 10) diagonal."""
         parts = [1.0, *[_LOAD_REACH_M] * 3, *[_LOAD_INERTIA_M2] * 6]
-        return max(_LEAST_LOAD, _LOAD_SHARE * self.mass) * np.array(parts)
+        return self.load_mass * np.diag(parts)
+
+    @property
+    def load_mass(self) -> float:
+        """Standard deviation of a body's mass [kg]."""
+        return max(_LEAST_LOAD, _LOAD_SHARE * self.mass)
 
 
 def belief_of_file(model: RobotModel) -> Belief:
@@ -116,7 +129,7 @@ def belief_of(result: Identification) -> Belief:
             other[k] += _OTHER_ZERO_SHARE * float(_torque_size(result) @ np.abs(term.combination))
     C[count:, count:] += np.diag(other**2)
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(P))
-    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()))
+    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()), identified=True)
 
 
 def _torque_size(result: Identification) -> Floats:

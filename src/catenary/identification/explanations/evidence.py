@@ -12,6 +12,7 @@ N log |1/g|. So a gain is weighed against torques as they are predicted; measure
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -69,8 +70,8 @@ class Evidence:
 
     def __init__(self, model: RobotModel, samples: Samples, belief: Belief | None = None, rows: int = _ROWS) -> None:
         """Take a recording of an arm, and what is known of the arm: its file's masses when None."""
-        self.model, self.rows = model, Rows(model, samples, rows)
         self.belief = belief_of_file(model) if belief is None else belief
+        self.model, self.rows = model, Rows(model, samples, rows, identified=self.belief.identified)
         self.plain = nothing_supposed(model.n)
         self._grams: dict[object, _Gram] = {}
         self._columns: dict[object, Floats] = {}
@@ -78,6 +79,12 @@ class Evidence:
         self._links: dict[object, Floats] = {}
         self.correlated = np.ones(model.n)  # rows that count as one, by joint
         self.correlated = self._correlation()
+
+    def believing(self, belief: Belief) -> "Evidence":
+        """Return the same recording for another belief of the same arm."""
+        other = copy(self)
+        other.belief, other._priors = belief, {}
+        return other
 
     def log(self, supposed: Supposed, which: int, extra: Sequence[Extra] = ()) -> float:
         """Return the log evidence under one of the belief's spreads."""
@@ -142,18 +149,52 @@ class Evidence:
     def _prior(self, which: int, loads: tuple[int, ...]) -> tuple[Floats, Floats, Floats, float]:
         """Return mean, precision, variances and log determinant of the covariance of what the belief is about."""
         if (which, loads) not in self._priors:
-            covariance, V = self.belief.with_loads(which, loads), self.rows.shown
-            k = len(V)
-            onto = np.zeros((len(covariance), V.shape[1] + len(covariance) - k))
-            onto[:k, : V.shape[1]] = V
-            onto[k:, V.shape[1] :] = np.eye(len(covariance) - k)
-            reduced = onto.T @ covariance @ onto
+            onto = self.onto
+            reduced = onto.T @ self.belief.covariances[which] @ onto
             scale = np.sqrt(np.diag(reduced))
             correlation = reduced / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
             log_determinant = float(np.linalg.slogdet(correlation)[1]) + 2.0 * float(np.log(scale).sum())
-            precision = np.linalg.inv(correlation) / np.outer(scale, scale)
-            self._priors[which, loads] = onto.T @ self.belief.mean, precision, scale**2, log_determinant
+            precision, variances = np.linalg.inv(correlation) / np.outer(scale, scale), scale**2
+            for link, load in (*self.belief.bodies, *((link, self.belief.load) for link in loads)):
+                # by Woodbury's identity: beside a body, what is known well of the arm would be lost to rounding
+                W = onto[self.belief.own(link)].T @ load
+                S = np.eye(W.shape[1]) + W.T @ precision @ W
+                log_determinant += float(np.linalg.slogdet(S)[1])
+                precision = precision - precision @ W @ np.linalg.solve(S, W.T @ precision)
+                variances = variances + np.sum(W**2, axis=1)
+            self._priors[which, loads] = onto.T @ self.belief.mean, precision, variances, log_determinant
         return self._priors[which, loads]
+
+    @property
+    def onto(self) -> Floats:
+        """Combinations (k, m) of what the belief is about that torques can show."""
+        V, size = self.rows.shown, len(self.belief.mean)
+        (k, r) = V.shape
+        found = np.eye(size, r + size - k, r - k)
+        found[:k] = np.hstack([V, np.zeros((k, size - k))])
+        return found
+
+    def precision(self, which: int) -> Floats:
+        """Return the inverse covariance (m, m) of what torques can show of the belief."""
+        return self._prior(which, ())[1]
+
+    def body(
+        self, link: int, load: Floats, which: int, loads: tuple[int, ...], after: Floats, unsure: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return what is believed of a body on a link: its parameters (10,), and their covariance.
+
+        Args:
+            link: That carries it.
+            load: (10, m) as it is part of the belief, see `Belief.carrying`.
+            which: Of the belief's spreads.
+            loads: Links that were supposed to carry one.
+            after: (m,) what torques can show, after the recording.
+            unsure: Its covariance.
+        """
+        mean, precision, _, _ = self._prior(which, loads)
+        prior = load @ load.T
+        gain = prior @ self.onto[self.belief.own(link)] @ precision
+        return gain @ (after - mean), prior - gain @ self.onto[self.belief.own(link)].T @ prior + gain @ unsure @ gain.T
 
     @staticmethod
     def _mean(first: Floats, count: int) -> Floats:

@@ -12,10 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows
-from catenary.identification.explanations.evidence import Evidence
+from catenary.identification.explanations.evidence import Evidence, Extra
 from catenary.identification.explanations.hypotheses import UNSURE
 from catenary.identification.explanations.search import Cause, ExplainedRecording, explain
 from catenary.identification.explanations.supposed import Supposed
@@ -104,14 +103,9 @@ def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
 def load_mass(evidence: Evidence, supposed: Supposed, link: int) -> tuple[float, float]:
     """Return the mass [kg] of a body on a link that is supposed to carry one, and its standard deviation."""
     _, which = evidence.over_spreads(supposed)
-    fit, V = evidence.fit(supposed, which), evidence.rows.shown
-    k, r = V.shape
-    P = evidence.belief.with_loads(which, supposed.loads)[:k, :k]
-    own = PER_LINK * evidence.belief.links.index(link) + np.arange(PER_LINK)
-    D = np.diag(evidence.belief.load_std**2)
-    gain = D @ V[own] @ np.linalg.inv(V.T @ P @ V)
-    body = gain @ (fit.beta[:r] - V.T @ evidence.belief.mean[:k])
-    unsure = D - gain @ V[own].T @ D + gain @ fit.covariance[:r, :r] @ gain.T
+    fit, k = evidence.fit(supposed, which), evidence.onto.shape[1]
+    after, unsure = fit.beta[:k], fit.covariance[:k, :k]
+    body, unsure = evidence.body(link, evidence.belief.load, which, supposed.loads, after, unsure)
     return float(body[0]), float(np.sqrt(max(unsure[0, 0], 0.0)))
 
 
@@ -153,18 +147,17 @@ def day_findings(model: RobotModel, days: Sequence[Samples]) -> list[tuple[str, 
     return found
 
 
-def posterior(evidence: Evidence) -> Belief:
-    """Return what is believed of an arm after a recording, taken as it is."""
+def posterior(evidence: Evidence, extra: Sequence[Extra] = ()) -> Belief:
+    """Return what is believed of an arm after a recording, taken as it is but for some columns."""
     _, which = evidence.over_spreads(evidence.plain)
-    fit, V, belief = evidence.fit(evidence.plain, which), evidence.rows.shown, evidence.belief
-    k, r = V.shape
-    p = r + evidence.columns(evidence.plain)[2]
-    P, mean = belief.covariances[which][:k, :k], belief.mean[:k]
-    gain = P @ V @ np.linalg.inv(V.T @ P @ V)
-    phi = mean + gain @ (fit.beta[:r] - V.T @ mean)
-    onto = np.eye(k + p - r, p, r - k)
-    onto[:k], onto[k:, r:] = np.hstack([gain, np.zeros((k, p - r))]), np.eye(p - r)
-    C: Floats = onto @ fit.covariance[:p, :p] @ onto.T
-    C[:k, :k] += P - gain @ V.T @ P
+    fit, mean, P = evidence.fit(evidence.plain, which, extra), evidence.belief.mean, evidence.belief.covariance(which)
+    onto = evidence.onto
+    gain = P @ onto @ evidence.precision(which)
+    (size, m), p = onto.shape, evidence.shown + evidence.columns(evidence.plain)[2]
+    G = np.eye(size + p - m, p, m - size)  # what is new beside the belief is as it was found
+    G[:size] = np.hstack([gain, np.zeros((size, p - m))])
+    C: Floats = G @ fit.covariance[:p, :p] @ G.T
+    C[:size, :size] += P - gain @ onto.T @ P
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(C))
-    return belief.after(np.concatenate([phi, fit.beta[r:p]]), C)
+    had = np.concatenate([mean, np.zeros(p - m)])
+    return evidence.belief.after(had + G @ (fit.beta[:p] - np.concatenate([onto.T @ mean, np.zeros(p - m)])), C)
