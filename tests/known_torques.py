@@ -12,7 +12,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters, torque_regressor
-from catenary.identification.payload import point_mass
+from catenary.identification.explanations.loads import point_mass
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel

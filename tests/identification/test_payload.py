@@ -8,9 +8,10 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError
 from catenary.identification.explanations.findings import findings_against
+from catenary.identification.explanations.loads import point_mass
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.identification.payload import estimate_payload, payload_candidates, point_mass
+from catenary.identification.payload import estimate_payload, payload_candidates
 from catenary.identification.samples import prepare
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot

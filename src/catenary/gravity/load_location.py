@@ -99,7 +99,8 @@ class LoadHypotheses:
         none, *shares = self.shares(beforehand)
         carriers = []
         for frame, share, (J, b) in zip(self.frames, shares, self._tests(), strict=True):
-            body, deviation = _body(J, b)
+            body, covariance = _body(J, b)
+            deviation = float(np.sqrt(covariance[0, 0]))
             mass, *moment = self._sizes * body
             carriers.append(CarrierBelief(frame, share, float(mass), self._sizes[0] * deviation, np.array(moment)))
         carriers.sort(key=lambda one: -one.probability)
@@ -168,14 +169,25 @@ def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
     return whole - float(np.log(len(each))), np.exp(each - whole)
 
 
-def _body(information: Floats, score: Floats) -> tuple[Floats, float]:
-    """Return the mean (4,) of a load in standard deviations of a large one, and the deviation of its mass."""
+def _body(information: Floats, score: Floats) -> tuple[Floats, Floats]:
+    """Return the mean (k,) of a load in standard deviations of a large one, and its covariance."""
     _, weights = _over_sizes(information, score)
     covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in _LOAD_OCTAVES])
     means = covariances @ score
     mean: Floats = weights @ means
-    variance = weights @ (covariances[:, 0, 0] + (means[:, 0] - mean[0]) ** 2)
-    return mean, float(np.sqrt(variance))
+    spread = means - mean
+    return mean, np.einsum("c,cij->ij", weights, covariances) + np.einsum("c,ci,cj->ij", weights, spread, spread)
+
+
+def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floats]:
+    """Return what is to be added to the log evidence of a large load if its size is one of many, and the load then.
+
+    u (k,) is the load in standard deviations of a large one, found as of that size, with its covariance.
+    """
+    precision = np.linalg.inv(covariance)
+    information, score = precision - np.eye(len(u)), precision @ u
+    as_large = float(log_evidence(information[None], score[None])[0])
+    return _over_sizes(information, score)[0] - as_large, *_body(information, score)
 
 
 def log_evidence(information: Floats, score: Floats) -> Floats:

@@ -22,7 +22,7 @@ _FREE_SPREADS = ((0.3, 0.0, 0.4), (3.0, 0.0, 0.4), (30.0, 0.0, 0.2))  # the same
 _FREE_MASS, _FREE_LENGTH_M = 1.0, 0.1
 _LEAST_SHARE, _LEAST_LENGTH_M = 0.04, 0.06  # of the arm's mass, and from the joint: what every link is given
 _LOAD_SHARE, _LEAST_LOAD = 0.12, 1.0  # standard deviation of a load, of the arm's mass, and at least [kg]
-_LOAD_REACH_M, _LOAD_INERTIA_M2 = 0.1, 0.02  # of its centre and inertia, per kg
+_LEAST_REACH_M, _LOAD_INERTIA_SHARE = 0.1, 2.0  # of its centre from the joint, and of its inertia to reach squared
 _OTHER_DAY_SHARE = 0.1  # by which friction of another day differs
 _OTHER_ZERO_SHARE = 0.03  # of a joint's torque, by which its zero does
 
@@ -38,6 +38,7 @@ class Belief:
     knows_masses: bool
     links: tuple[int, ...]
     mass: float  # of all links [kg]
+    reaches: tuple[float, ...] = ()  # of links [m]: how far from the joint a load may be
     identified: bool = False  # with the rotors that it has, none beside
     bodies: tuple[tuple[int, Floats], ...] = ()  # that links carry, see `carrying`
 
@@ -58,15 +59,13 @@ class Belief:
 
     def after(self, mean: Floats, covariance: Floats) -> "Belief":
         """Return what a recording made of it: links and the file's actuation."""
-        return Belief(
-            mean, (covariance,), (0.0,), 0, True, self.links, float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
-        )
+        mass = float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
+        return Belief(mean, (covariance,), (0.0,), 0, True, self.links, mass, self.reaches)
 
-    @property
-    def load(self) -> Floats:
-        """A body of unknown mass, place and inertia: standard deviations of its parameters, (10, 10) diagonal."""
-        parts = [1.0, *[_LOAD_REACH_M] * 3, *[_LOAD_INERTIA_M2] * 6]
-        return self.load_mass * np.diag(parts)
+    def load(self, link: int) -> Floats:
+        """A body of unknown mass, place and inertia on a link: deviations of its parameters, (10, 10) diagonal."""
+        reach = self.reaches[self.links.index(link)]
+        return self.load_mass * np.diag([1.0, *[reach] * 3, *[_LOAD_INERTIA_SHARE * reach**2] * 6])
 
     @property
     def load_mass(self) -> float:
@@ -89,7 +88,15 @@ def belief_of_file(model: RobotModel) -> Belief:
         knows,
         links,
         float(phi[:, 0].sum()) if knows else 0.0,
+        tuple(_reach(model, link) for link in links),
     )
+
+
+def _reach(model: RobotModel, link: int) -> float:
+    """Return how far a link goes from its joint [m]: to its frames, and the joints that it carries."""
+    places = [*model.tree.origin[model.tree.parent == link]]
+    places += [frame.pose.position for frame in model.frames.values() if frame.link == link]
+    return max(_LEAST_REACH_M, *(float(np.linalg.norm(place)) for place in places))
 
 
 def _covariance(phi: Floats, knows: bool, spread: float, common: float) -> Floats:
@@ -129,7 +136,7 @@ def belief_of(result: Identification) -> Belief:
             other[k] += _OTHER_ZERO_SHARE * float(_torque_size(result) @ np.abs(term.combination))
     C[count:, count:] += np.diag(other**2)
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(P))
-    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()), identified=True)
+    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()), file.reaches, True)
 
 
 def _torque_size(result: Identification) -> Floats:

@@ -155,7 +155,7 @@ class Evidence:
             correlation = reduced / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
             log_determinant = float(np.linalg.slogdet(correlation)[1]) + 2.0 * float(np.log(scale).sum())
             precision, variances = np.linalg.inv(correlation) / np.outer(scale, scale), scale**2
-            for link, load in (*self.belief.bodies, *((link, self.belief.load) for link in loads)):
+            for link, load in (*self.belief.bodies, *((link, self.belief.load(link)) for link in loads)):
                 # by Woodbury's identity: beside a body, what is known well of the arm would be lost to rounding
                 W = onto[self.belief.own(link)].T @ load
                 S = np.eye(W.shape[1]) + W.T @ precision @ W
@@ -179,22 +179,20 @@ class Evidence:
         return self._prior(which, ())[1]
 
     def body(
-        self, link: int, load: Floats, which: int, loads: tuple[int, ...], after: Floats, unsure: Floats
+        self, link: int, load: Floats, fit: Fit, which: int = 0, loads: tuple[int, ...] = ()
     ) -> tuple[Floats, Floats]:
-        """Return what is believed of a body on a link: its parameters (10,), and their covariance.
+        """Return the numbers (m,) of a body on a link, see `Belief.carrying`, after a recording, and their covariance.
 
         Args:
             link: That carries it.
-            load: (10, m) as it is part of the belief, see `Belief.carrying`.
-            which: Of the belief's spreads.
-            loads: Links that were supposed to carry one.
-            after: (m,) what torques can show, after the recording.
-            unsure: Its covariance.
+            load: (10, m), part of the belief.
+            fit: The recording's.
+            which: Of the belief's spreads; loads: links that were supposed to carry one.
         """
         mean, precision, _, _ = self._prior(which, loads)
-        prior = load @ load.T
-        gain = prior @ self.onto[self.belief.own(link)] @ precision
-        return gain @ (after - mean), prior - gain @ self.onto[self.belief.own(link)].T @ prior + gain @ unsure @ gain.T
+        W, k = self.onto[self.belief.own(link)].T @ load, len(mean)
+        gain = W.T @ precision
+        return gain @ (fit.beta[:k] - mean), np.eye(W.shape[1]) - gain @ W + gain @ fit.covariance[:k, :k] @ gain.T
 
     @staticmethod
     def _mean(first: Floats, count: int) -> Floats:

@@ -103,10 +103,9 @@ def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
 def load_mass(evidence: Evidence, supposed: Supposed, link: int) -> tuple[float, float]:
     """Return the mass [kg] of a body on a link that is supposed to carry one, and its standard deviation."""
     _, which = evidence.over_spreads(supposed)
-    fit, k = evidence.fit(supposed, which), evidence.onto.shape[1]
-    after, unsure = fit.beta[:k], fit.covariance[:k, :k]
-    body, unsure = evidence.body(link, evidence.belief.load, which, supposed.loads, after, unsure)
-    return float(body[0]), float(np.sqrt(max(unsure[0, 0], 0.0)))
+    fit, mass = evidence.fit(supposed, which), evidence.belief.load_mass
+    body, unsure = evidence.body(link, evidence.belief.load(link), fit, which, supposed.loads)
+    return mass * float(body[0]), mass * float(np.sqrt(max(unsure[0, 0], 0.0)))
 
 
 def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
