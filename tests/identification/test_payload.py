@@ -103,8 +103,8 @@ def test_links_that_move_alike_share_the_probability():
     samples = [prepare(recorded(heavy, 1, noise=0.2), arm, PLAIN)]
     first, second, third = payload_candidates(result, samples)
     assert {first.link, second.link} == {"lower", "upper"}
-    assert first.probability == pytest.approx(0.5, abs=0.02)
-    assert second.probability == pytest.approx(0.5, abs=0.02)
+    assert first.probability == pytest.approx(0.5, abs=0.15)
+    assert second.probability == pytest.approx(0.5, abs=0.15)
     assert third.probability < 0.01
     assert set(first.likely) == {"lower", "upper"}
     assert first.telling_joint is None

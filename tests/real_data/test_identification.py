@@ -184,8 +184,9 @@ def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(ps
     samples = [prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())]
     payload = estimate_payload(psm, samples)
     assert payload.detected
-    assert payload.link in ("pitch", "top_bar", "middle_bar")
-    assert payload.mass == pytest.approx(0.105, abs=0.03)
+    # bars that turn with the pitch: whose mass it is and how far it hangs these torques do not tell
+    assert "pitch" in payload.likely
+    assert payload.mass is None
 
 
 @pytest.mark.parametrize("joints", [range(7), [3]])

@@ -10,15 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_batch, as_positive, one_for_all
+from catenary.dynamics.actuation_loads import known_torque
+from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.load_location import JOINT_STEPS, likely, location_text, telling_joint
-from catenary.identification.explanations.beliefs import belief_of
+from catenary.gravity.load_location import JOINT_STEPS, CarrierBelief, LoadBeliefs, likely, location_text, telling_joint
+from catenary.identification.explanations.beliefs import belief_of, belief_of_known
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.loads import Load, differences, weigh_loads
 from catenary.identification.identification import Identification
+from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
@@ -85,6 +88,58 @@ def payload_candidates(
 ) -> tuple[PayloadEstimate, ...]:
     """Estimate the payload on every link, with the probability that it is there; the likeliest link first."""
     return _candidates(result, loaded, unloaded, None)
+
+
+def locate_load(
+    model: RobotModel,
+    q: ArrayLike,
+    tau: ArrayLike,
+    gravity: ArrayLike,
+    *,
+    noise: ArrayLike,
+    frames: Sequence[str] = (),
+    masses: float = 0.01,
+) -> LoadBeliefs:
+    """Find which frame of a known arm carries an unknown load, from torques that hold it still.
+
+    A gain or a zero of torque, or a base that is tilted, is no load: each is weighed beside it and without it.
+
+    Args:
+        model: The arm without the load; needs inertia.
+        q: (n,) or (N, n) poses [rad or m]; tau: torques that hold the arm there [Nm|N].
+        gravity: (3,) or (N, 3) [m/s2].
+        noise: Standard deviation of torques, one for all or (n,) [Nm|N].
+        frames: That may carry it; every moving link that is not massless when none are named.
+        masses: Relative error of the arm's masses.
+    """
+    rows, _ = as_batch("q", q, model.n)
+    torques, _ = as_batch("tau", tau, model.n)
+    if torques.shape != rows.shape:
+        raise InputError(f"tau: expected shape {rows.shape}, that of q, got {torques.shape}")
+    spread = as_positive("noise", one_for_all(noise, model.n), (model.n,))
+    as_positive("masses", masses)
+    model.require_inertia()
+    named = list(frames) or [link for link in model.link_names if link not in model.massless]
+    on = [model.frame(name) for name in named]
+    down = gravity_rows(gravity, len(rows))
+    down = down[0] if len(down) == 1 else down
+    known = known_torque(actuation_of(model), rows)
+    still, places = np.zeros_like(rows), np.arange(float(len(rows)))
+    samples = Samples("", rows, still, still, torques - known, known, places, 1.0, down)
+    evidence = Evidence(model, samples, belief_of_known(model, masses), len(rows), spread)
+    loads = weigh_loads([evidence], [(frame.link, None) for frame in on], tuple(differences(model.joint_names)))
+    carriers = []
+    for body, k, share in zip(loads.each, loads.order, loads.shares, strict=True):
+        pose = on[k].pose
+        moment = pose.rotation.T @ (body.mean[1:4] - body.mean[0] * pose.position)
+        std = float(np.sqrt(body.covariance[0, 0]))
+        carriers.append(CarrierBelief(named[k], share * loads.sure, float(body.mean[0]), std, moment))
+    found = LoadBeliefs(1.0 - loads.sure, tuple(carriers))
+    if len(found.likely) < 2:
+        return found
+    pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
+    last = down[-1] if down.ndim == 2 else down
+    return found._replace(telling_joint=telling_joint(compact_regressor(model), pair, rows[-1], last, spread))
 
 
 def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floats]:

@@ -20,6 +20,7 @@ from catenary.robots.model import RobotModel
 _SPREADS = ((0.1, 0.1, 0.3), (0.3, 0.15, 0.5), (1.0, 0.3, 0.2))
 _FREE_SPREADS = ((0.3, 0.0, 0.4), (3.0, 0.0, 0.4), (30.0, 0.0, 0.2))  # the same about 1 kg and 0.1 m
 _FREE_MASS, _FREE_LENGTH_M = 1.0, 0.1
+_MASS_SHARE = 0.3  # of a link's mass, that a spread of one is
 _LEAST_SHARE, _LEAST_LENGTH_M = 0.04, 0.06  # of the arm's mass, and from the joint: what every link is given
 _LOAD_SHARE, _LEAST_LOAD = 0.12, 1.0  # standard deviation of a load, of the arm's mass, and at least [kg]
 _LEAST_REACH_M, _LOAD_INERTIA_SHARE = 0.1, 2.0  # of its centre from the joint, and of its inertia to reach squared
@@ -92,6 +93,14 @@ def belief_of_file(model: RobotModel) -> Belief:
     )
 
 
+def belief_of_known(model: RobotModel, error: float) -> Belief:
+    """Return what is known of an arm whose masses are known up to a relative error."""
+    file = belief_of_file(model)
+    phi = file.mean.reshape(-1, PER_LINK)
+    covariance = _covariance(phi, True, error / _MASS_SHARE, 0.0)
+    return replace(file, covariances=(covariance,), log_weights=(0.0,), middle=0, identified=True)
+
+
 def _reach(model: RobotModel, link: int) -> float:
     """Return how far a link goes from its joint [m]: to its frames, and the joints that it carries."""
     places = [*model.tree.origin[model.tree.parent == link]]
@@ -108,7 +117,7 @@ def _covariance(phi: Floats, knows: bool, spread: float, common: float) -> Float
         if knows:
             mass = max(float(p[0]), _LEAST_SHARE * total)
             length = max(float(np.linalg.norm(p[1:4])) / max(float(p[0]), 1e-9), _LEAST_LENGTH_M)
-        sizes = mass * np.array([0.3, *[0.5 * length + 0.01] * 3, *[length**2 + 0.003] * 6])
+        sizes = mass * np.array([_MASS_SHARE, *[0.5 * length + 0.01] * 3, *[length**2 + 0.003] * 6])
         own = slice(PER_LINK * i, PER_LINK * (i + 1))
         P[own, own] = common**2 * np.outer(p, p) + np.diag((spread * sizes) ** 2)
     return P

@@ -68,8 +68,18 @@ class _Gram(NamedTuple):
 class Evidence:
     """Evidence of one recording for hypotheses about it."""
 
-    def __init__(self, model: RobotModel, samples: Samples, belief: Belief | None = None, rows: int = _ROWS) -> None:
-        """Take a recording of an arm, and what is known of the arm: its file's masses when None."""
+    def __init__(
+        self,
+        model: RobotModel,
+        samples: Samples,
+        belief: Belief | None = None,
+        rows: int = _ROWS,
+        noise: Floats | None = None,
+    ) -> None:
+        """Take a recording of an arm, and what is known of the arm: its file's masses when None.
+
+        noise (n,) is the standard deviation of independent torques where it is known [Nm or N].
+        """
         self.belief = belief_of_file(model) if belief is None else belief
         self.model, self.rows = model, Rows(model, samples, rows, identified=self.belief.identified)
         self.plain = nothing_supposed(model.n)
@@ -77,8 +87,10 @@ class Evidence:
         self._columns: dict[object, Floats] = {}
         self._priors: dict[object, tuple[Floats, Floats, Floats, float]] = {}
         self._links: dict[object, Floats] = {}
+        self.noise = noise
         self.correlated = np.ones(model.n)  # rows that count as one, by joint
-        self.correlated = self._correlation()
+        if noise is None:
+            self.correlated = self._correlation()
 
     def believing(self, belief: Belief) -> "Evidence":
         """Return the same recording for another belief of the same arm."""
@@ -219,9 +231,11 @@ class Evidence:
         N = len(self.rows)
         counted, size = N / self.correlated[order], self.rows.size[order] * np.abs(x)
         least = _NOISE_SHARE * size
-        variance = (_FIRST_NOISE * least) ** 2
+        variance, steps = (_FIRST_NOISE * least) ** 2, _EM_STEPS
+        if self.noise is not None:
+            variance, steps = (self.noise[order] * x) ** 2, 1
         XX, Xy, yy, KM = gram.XX, Xy * x[:, None], yy * x**2, K @ M
-        for step in range(_EM_STEPS):
+        for step in range(steps):
             w = counted / N / variance
             A, right = K + np.tensordot(w, XX, 1), KM + w @ Xy
             d = 1.0 / np.sqrt(np.diag(A))
@@ -231,7 +245,7 @@ class Evidence:
             beta = C @ right
             XXb = XX @ beta
             rss = yy - 2.0 * Xy @ beta + XXb @ beta
-            if step < _EM_STEPS - 1:
+            if step < steps - 1:
                 unsure = XX.reshape(len(XX), -1) @ C.ravel()
                 spread = counted / N * (np.maximum(rss, 0.0) + unsure) + _NOISE_DEGREES * least**2
                 variance = np.maximum(spread / (counted + _NOISE_DEGREES), (_LEAST_NOISE * least) ** 2)
@@ -239,7 +253,8 @@ class Evidence:
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
         value += self._braking(gram.beside, beta, C) - self._braking(gram.beside, M, np.diag(variances))
-        value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
+        if self.noise is None:
+            value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
         return float(value), beta, C, rss, size
 
     def _braking(self, beside: Beside, mean: Floats, covariance: Floats) -> float:

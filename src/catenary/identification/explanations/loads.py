@@ -113,6 +113,7 @@ class Loads(NamedTuple):
 
     each: tuple[Load, ...]  # likeliest first
     shares: tuple[float, ...]  # probability of each, if there is a load
+    order: tuple[int, ...]  # which of the places each is on
     sure: float  # probability that there is one
 
     @property
@@ -146,7 +147,7 @@ def weigh_loads(
     shares = np.exp(evidence - some)
     order = sorted(range(len(found)), key=lambda k: -shares[k])
     sure = float(np.exp(some - np.logaddexp(some, nothing)))
-    return Loads(tuple(found[k] for k in order), tuple(float(shares[k]) for k in order), sure)
+    return Loads(tuple(found[k] for k in order), tuple(float(shares[k]) for k in order), tuple(order), sure)
 
 
 def _weighed(
@@ -176,7 +177,7 @@ def _weighed(
         with_load[k], without[k] = before + some + of_sizes - kind.price, before + none - kind.price
     if place is None:  # any body, or one that is small beside its distance, each as likely
         with_load -= np.log(2.0)
-        for k in np.flatnonzero(with_load > with_load.max() - _WEIGHED_NATS):
+        for k in map(int, np.flatnonzero(with_load > with_load.max() - _WEIGHED_NATS)):
             value, *point = _point(load, *free[k], reach)
             value += with_load[k] - load_of_any_size(*free[k])[0]
             either = np.logaddexp(with_load[k], value)
@@ -215,17 +216,13 @@ def _point(load: Floats, u: Floats, covariance: Floats, reach: float) -> tuple[f
     def misfit(x: Floats) -> Floats:
         return np.concatenate([np.dot(R, body(x) / sizes) - z, x[1:]])
 
-    found = []
-    for log_mass in np.linspace(low, high, _POINT_STARTS):
+    found, bounds = [], ([low, *[-np.inf] * 3], [high, *[np.inf] * 3])
+    for log_mass in np.linspace(low + 1e-6, high - 1e-6, _POINT_STARTS):
         place = np.clip(sizes[1:4] * u[1:4] / np.exp(log_mass) / reach, -2.0, 2.0)
-        bounds = ([low, *[-np.inf] * 3], [high, *[np.inf] * 3])
-        found.append(
-            least_squares(
-                misfit, [np.clip(log_mass, low + 1e-6, high - 1e-6), *place], bounds=bounds, max_nfev=_POINT_STEPS
-            )
-        )
+        found.append(least_squares(misfit, [log_mass, *place], bounds=bounds, max_nfev=_POINT_STEPS))
     best = min(found, key=lambda each: float(each.cost))
-    H = best.jac.T @ best.jac + np.diag([12.0 / (high - low) ** 2, 0.0, 0.0, 0.0])
+    jac = np.asarray(best.jac)
+    H = jac.T @ jac + np.diag([12.0 / (high - low) ** 2, 0.0, 0.0, 0.0])
     ways = np.column_stack([(body(best.x + step) - body(best.x - step)) / 2e-5 for step in 1e-5 * np.eye(4)])
     point = -float(best.cost) + 0.5 * float(z @ z) - 0.5 * float(np.linalg.slogdet(H)[1])
     point += 0.5 * float(np.log(2.0 * np.pi)) - float(np.log(high - low))
