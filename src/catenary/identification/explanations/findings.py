@@ -139,17 +139,17 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
     return tuple(name for name, share in zip(model.joint_names, spread / size, strict=True) if share > _UNSEEN_SHARE)
 
 
-def day_findings(model: RobotModel, days: Sequence[Samples]) -> list[tuple[str, Finding]]:
-    """Explain each of several recordings by an arm as the others show it."""
-    found = []
-    for day in days:
-        belief: Belief | None = None
-        for other in days:
-            if other is not day:
-                belief = posterior(Evidence(model, other, belief))
-        if belief is not None:
-            evidence = Evidence(model, day, belief)
-            found += [(day.name, finding) for finding in _told(evidence, explain(evidence))]
+def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | None = None) -> list[tuple[str, Finding]]:
+    """Explain each of several recordings by an arm as the others, and a belief, show it: one half by the other."""
+    if len(days) < 2:
+        evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
+        return [(name, finding) for name, own in evidences for finding in _told(own, explain(own))]
+    found, middle = [], len(days) // 2
+    for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
+        shown = belief
+        for other in others:
+            shown = posterior(Evidence(model, other, shown))
+        found += day_findings(model, own, shown)
     return found
 
 
