@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK
+from catenary.identification.explanations.arm import load_body
 from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows
 from catenary.identification.explanations.evidence import Evidence
@@ -42,10 +42,18 @@ def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str
     Returns:
         Findings that refuse it with the option that mends it, and notes on what the arm has beside its file.
     """
+    return explained_torques(model, samples, settled)[0]
+
+
+def explained_torques(
+    model: RobotModel, samples: Samples, settled: Collection[str] = ()
+) -> tuple[list[Finding], Evidence, Supposed]:
+    """Return the findings of `torque_findings`, and the evidence and the supposition that they come from."""
     evidence = Evidence(model, samples)
     explanation = explain(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
-    return [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    findings = [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    return findings, evidence, explanation.supposed
 
 
 def _unseen(name: str) -> Finding:
@@ -97,22 +105,8 @@ def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
     """Return the mass of the body that a cause supposes, if it supposes one."""
     if cause.hypothesis.name != "load":
         return ""
-    mass, std = load_mass(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
-    return f": {mass:.2g} kg, standard deviation {std:.1g}"
-
-
-def load_mass(evidence: Evidence, supposed: Supposed, link: int) -> tuple[float, float]:
-    """Return the mass [kg] of a body on a link that is supposed to carry one, and its standard deviation."""
-    _, which = evidence.over_spreads(supposed)
-    fit, V = evidence.fit(supposed, which), evidence.rows.shown
-    k, r = V.shape
-    P = evidence.belief.with_loads(which, supposed.loads)[:k, :k]
-    own = PER_LINK * evidence.belief.links.index(link) + np.arange(PER_LINK)
-    D = np.diag(evidence.belief.load_std**2)
-    gain = D @ V[own] @ np.linalg.inv(V.T @ P @ V)
-    body = gain @ (fit.beta[:r] - V.T @ evidence.belief.mean[:k])
-    unsure = D - gain @ V[own].T @ D + gain @ fit.covariance[:r, :r] @ gain.T
-    return float(body[0]), float(np.sqrt(max(unsure[0, 0], 0.0)))
+    body, std = load_body(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
+    return f": {body[0]:.2g} kg, standard deviation {std:.1g}"
 
 
 def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
