@@ -122,6 +122,16 @@ def test_a_geared_arm_is_identified_from_its_currents_and_a_known_load(recording
     assert estimate_payload(found, [samples]).mass == pytest.approx(2.805, rel=0.05)
 
 
+def test_a_staublis_wrist_is_identified_with_the_drive_that_two_joints_share(recordings: Path) -> None:
+    folder = recordings / "tx40_dynamics"
+    if not (folder / "first60.npz").is_file():
+        pytest.skip(f"no recording {folder}")
+    result = identify_files([folder / "first60.npz"], str(folder / "tx40.urdf"), IdentifyOptions(blocks=1.0))
+    by_hand = np.array([0.078, 0.098, 0.177, 0.139, 0.167, 0.167])  # of other tools, told of the drive
+    assert (result.identification.tests[0].relative_rms < 0.65 * by_hand).all()
+    assert any("a drive moves joint_5 + joint_6" in note for note in result.notes)
+
+
 def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) -> None:
     folder = recordings / "dvrk_mtm_static_gravity"
     logs = [log_of(folder, f"grid4_{side}.npz", "dvrk_mtm") for side in ("pos", "neg")]

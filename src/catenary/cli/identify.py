@@ -86,6 +86,9 @@ def identify(
     joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
     currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
     load: tuple[float, Path] | None = option("KG LOG", "Mass at the tip, recording with it.", goes_with="currents"),
+    payload: tuple[float, str, float, float, float] | None = option(
+        "KG FRAME X Y Z", "What it carries all along, its centre in a frame, in m. [default: as recordings show]"
+    ),
     accept: Sequence[str] = ACCEPT,
     urdf: Path | None = option("FILE", "Also write the robot as URDF; not with --free.", writes=URDF),
     report: Path | None = REPORT,
@@ -94,6 +97,7 @@ def identify(
 
     Example: catenary identify psm_one.npz --robot dvrk_psm_motors --test another_day.npz --out psm.npz
     """
+    from catenary.identification.identification import CarriedBody
     from catenary.identification.identification_file import save_identification
     from catenary.reports.identification import (
         absolute_table,
@@ -108,7 +112,10 @@ def identify(
     if urdf is not None and not options.consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     reading = replace(recordings.reading(), currents=currents)
-    result = identify_files(data, robot, options, tests=test, reading=reading, load=load, joints=joints, accept=accept)
+    body = None if payload is None else CarriedBody(payload[1], payload[0], payload[2:])
+    result = identify_files(
+        data, robot, options, tests=test, reading=reading, load=load, payload=body, joints=joints, accept=accept
+    )
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, as_array
+from catenary.config import IN_FILES
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
-from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
+from catenary.dynamics.torque_regressor import PER_LINK, link_parameters, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification import residuals
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
@@ -41,6 +42,22 @@ class Rotor(NamedTuple):
 
 
 @dataclass(frozen=True)
+class CarriedBody:
+    """A body on a frame of a robot, that is part of its masses."""
+
+    __pydantic_config__ = IN_FILES
+
+    frame: str
+    mass: float  # [kg]
+    position: tuple[float, float, float]  # [m] of its centre of mass in the frame
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6  # xx, xy, xz, yy, yz, zz about that [kg m2]
+
+    def on(self, model: RobotModel) -> RobotModel:
+        """Return the robot that carries it; see `RobotModel.with_payload`."""
+        return model.with_payload(self.frame, self.mass, self.position, inertia=self.inertia)
+
+
+@dataclass(frozen=True)
 class Identification:
     """Base parameters of one robot, how sure they are, and how well they predict."""
 
@@ -59,6 +76,7 @@ class Identification:
     moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
     prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
     unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not tell from the rest
+    bodies: tuple[CarriedBody, ...] = ()  # that the robot carried, and the masses of `model` hold
 
     @property
     def model(self) -> RobotModel:
@@ -140,8 +158,9 @@ class Identification:
         return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard)])
 
     def robot(self) -> RobotModel:
-        """Return the robot with the identified inertia, friction, rotors and springs.
+        """Return the robot with the identified inertia, friction, rotors and springs, and what it carried.
 
+        `without_payload` of it is the arm alone, where recordings or the caller told of a body that it carried.
         Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
         """
         parameters, consistent = self.base.parameters, self.phi
@@ -168,7 +187,7 @@ class Identification:
             values = np.insert(values, len(values) - len(actuation.springs), self.options.rotors)
             actuation = replace(actuation, motor_inertia=tuple(MotorInertia(name, row) for name, row in rows))
         what = "mass and its centre" if static else "inertia, friction, rotors and springs"
-        return replace(
+        robot = replace(
             self.model,
             tree=tree_with_parameters(self.model.tree, phi.reshape(-1)),
             actuation=replace(actuation, values=values),
@@ -177,6 +196,18 @@ class Identification:
             missing_tensor=tuple(self.model.link_names[i] for i in parameters.links) if static else (),
             notes=(*self.model.notes, f"{what} identified from recordings"),
         )
+        return self._carrying(robot, phi.reshape(-1))
+
+    def _carrying(self, robot: RobotModel, phi: Floats) -> RobotModel:
+        """Return a robot of these parameters with its bodies apart from its links, where links have as much mass."""
+        loaded = robot
+        for body in self.bodies:
+            loaded = body.on(loaded)
+        alone = 2.0 * phi - link_parameters(loaded.tree)
+        if not self.bodies or (alone[::PER_LINK] < 0.0).any():
+            return robot
+        arm = replace(robot, tree=tree_with_parameters(robot.tree, alone), without_payload=None)
+        return replace(robot, without_payload=arm)
 
 
 def identify(

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.identification.explanations.arm import load_body
 from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows
 from catenary.identification.explanations.evidence import Evidence, Extra
@@ -41,10 +42,18 @@ def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str
     Returns:
         Findings that refuse it with the option that mends it, and notes on what the arm has beside its file.
     """
+    return explained_torques(model, samples, settled)[0]
+
+
+def explained_torques(
+    model: RobotModel, samples: Samples, settled: Collection[str] = ()
+) -> tuple[list[Finding], Evidence, Supposed]:
+    """Return the findings of `torque_findings`, and the evidence and the supposition that they come from."""
     evidence = Evidence(model, samples)
     explanation = explain(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
-    return [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    findings = [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    return findings, evidence, explanation.supposed
 
 
 def _unseen(name: str) -> Finding:
@@ -96,16 +105,8 @@ def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
     """Return the mass of the body that a cause supposes, if it supposes one."""
     if cause.hypothesis.name != "load":
         return ""
-    mass, std = load_mass(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
-    return f": {mass:.2g} kg, standard deviation {std:.1g}"
-
-
-def load_mass(evidence: Evidence, supposed: Supposed, link: int) -> tuple[float, float]:
-    """Return the mass [kg] of a body on a link that is supposed to carry one, and its standard deviation."""
-    _, which = evidence.over_spreads(supposed)
-    fit, mass = evidence.fit(supposed, which), evidence.belief.load_mass
-    body, unsure = evidence.body(link, evidence.belief.load(link), fit, which, supposed.loads)
-    return mass * float(body[0]), mass * float(np.sqrt(max(unsure[0, 0], 0.0)))
+    body, std = load_body(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
+    return f": {body[0]:.2g} kg, standard deviation {std:.1g}"
 
 
 def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
@@ -132,17 +133,17 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
     return tuple(name for name, share in zip(model.joint_names, spread / size, strict=True) if share > _UNSEEN_SHARE)
 
 
-def day_findings(model: RobotModel, days: Sequence[Samples]) -> list[tuple[str, Finding]]:
-    """Explain each of several recordings by an arm as the others show it."""
-    found = []
-    for day in days:
-        belief: Belief | None = None
-        for other in days:
-            if other is not day:
-                belief = posterior(Evidence(model, other, belief))
-        if belief is not None:
-            evidence = Evidence(model, day, belief)
-            found += [(day.name, finding) for finding in _told(evidence, explain(evidence))]
+def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | None = None) -> list[tuple[str, Finding]]:
+    """Explain each of several recordings by an arm as the others, and a belief, show it: one half by the other."""
+    if len(days) < 2:
+        evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
+        return [(name, finding) for name, own in evidences for finding in _told(own, explain(own))]
+    found, middle = [], len(days) // 2
+    for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
+        shown = belief
+        for other in others:
+            shown = posterior(Evidence(model, other, shown))
+        found += day_findings(model, own, shown)
     return found
 
 
