@@ -86,12 +86,12 @@ def _alone(torque: Floats, joint: int, std: float) -> Extra:
 
 def differences(names: Sequence[str]) -> Iterator[Difference]:
     """Yield what may differ, nothing first."""
-    of_joint = float(np.log(3.0 * len(names)))
+    of_joint = float(np.log(len(names)))
     yield Difference("", 0.0, lambda recording, beta: [])
-    yield Difference("all torques times a gain", 1.5, Recording.gain)
-    yield Difference("a tilt of the base", 1.5, Recording.tilt)
-    yield Difference("friction", 1.5, Recording.friction)
-    yield Difference("zeros of torque", 1.5, partial(Recording.zeros, joints=range(len(names))))
+    yield Difference("all torques times a gain", 0.0, Recording.gain)
+    yield Difference("a tilt of the base", 0.0, Recording.tilt)
+    yield Difference("friction", 0.0, Recording.friction)
+    yield Difference("zeros of torque", 0.0, partial(Recording.zeros, joints=range(len(names))))
     for j, name in enumerate(names):
         yield Difference(f"{name}'s torque times a gain", of_joint, partial(Recording.gain, joint=j))
         yield Difference(f"{name}'s zero of torque", of_joint, partial(Recording.zeros, joints=(j,)))
