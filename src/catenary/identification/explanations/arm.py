@@ -70,6 +70,6 @@ def _carried_body(model: RobotModel, link: int, body: Floats) -> CarriedBody:
 def load_body(evidence: Evidence, supposed: Supposed, link: int) -> tuple[Floats, float]:
     """Return the parameters (10,) of a body on a link that is supposed to carry one, and its mass' deviation [kg]."""
     _, which = evidence.over_spreads(supposed)
-    load = evidence.belief.load(link)
+    load = evidence.belief.load
     body, unsure = evidence.body(link, load, evidence.fit(supposed, which), which, supposed.loads)
     return load @ body, float(load[0, 0] * np.sqrt(max(unsure[0, 0], 0.0)))

@@ -23,7 +23,7 @@ _FREE_MASS, _FREE_LENGTH_M = 1.0, 0.1
 _MASS_SHARE = 0.3  # of a link's mass, that a spread of one is
 _LEAST_SHARE, _LEAST_LENGTH_M = 0.04, 0.06  # of the arm's mass, and from the joint: what every link is given
 _LOAD_SHARE, _LEAST_LOAD = 0.12, 1.0  # standard deviation of a load, of the arm's mass, and at least [kg]
-_LEAST_REACH_M, _LOAD_INERTIA_SHARE = 0.1, 2.0  # of its centre from the joint, and of its inertia to reach squared
+_LOAD_REACH_M, _LOAD_INERTIA_M2 = 0.1, 0.02  # of its centre and inertia, per kg
 _OTHER_DAY_SHARE = 0.1  # by which friction of another day differs
 _OTHER_ZERO_SHARE = 0.03  # of a joint's torque, by which its zero does
 
@@ -39,7 +39,7 @@ class Belief:
     knows_masses: bool
     links: tuple[int, ...]
     mass: float  # of all links [kg]
-    reaches: tuple[float, ...] = ()  # of links [m]: how far from the joint a load may be
+    reaches: tuple[float, ...] = ()  # of links [m]: how far from the joint a point mass may be
     identified: bool = False  # with the rotors that it has, none beside
     bodies: tuple[tuple[int, Floats], ...] = ()  # that links carry, see `carrying`
 
@@ -63,10 +63,10 @@ class Belief:
         mass = float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
         return Belief(mean, (covariance,), (0.0,), 0, True, self.links, mass, self.reaches)
 
-    def load(self, link: int) -> Floats:
-        """A body of unknown mass, place and inertia on a link: deviations of its parameters, (10, 10) diagonal."""
-        reach = self.reaches[self.links.index(link)]
-        return self.load_mass * np.diag([1.0, *[reach] * 3, *[_LOAD_INERTIA_SHARE * reach**2] * 6])
+    @property
+    def load(self) -> Floats:
+        """A body of unknown mass, place and inertia: standard deviations of its parameters, (10, 10) diagonal."""
+        return self.load_mass * np.diag([1.0, *[_LOAD_REACH_M] * 3, *[_LOAD_INERTIA_M2] * 6])
 
     @property
     def load_mass(self) -> float:
@@ -105,7 +105,7 @@ def _reach(model: RobotModel, link: int) -> float:
     """Return how far a link goes from its joint [m]: to its frames, and the joints that it carries."""
     places = [*model.tree.origin[model.tree.parent == link]]
     places += [frame.pose.position for frame in model.frames.values() if frame.link == link]
-    return max(_LEAST_REACH_M, *(float(np.linalg.norm(place)) for place in places))
+    return max(_LOAD_REACH_M, *(float(np.linalg.norm(place)) for place in places))
 
 
 def _covariance(phi: Floats, knows: bool, spread: float, common: float) -> Floats:

@@ -167,7 +167,7 @@ class Evidence:
             correlation = reduced / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
             log_determinant = float(np.linalg.slogdet(correlation)[1]) + 2.0 * float(np.log(scale).sum())
             precision, variances = np.linalg.inv(correlation) / np.outer(scale, scale), scale**2
-            for link, load in (*self.belief.bodies, *((link, self.belief.load(link)) for link in loads)):
+            for link, load in (*self.belief.bodies, *((link, self.belief.load) for link in loads)):
                 # by Woodbury's identity: beside a body, what is known well of the arm would be lost to rounding
                 W = onto[self.belief.own(link)].T @ load
                 S = np.eye(W.shape[1]) + W.T @ precision @ W

@@ -159,7 +159,7 @@ def _weighed(
 ) -> Load:
     """Weigh a load on a link, beside everything that may differ."""
     start = loaded[0].evidence.belief
-    load = start.load(link) if place is None else start.load_mass * point_mass(place)[:, None]
+    load = start.load if place is None else start.load_mass * point_mass(place)[:, None]
     reach = start.reaches[start.links.index(link)]
     with_load, without = np.zeros(len(others)), np.zeros(len(others))
     free, bodies = list[tuple[Floats, Floats]](), list[tuple[Floats, Floats]]()
