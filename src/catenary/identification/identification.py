@@ -30,6 +30,7 @@ from catenary.robots.actuation import Actuation, Effect, MotorInertia, actuation
 from catenary.robots.model import RobotModel
 
 _TILTING_SHARE = 0.02  # of gravity: recordings in which its direction varies by less are of one base
+_STILL = 1e-3  # [rad, m] by which a joint moves that no recording shows
 _LOAD_ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
 
 
@@ -343,7 +344,8 @@ def _fit(
         R = reduced.stacked(weights)
         rank, condition, weakest = excitation(R)
         if rank < base.count:
-            raise ExcitationError(_singular(base, rank, condition, weakest), rank=rank, n_base=base.count)
+            still = [name for name, span in zip(model.joint_names, np.ptp(q, axis=0), strict=True) if span < _STILL]
+            raise ExcitationError(_singular(base, rank, condition, weakest, still), rank=rank, n_base=base.count)
         beta = solve(R)
     assert beta is not None  # for the type checker: there is one round at least
     assert weights is not None
@@ -382,10 +384,11 @@ def _base_in(samples: Sequence[Samples]) -> Base:
     return "tilted" if spread > _TILTING_SHARE else "still"
 
 
-def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats) -> str:
+def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats, still: Sequence[str]) -> str:
+    unseen = "".join(f"joint {name} unseen: move it. " for name in still)
     return (
         f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
-        f"{condition:.3g}); least of all a combination of {base.named(weakest)}. No parameters and no verdict follow: "
-        "move every joint, over more of its range and faster; catenary excitation designs such a motion. Columns of "
+        f"{condition:.3g}); {unseen}Least of all a combination of {base.named(weakest)}. No parameters and no verdict "
+        "follow: move every joint, over more of its range and faster; catenary excitation designs such a motion. Columns of "
         "positions in another joint's place look like this too"
     )

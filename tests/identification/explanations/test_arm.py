@@ -1,5 +1,6 @@
 """What recordings show of an arm beside its file is identified with it: bodies, and drives that two joints share."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,3 +62,16 @@ def test_a_drive_that_two_joints_share_is_identified_with_the_arm(tmp_path: Path
     assert actuation.friction[-1].combination.tolist() == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0]
     assert (gravity_error(result.identification.robot(), OF["coupled wrist"]) < 0.15).all()  # [Nm]; without it .6 on J2
     assert not any("sign of its torque turns" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("name", ["J1 locked", "J4 locked"])
+def test_a_recording_that_moves_a_joint_which_was_still_in_training_is_unclear(name: str, tmp_path: Path) -> None:
+    paths = tmp_path / "still.npz", tmp_path / "moving.npz"
+    for path, truth in zip(paths, (OF[name], replace(OF[name], locked=None, seed=9)), strict=True):
+        write_npz(known_torques(truth), path)
+    result = identify_files(paths[:1], "ur10e", IdentifyOptions(), tests=paths[1:])
+    joint = load_robot("ur10e").joint_names[OF[name].locked or 0]
+    [test] = result.identification.tests
+    assert test.verdict == "unclear"  # of J1 30 % of its torque is left, which was within twice that of training
+    assert test.reasons[0] == f"joint {joint} was still in training, and moves here: unseen"
+    assert any(f"{joint}: unseen: the motion leaves" in note for note in result.notes)

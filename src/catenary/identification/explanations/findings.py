@@ -57,7 +57,7 @@ def explained_torques(
 
 
 def _unseen(name: str) -> Finding:
-    says = "the motion leaves its torque at usual motions open: move it, and by itself"
+    says = "unseen: the motion leaves its torque at usual motions open: move it, and by itself"
     return Finding("short", (name,), says, refuses=False)
 
 
@@ -124,9 +124,8 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
     zero, time = np.zeros_like(q), np.arange(float(_USUAL_ROWS))
     gravity = samples.gravity.mean(axis=0) if samples.holds_gravity else samples.gravity
     usual = Rows(model, Samples(samples.name, q, qd, qdd, zero, zero, time, 1.0, gravity), _USUAL_ROWS)
-    under = replace(evidence.plain, gravity=supposed.gravity)
-    few, _, own = usual.beside(under)
-    X = np.concatenate([usual.links(under) @ evidence.rows.shown, few[:, :, :own]], axis=2)
+    under = replace(evidence.plain, gravity=supposed.gravity, shared=supposed.shared)
+    X = np.concatenate([usual.links(under) @ evidence.rows.shown, usual.beside(under)[0]], axis=2)
     p = X.shape[2]
     spread = np.sqrt(np.mean(np.einsum("nij,jk,nik->ni", X, fit.covariance[:p, :p], X), axis=0))
     size = np.sqrt(np.mean((X @ fit.beta[:p]) ** 2, axis=0))
