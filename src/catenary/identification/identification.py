@@ -389,6 +389,6 @@ def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats
     return (
         f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
         f"{condition:.3g}); {unseen}Least of all a combination of {base.named(weakest)}. No parameters and no verdict "
-        "follow: move every joint, over more of its range and faster; catenary excitation designs such a motion. Columns of "
-        "positions in another joint's place look like this too"
+        "follow: move every joint, over more of its range and faster; catenary excitation designs such a motion. "
+        "Columns of positions in another joint's place look like this too"
     )
