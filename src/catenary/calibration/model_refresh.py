@@ -31,7 +31,7 @@ from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.expansion import Expansion
 from catenary.calibration.fit_rows import largest_shown
 from catenary.calibration.friction_level import DayLevel
-from catenary.calibration.intervals import MARGIN_RATIO, Intervals
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import AnyPredictor, CalibrationModel, JointGroup
 from catenary.calibration.predictors import Constant, Linear, Quadratic
 from catenary.calibration.spike_filter import ANY_SIZE
@@ -123,8 +123,7 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
         else:  # minutes show where intervals are too narrow, not that they are too wide
             near = np.maximum(was.inside, new.inside)
-            own = None if was.margin is None else np.maximum(was.margin, MARGIN_RATIO * near)
-            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)), own)
+            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)))
         refreshed = replace(refreshed, intervals=new)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
