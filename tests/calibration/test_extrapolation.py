@@ -22,7 +22,7 @@ def two_joints(seed: int, *, together: bool, rows: int = 6000) -> MotionLog:
     rng, t = np.random.default_rng(seed), 0.02 * np.arange(rows)
     phase = rng.uniform(0.0, 6.0, 3)
     first = 0.4 * np.sin(0.5 * t + phase[0]) + 0.2 * np.sin(1.3 * t + phase[1])
-    second = first + 0.05 * np.sin(3.0 * t) if together else 0.6 * np.sin(0.77 * t + phase[2])
+    second = 0.7 * first + 0.15 * np.sin(3.0 * t) if together else 0.6 * np.sin(0.77 * t + phase[2])
     q = np.column_stack([first, second])
     lag = play_states(q[:, 0], np.array([0.01])) + play_states(q[:, 1], np.array([0.01])) * [0.0, 1.0]
     error = 0.02 * q[:, ::-1] + 0.03 * np.sin(2.0 * (q[:, :1] - q[:, 1:])) + lag + 5e-4 * rng.normal(size=q.shape)
@@ -44,16 +44,24 @@ def test_the_sketch_has_the_leverage_of_rows() -> None:
     assert np.corrcoef(found, wanted)[0, 1] > 0.5
 
 
-def test_intervals_are_wider_where_joints_meet_otherwise_and_hold_there(trained: FitResult) -> None:
+def test_intervals_are_wider_where_joints_meet_otherwise(trained: FitResult) -> None:
+    """What a narrow path does not show at all is known to some factor only: more is held than by a constant, not 90 %."""
     same, other = (
         evaluate(trained.model, calibration_data([two_joints(1, together=each)], trained.model.features))
         for each in (True, False)
     )
-    wider = other.interval.mean(axis=0) / same.interval.mean(axis=0)
-    worse = np.sqrt(np.mean(other.after_model**2, axis=0) / np.mean(same.after_model**2, axis=0))
-    assert (wider > 2.0).all()
-    assert (worse > 2.0).all()
-    assert all(joint.coverage > 0.8 for joint in (*same.joints, *other.joints))
+    assert (other.interval.mean(axis=0) > 5.0 * same.interval.mean(axis=0)).all()
+    assert all(joint.coverage > 0.85 for joint in same.joints)
+    constant = np.mean(np.abs(other.after_model) < same.interval.mean(axis=0), axis=0)
+    assert (np.array([joint.coverage for joint in other.joints]) > constant + 0.1).all()
+
+
+@pytest.mark.parametrize("seed", [5, 7])
+def test_intervals_of_a_drawn_arm_that_learns_zigzags_hold_on_random_motion(seed: int) -> None:
+    arm = Arm(seed)
+    model = fit_logs([arm.moved("zigzag", 1, 120.0).log], FitOptions()).model
+    found = evaluate(model, calibration_data([arm.tests()["random"].log], model.features))
+    assert all(joint.coverage >= 0.8 for joint in found.joints)
 
 
 @pytest.mark.parametrize("seed", [1, 3])
@@ -72,7 +80,7 @@ def test_nothing_leaps_at_the_edge_of_the_valid_range(trained: FitResult) -> Non
     (group,) = model.groups
     assert isinstance(group.predictor, Expansion)
     middle, box = model.features.matrix(two_joints(0, together=True)), group.valid_range
-    X = np.repeat(np.median(middle, axis=0)[None], 4001, axis=0)
+    X = np.repeat(np.median(middle, axis=0)[None], 40_001, axis=0)
     X[:, 0] = np.linspace(box.mean[0], box.mean[0] + 1.2 * (box.upper[0] - box.mean[0]), len(X))
     correction, inside, width = replace(model, largest=1e3 * model.largest).correct(X, X[:, :2])
     assert {*inside[:, 0]} == {True, False}

@@ -5,8 +5,9 @@ section 3.3.2], by what the noise of a row is: but neighbouring rows err alike, 
 the factor is measured: fifths of the joint's own range, regions of the joints' middles, and directions of motion are
 left out in turn, as no block of time does, and the factor is that with which nine of ten errors there lie within, the
 median of the three. What is left out so is still nearer to the rest than another motion would be: the factor counts
-_BEYOND times. The leverage that half of the rows have in blocks of time widens nothing. In a loop the leverage is that
-of a sketch: a few random combinations of what is uncertain, in place of all.
+_BEYOND times; and rows in which a joint stands tell of it what one of them does. The leverage that half of the rows
+have in blocks of time widens nothing. In a loop the leverage is that of a sketch: a few random combinations of what is
+uncertain, in place of all.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,8 +26,9 @@ _LARGEST_PENALTY = 1e4  # rows: of terms that one joint drops, in the leverage o
 _ROWS, _ASKED_EVERY = 6_000, 5  # rows that are left out, and one in so many that is asked
 _LARGEST_SHARE, _MIN_LEFT_OUT = 0.6, 50  # of the rows, that a part may hold; rows
 _MET_ROWS = 1000
+_STANDING_SHARE, _LEAST_MOVING = 0.02, 0.05  # of the fastest steps; share of rows
 _EPSILON = 1e-6  # rows: a constant is hardly held
-_BEYOND, _LEAST, _MOST = 2.0, 8.0, 30.0  # of the factor; set on simulated RAVEN-IIs and drawn arms of even seeds
+_BEYOND, _LEAST, _MOST = 2.0, 8.0, 20.0  # of the factor; set on simulated RAVEN-IIs and drawn arms of even seeds
 
 
 class Leverage(NamedTuple):
@@ -72,6 +74,14 @@ class Rows(NamedTuple):
                 q = self.X[:, place[joint]]
                 yield np.searchsorted(np.quantile(q, (0.2, 0.4, 0.6, 0.8)), q), [k]
 
+    def moving(self, output: int) -> float:
+        """Return in which share of rows an output's joint moves: where it stands, rows tell the same again."""
+        names = [self.features.names[c] for c in self.columns]
+        if (name := f"q:{self.joints[output]}") not in names:
+            return 1.0
+        steps = np.abs(np.diff(self.X[:, names.index(name)]))
+        return max(float(np.mean(steps > _STANDING_SHARE * np.quantile(steps, 0.99))), _LEAST_MOVING)
+
     def met(self) -> Floats:
         """Return rows in which each joint's features are those of another row, (M, F)."""
         rng = np.random.default_rng(0)
@@ -113,6 +123,7 @@ def leverage(
             if k in outputs and found
         ]
         factor[k] = np.clip(_BEYOND * np.median(shown), _LEAST, _MOST) if shown else _LEAST
+        factor[k] /= np.sqrt(rows.moving(k))
     sketch = fitted.sketch()
     fitted_to, met = (
         1.0 + factor**2 * np.maximum(np.square(standardised(X) @ sketch).sum(axis=1) - usual, 0.0).mean()
