@@ -45,8 +45,8 @@ class Leverage(NamedTuple):
         return cls(np.zeros((terms + 1, 0)), 0.0, np.zeros(outputs), np.ones(outputs))
 
 
-class Rows(NamedTuple):
-    """Rows of features that a regression is fitted to."""
+class TrainedRows(NamedTuple):
+    """TrainedRows of features that a regression is fitted to."""
 
     X: Floats  # (N, F)
     columns: Sequence[int]  # (F,) of a set of features
@@ -90,7 +90,7 @@ class Rows(NamedTuple):
 
 
 def leverage(
-    rows: Rows,
+    rows: TrainedRows,
     terms: Terms,
     means: tuple[Floats, Floats],  # (C,) mean and scale of the terms
     Y: Floats,  # (N, m) outputs

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, Integers
 from catenary.calibration.expansion import DROPPED, Expansion, Terms, term_owners
-from catenary.calibration.extrapolation import Leverage, Rows, leverage
+from catenary.calibration.extrapolation import Leverage, TrainedRows, leverage
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import standardisation
@@ -133,7 +133,7 @@ def fit_learned(
         if chosen:
             wanted = (Y - sums.middle) / sums.spread - zeros @ solved[len(terms) : -1]
             means = sums.mean, sums.scale
-            rows = Rows(X, [*columns.tolist()], features, joints)
+            rows = TrainedRows(X, [*columns.tolist()], features, joints)
             grown = leverage(rows, terms, means, wanted, sums.weight, of_terms[:, : len(terms)], block)
     of_zeros = zeros.mean(axis=0) @ solved[len(terms) : -1]
     weights = solved[: len(terms)] * sums.spread / sums.scale[:, None]
