@@ -192,15 +192,25 @@ def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
 def _score(sums: Floats, penalty: Floats, output: int) -> float:
     """Return the mean square of an output's errors on blocks that are left out in turn, their geometric mean."""
     size = len(penalty) + 1
-    kept = np.append(np.flatnonzero(penalty < DROPPED), size - 1)
-    of_kept = sums[:, kept[:, None], kept]
-    moments, squares = sums[:, kept, size + output], sums[:, size + output, size + output]
-    total, moment, errors = of_kept.sum(axis=0), moments.sum(axis=0), []
-    total[np.diag_indices(len(kept))] += np.append(penalty[kept[:-1]], 1e-9)
-    for gram, own, square in zip(of_kept, moments, squares, strict=True):
-        w = cho_solve(cho_factor(total - gram, overwrite_a=True, check_finite=False), moment - own)
-        errors.append((square - 2.0 * w @ own + w @ gram @ w) / gram[-1, -1])
+    kept = np.append(np.flatnonzero(penalty < DROPPED), [size - 1, size + output])
+    errors = squares_left_out(sums[:, kept[:, None], kept], penalty[kept[:-2]])
     return float(np.exp(np.mean(np.log(np.maximum(errors, 1e-12)))))
+
+
+def squares_left_out(sums: Floats, penalty: Floats) -> Floats:
+    """Return the mean squares of errors on blocks, each left out of a ridge regression in turn, (K, m).
+
+    The sums (K, C + 1 + m, C + 1 + m) are of products of columns with penalties (C,), a one, and outputs.
+    """
+    size = len(penalty) + 1
+    total, errors = sums.sum(axis=0), []
+    total[np.diag_indices(size)] += np.append(penalty, 1e-9)
+    for own in sums:
+        left = total - own
+        W = cho_solve(cho_factor(left[:size, :size], check_finite=False), left[:size, size:])
+        gram, moment, square = own[:size, :size], own[:size, size:], np.diag(own)[size:]
+        errors.append((square - 2.0 * np.sum(W * moment, axis=0) + np.sum(W * (gram @ W), axis=0)) / gram[-1, -1])
+    return np.array(errors)
 
 
 def _chosen(sums: Floats, group: Integers, output: int) -> Floats:
