@@ -88,3 +88,22 @@ def test_nothing_leaps_at_the_edge_of_the_valid_range(trained: FitResult) -> Non
         step = np.abs(np.diff(of_rows, axis=0)).max(axis=0)
         assert (step < 0.01 * np.ptp(of_rows, axis=0)).all()
     assert_allclose(correction[~inside[:, 0]], np.broadcast_to(model.offset, (int((~inside[:, 0]).sum()), 2)))
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_what_is_refused_is_worse_than_what_is_accepted_over_all_joints(seed: int) -> None:
+    """Of an arm that learnt a third of its range, at random, and is asked over all of it."""
+    arm = Arm(seed)
+    whole = arm.moved("random", 1, 120.0)
+    arm.half = arm.half / 3.0
+    part = arm.moved("random", 2, 120.0)
+    model = fit_logs([part.log], FitOptions(), FitRun(folds=0, accept=("coarse", "lag"))).model
+    X, q = model.features.matrix(whole.log), whole.log.q_nominal
+    for group in model.groups:
+        accepted = model.inside(X)[:, group.joints[0]]
+        assert 0.02 < accepted.mean() < 0.98
+        found = np.square(whole.error[:, list(group.joints)] - group.predictor.predict(X[:, group.columns]))
+        ratio = found[~accepted].mean(axis=0) / found[accepted].mean(axis=0)
+        assert np.exp(np.log(ratio).mean()) > 1.1
+        assert (ratio > 0.9).all()  # joints of one range share it: of some it takes what they still do well
+    assert np.isfinite(model.correction(X, q)).all()
