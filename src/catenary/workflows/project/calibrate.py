@@ -12,7 +12,6 @@ from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_recordings
 from catenary.calibration.model_file import load_model, save_model
-from catenary.calibration.model_kinds import LEARNED
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
@@ -37,31 +36,18 @@ TRAIN, TEST = "train", "test"
 _VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
 _DEPLOY_S = 20.0
 POSITIONING_INPUTS = tuple(f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion"))
-# the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
-RAVEN_INPUTS = {
-    "shoulder": POSITIONING_INPUTS,
-    "elbow": POSITIONING_INPUTS,
-    "insertion": (*POSITIONING_INPUTS, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
-}
 RECOMMENDED = "recommended"
 
 
 def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
     """Return options of a linear model, and of the one asked for, which is recommended and deployed.
 
-    They share its memory, target and seed, and its inputs where it has any: else the joints of a project's `robot`
-    (None for recordings) take what is theirs.
+    They share its memory, target and seed, and its inputs where it has any: else those of a RAVEN-II's positioning
+    joints, of a project's `robot` (None for recordings).
     """
-    positioning, own = (POSITIONING_INPUTS, RAVEN_INPUTS) if robot == "raven2" else (None, None)
-
-    def of(kind: str, inputs: Any, preset: str | None = None) -> FitOptions:
-        taken = inputs if asked.inputs is None else asked.inputs
-        return replace(asked.of_kind(kind, preset), inputs=taken)
-
-    return {
-        "linear": of("linear", positioning),
-        RECOMMENDED: of(asked.kind, own if asked.kind in (LEARNED, "neural") else positioning, asked.preset),
-    }
+    if asked.inputs is None and robot == "raven2":
+        asked = replace(asked, inputs=POSITIONING_INPUTS)
+    return {"linear": asked.of_kind("linear"), RECOMMENDED: asked.of_kind(asked.kind, asked.preset)}
 
 
 @dataclass(frozen=True)
