@@ -8,8 +8,8 @@ import pytest
 
 from catenary.calibration.fit_options import FitOptions
 from catenary.workflows.project import calibrate
+from catenary.workflows.project.calibrate import extract_recording
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.recordings import extract_recording
 from catenary.workflows.project.robot import SimulatedRobot
 
 SHORT = ProjectSettings(seed=1, sparsities=(1.0,), test_minutes=0.25)

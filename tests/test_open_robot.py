@@ -17,9 +17,9 @@ from catenary.plant import require_ready
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.sensing.vector import tilted_gravity
 from catenary.simulation.joint_hardware import JointHardware
-from catenary.workflows.gravity.simulated_arm import simulated_arm
 from catenary.workflows.robot.operated_robot import operated_robot
 from catenary.workflows.robot.operator_motion import go_to_joints
+from catenary.workflows.trials import simulated_arm
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 

@@ -15,7 +15,7 @@ from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.firmware import FOUND
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
-from catenary.transmission.cable_coupling import joints_of
+from catenary.transmission.cable_elasticity import joints_of
 from catenary.workflows.robot.motion import move_to
 from papers.calibration.recordings import START, draws, homed
 from papers.experiment import Result, run

@@ -36,8 +36,7 @@ from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
-from catenary.workflows.gravity.simulated_arm import raven_gains, raven_motor_inertia
-from catenary.workflows.gravity.trials import RAVEN_START
+from catenary.workflows.trials import RAVEN_START, raven_gains, raven_motor_inertia
 from papers.gravity.raven_base import Z0, raven_of_2014, turned_base
 
 Complexes = NDArray[np.complexfloating[Any, Any]]

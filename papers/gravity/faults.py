@@ -30,8 +30,7 @@ from catenary.sensing.vector import Mailbox
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
 from catenary.trajectories.reference import Rest
 from catenary.trajectories.smoothed_path import SmoothedPath
-from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.trials import RAVEN_START, with_approach
+from catenary.workflows.trials import RAVEN_START, raven_arm, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base

@@ -29,8 +29,7 @@ from catenary.arrays import Floats
 from catenary.control.controllers import make_hold
 from catenary.control.loop import GravitySource
 from catenary.spatial import LEVEL
-from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
-from catenary.workflows.gravity.trials import HOLD_START, hold
+from catenary.workflows.trials import HOLD_START, SimulatedArm, hold, raven_arm, rigid_arm
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Run, Scope, TitledTable, run
 from papers.figures import COLORS, legend_above, panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, rocking_base, turned_base

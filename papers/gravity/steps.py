@@ -30,8 +30,7 @@ from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.sensors import SimulatedSensor
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
-from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.trials import RAVEN_START, with_approach
+from catenary.workflows.trials import RAVEN_START, raven_arm, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, run
 from papers.figures import COLORS, LABELS, panels
 from papers.gravity.raven_base import Z0, TrueAttitude, raven_of_2014, turned_base

@@ -32,8 +32,7 @@ from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 from catenary.trajectories.cartesian import CYCLES, CartesianSinusoids
 from catenary.trajectories.reference import SampledTrajectory, Trajectory
-from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.trials import RAVEN_START, track
+from catenary.workflows.trials import RAVEN_START, SimulatedArm, raven_arm, track
 from papers.experiment import Result, run
 from papers.gravity.raven_base import ASIDE, SHOWN, TrueAttitude, ideal_sensor, raven_of_2014, rocking_base, turned_base
 

@@ -18,9 +18,9 @@ from catenary.crtk.client import CrtkClient as CrtkClient
 from catenary.dynamics.external_torque import MomentumObserver as MomentumObserver
 from catenary.dynamics.external_torque import external_torque as external_torque
 from catenary.dynamics.external_torque import external_wrench as external_wrench
-from catenary.dynamics.forward_dynamics import forward_dynamics as forward_dynamics
 from catenary.dynamics.inverse_dynamics import BaseMotion as BaseMotion
 from catenary.dynamics.inverse_dynamics import coriolis_matrix as coriolis_matrix
+from catenary.dynamics.inverse_dynamics import forward_dynamics as forward_dynamics
 from catenary.dynamics.inverse_dynamics import inverse_dynamics as inverse_dynamics
 from catenary.dynamics.inverse_dynamics import mass_matrix as mass_matrix
 from catenary.dynamics.inverse_kinematics import inverse_kinematics as inverse_kinematics

@@ -8,7 +8,7 @@ from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.firmware import joint_torques
-from catenary.transmission.cable_coupling import winding_of
+from catenary.transmission.cable_elasticity import winding_of
 
 NOMINAL = load_cable_arm()
 FIRMWARE = NOMINAL.firmware

@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
-from catenary.dynamics.forward_dynamics import forward_dynamics
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.inverse_dynamics import forward_dynamics, inverse_dynamics
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.actuation import Actuation, Friction, MotorInertia, Spring, actuation_terms
 from catenary.robots.catalog import load_robot

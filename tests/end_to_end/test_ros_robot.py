@@ -6,8 +6,8 @@ import pytest
 from catenary import read_log
 from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.workflows.project import calibrate
+from catenary.workflows.project.calibrate import motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.recordings import motion_log_path
 from command_line import catenary
 from meeting import Meeting
 from ros import PATIENT_COMMAND, Program

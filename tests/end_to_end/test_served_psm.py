@@ -16,8 +16,8 @@ from catenary.recording.logs import read_log
 from catenary.robots.catalog import load_robot
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.workflows.project import calibrate
+from catenary.workflows.project.calibrate import extract_recording, motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import RosRobot
 from catenary.workflows.robot.homing import AnswerYes
 from catenary.workflows.robot.motion import move_to

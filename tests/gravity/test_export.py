@@ -13,8 +13,13 @@ import sympy
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
-from catenary.dynamics.forward_dynamics import forward_dynamics
-from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics, mass_matrix
+from catenary.dynamics.inverse_dynamics import (
+    BaseMotion,
+    coriolis_matrix,
+    forward_dynamics,
+    inverse_dynamics,
+    mass_matrix,
+)
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
 from catenary.gravity.compact_regressor import compact_regressor

@@ -12,7 +12,7 @@ from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step, unstretched_rotors
 from catenary.simulation.cable_plant import CablePlant
-from catenary.transmission.cable_coupling import winding_of
+from catenary.transmission.cable_elasticity import winding_of
 
 Floats = NDArray[np.float64]
 ROBOTS = (RAVEN2_STIFF, RAVEN2)  # data files of RAVEN-IIs

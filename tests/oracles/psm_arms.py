@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
-from catenary.simulation.psm_controller import PsmState, PsmWork, psm_dynamics, psm_step, unstretched_motors
-from catenary.simulation.psm_parameters import PsmDrive
+from catenary.simulation.psm_controller import PsmDrive, PsmState, PsmWork, psm_dynamics, psm_step, unstretched_motors
 from catenary.simulation.psm_plant import PsmPlant
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import Pose
-from catenary.transmission.cable_coupling import winding_of
+from catenary.transmission.cable_elasticity import winding_of
 from oracles.random_trees import Floats
 from papers.plant.circles import SPACING, followed, read_circles
 

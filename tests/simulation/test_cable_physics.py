@@ -16,8 +16,7 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import control_motors, read_encoders
 from catenary.simulation.records import OFF
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.transmission.cable_coupling import tensions_for, winding_of
-from catenary.transmission.cable_elasticity import beyond_backlash
+from catenary.transmission.cable_elasticity import beyond_backlash, tensions_for, winding_of
 from oracles import cable_arms
 from oracles.mujoco_cable_arm import MujocoCableArm
 from oracles.tree_poses import potential_energy

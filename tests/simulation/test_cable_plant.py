@@ -14,7 +14,7 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
 from catenary.simulation.cable_parameters import varied
 from catenary.simulation.cable_plant import _PAYLOAD_PLACE, _REPORTED_FIELDS, CablePlant
-from catenary.transmission.cable_coupling import tensions_for, winding_of
+from catenary.transmission.cable_elasticity import tensions_for, winding_of
 from oracles.cable_arms import ROBOTS, homed_plant, linear_arm, smooth_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

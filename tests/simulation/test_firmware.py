@@ -30,7 +30,7 @@ from catenary.simulation.firmware import (
     weigh,
 )
 from catenary.simulation.records import OFF, POSITION, TORQUE
-from catenary.transmission.cable_coupling import joint_forces, tensions_for
+from catenary.transmission.cable_elasticity import joint_forces, tensions_for
 from oracles.cable_arms import homed_plant, linear_arm, smooth_motion, with_linear_cables
 
 GOLD = load_cable_arm().firmware

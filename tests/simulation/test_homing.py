@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState
-from catenary.simulation import homing
+from catenary.simulation import cable_plant
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.homing import _SEEK_SPEEDS, mean_near_peak
+from catenary.simulation.cable_plant import _SEEK_SPEEDS, CablePlant, mean_near_peak
 from oracles.cable_arms import homed_plant, linear_arm
 
 Floats = NDArray[np.float64]
@@ -174,7 +173,7 @@ def test_arm_homes_after_an_interrupted_homing():
 
 
 def test_an_axis_that_meets_no_stop_ends_the_homing(monkeypatch):
-    monkeypatch.setattr(homing, "_MAX_SEEK_S", 12.0)
+    monkeypatch.setattr(cable_plant, "_MAX_SEEK_S", 12.0)
     arm = load_cable_arm()
     arm.cable.stop_position[0] = -1e3
     plant = CablePlant(arm, substeps=1)

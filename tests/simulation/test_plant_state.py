@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 from catenary.errors import FileFormatError
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.plant_state import restore_plant, save_plant
+from catenary.simulation.firmware_plant import restore_plant, save_plant
 from oracles.cable_arms import homed_plant, smooth_motion
 
 

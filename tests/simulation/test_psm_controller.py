@@ -9,11 +9,11 @@ from catenary.simulation.psm_controller import (
     PsmControlState,
     PsmState,
     control_joints,
+    load_psm,
     read_psm_encoders,
     register_psm,
     take_psm_setpoint,
 )
-from catenary.simulation.psm_parameters import load_psm
 from catenary.simulation.records import POSITION, TORQUE
 
 ARM = load_psm()

@@ -6,8 +6,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.simulation.base_motion import RockingBase
-from catenary.simulation.psm_controller import PsmState, PsmWork, through, unstretched_motors
-from catenary.simulation.psm_parameters import load_psm
+from catenary.simulation.psm_controller import PsmState, PsmWork, load_psm, through, unstretched_motors
 from oracles import psm_arms
 from oracles.tree_poses import potential_energy
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.transmission.cable_coupling import joint_forces, joints_of, tensions_for, winding_of
+from catenary.transmission.cable_elasticity import joint_forces, joints_of, tensions_for, winding_of
 
 FIRMWARE = load_cable_arm().firmware
 share = st.floats(-2.0, 2.0)

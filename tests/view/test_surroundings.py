@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary.sensing.vector import ReadingStatus
 from catenary.simulation.base_motion import _CHANGE_TIME_S, SteeredBase
 from catenary.view.simulated import _SENSOR_FAULTS, Surroundings
-from catenary.workflows.gravity.simulated_arm import simulated_arm
+from catenary.workflows.trials import simulated_arm
 
 
 @pytest.fixture(scope="module")

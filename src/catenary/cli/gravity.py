@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from catenary.control.loop_report import Holding, Tracking
     from catenary.sensing.imu import SensedGravity
     from catenary.simulation.base_motion import MovingBase, Wave
-    from catenary.workflows.gravity.simulated_arm import SimulatedArm
+    from catenary.workflows.trials import SimulatedArm
 
 _SHOWN_POSES = 9  # of a motion, in its report
 _TOLD_OFFSET = 0.5  # [deg|mm] of a reported position, from which on that is told
@@ -77,7 +77,7 @@ class Conditions:
 
     def arm(self, robot: str, description: DescriptionOptions) -> "SimulatedArm":
         """Return the robot on its base."""
-        from catenary.workflows.gravity.simulated_arm import simulated_arm
+        from catenary.workflows.trials import simulated_arm
 
         drives = values_of(self, "kp", "kd", "friction", "viscous")
         return simulated_arm(
@@ -90,7 +90,7 @@ class Conditions:
         asked = self.simulated_imu or self.sensor_bias is not None or self.imu_frame is not None
         if not asked and sensing == SensingOptions():
             return None
-        from catenary.workflows.gravity.simulated_arm import base_sensor
+        from catenary.workflows.trials import base_sensor
 
         bias = self.sensor_bias or (0.0, 0.0, 0.0)
         sensor, told = base_sensor(
@@ -226,8 +226,8 @@ def track(
     """
     import numpy as np
 
-    from catenary.workflows.gravity.trials import make_motion
-    from catenary.workflows.gravity.trials import track as run
+    from catenary.workflows.trials import make_motion
+    from catenary.workflows.trials import track as run
 
     own = [kind.name for kind in CONTROLLERS.values() if kind.accelerations]
     if controller in own and (conditions.kp or conditions.kd):
@@ -266,8 +266,8 @@ def hold(
 
     Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
-    from catenary.workflows.gravity.trials import HOLD_START, start_pose
-    from catenary.workflows.gravity.trials import hold as run
+    from catenary.workflows.trials import HOLD_START, start_pose
+    from catenary.workflows.trials import hold as run
 
     arm = conditions.arm(robot, description)
     law, pose = make_hold(controller, arm), joints.given(arm.model)

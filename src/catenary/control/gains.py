@@ -17,7 +17,7 @@ from catenary.control.limits import TorqueLimits
 from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
-from catenary.transmission.cable_coupling import winding_of
+from catenary.transmission.cable_elasticity import winding_of
 
 NATURAL_FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a stiff arm follow with ease
 DAMPING_RATIO = 0.7
@@ -85,7 +85,7 @@ def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: Arra
     """Return what the motors of three coupled joints add to the mass matrix: C^T diag(J ratio^2) C, (3, 3).
 
     rotor_inertia (3,) at the shafts [kg m2], ratio (3,) motor turning per joint motion [rad/rad|rad/m], coupling (3,)
-    c01, c02, c12 of transmission/cable_coupling.py.
+    c01, c02, c12 of transmission/cable_elasticity.py.
     """
     c = as_array("coupling", coupling, (3,))
     C = np.array([winding_of(c, unit) for unit in np.eye(3)]).T

@@ -14,10 +14,9 @@ from catenary.arrays import Flags, Floats, as_array
 from catenary.control.correction import Correction, StateCorrector
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop_report import LoopReport, LoopTally
-from catenary.control.motion_guard import MAX_STEP, MotionGuard
 from catenary.control.pd import Controller
 from catenary.control.realtime import RealTime
-from catenary.control.shutdown import GIVE_UP_AFTER_TICKS, FiniteTicks, hold, leave_safe
+from catenary.control.shutdown import GIVE_UP_AFTER_TICKS, MAX_STEP, FiniteTicks, MotionGuard, hold, leave_safe
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.kernels.compiled import in_motion
 from catenary.plant import JointState, Plant, require_ready

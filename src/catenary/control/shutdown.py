@@ -1,13 +1,16 @@
 """Shutdown of a loop: the robot holds by its firmware, or goes without torque and is paused; and when to give up."""
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
-from catenary.errors import CatenaryError, InputError, NotFiniteError, RobotHeldError, TransportError
+from catenary.arrays import Floats, Integers, as_array, one_for_all
+from catenary.errors import CatenaryError, InputError, LimitError, NotFiniteError, RobotHeldError, TransportError
+from catenary.kernels.bind import bind
+from catenary.kernels.compiled import compiled
 from catenary.plant import Plant
 
 GIVE_UP_AFTER_TICKS = 20  # ticks in a row
@@ -104,3 +107,101 @@ def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
                 error.add_note(f"{name} the robot failed: {why}")
     if interrupt is not None:
         raise interrupt from error
+
+
+# [rad], [m] of a setpoint in a tick, beyond what a joint's speed allows: more than rounding, less than what firmware
+# stops at
+MAX_STEP: Mapping[str, float] = {"rad": 0.02, "m": 0.002}
+MAX_SPEED = {"rad": 2.0, "m": 0.5}  # [rad/s], [m/s] where a robot states no limit
+# of a robot's own limit: critically damped PD overshoots a step of the wanted speed by exp(-2), 14 %
+_OVERSHOOT = 1.2
+# [s] that a speed is a mean over: a count of an encoder is none; it must last for half of that: a spike does not
+_WINDOW_S = 0.02
+_SPEED, _LEAP = 1, 2
+
+
+class MotionGuard:
+    """Watches measured speeds and the steps of the reference; LimitError where one is beyond what is allowed.
+
+    A speed is the mean over 20 ms of the measured positions, by the robot's own clock where that goes on. It ends the
+    motion once it was too large, and of one sign, for 10 ms: an encoder's spike that returns is not. The reference may
+    step by what the largest speed allows in a tick and MAX_STEP.
+    """
+
+    def __init__(self, plant: Plant, reference: ArrayLike, period: float, max_speed: ArrayLike | None) -> None:
+        """Begin at a reference (n,) [rad|m], in ticks of `period` [s].
+
+        Args:
+            max_speed: One for all or (n,) [rad/s|m/s], infinity for none; when None the plant's own `velocity_limit`
+                and a fifth, and where it has none, or states zero, 2 rad/s and .5 m/s.
+        """
+        self._names, self._units, n = plant.joint_names, plant.joint_units, len(plant.joint_names)
+        own = as_array("velocity_limit", getattr(plant, "velocity_limit", np.zeros(n)), (n,), finite=False)
+        stated = (own > 0.0) & np.isfinite(own)
+        fastest = np.where(stated, _OVERSHOOT * own, [MAX_SPEED[unit] for unit in self._units])
+        limits = f"{_OVERSHOOT:g} times the robot's own limit", "as of robots that state no limit"
+        self._why = [limits[0] if each else limits[1] for each in stated]
+        if max_speed is not None:
+            fastest, self._why = as_array("max_speed", one_for_all(max_speed, n), (n,), finite=False), ["max_speed"] * n
+            if not (fastest > 0.0).all():
+                raise InputError(f"max_speed: expected more than 0, got {fastest.tolist()}")
+        self._fastest, self._leap = fastest, fastest * period + np.array([MAX_STEP[unit] for unit in self._units])
+        ticks = max(1, round(_WINDOW_S / period))
+        self._time, self._q, self._reference = np.zeros(1), np.zeros(n), np.zeros(n)
+        self._found = np.zeros(3)  # what was found, the joint, how much
+        arrays = np.array([ticks * period]), self._time, self._q, self._reference, fastest, self._leap
+        kept = np.full(ticks, np.nan), np.full((ticks, n), np.nan), as_array("q", reference, (n,)).copy()
+        self._look = bind(_look, arrays, [*kept, np.zeros(n + 1, dtype=np.int64), self._found])
+
+    def update(self, time: float, q: Floats, reference: Floats) -> None:
+        """Look at a tick's measured positions (n,) [rad|m], their time [s], and the reference (n,) [rad|m]."""
+        self._time[0], self._q[:], self._reference[:] = time, q, reference
+        self._look()
+        if self._found[0]:
+            what, j, size = int(self._found[0]), int(self._found[1]), self._found[2]
+            name, unit, why = self._names[j], self._units[j], self._why[j]
+            most = f"expected at most {(self._fastest if what == _SPEED else self._leap)[j]:.4g} {unit}"
+            meant = "if that is meant, run_loop(max_speed=...) allows more"
+            if what == _SPEED:
+                raise LimitError(f'joint "{name}" moves at {size:.4g} {unit}/s, {most}/s, {why}; {meant}')
+            raise LimitError(
+                f'joint "{name}": the reference leaps by {size:.4g} {unit} between two ticks, {most} ({why}: '
+                f"{self._fastest[j]:.4g} {unit}/s); {meant}"
+            )
+
+
+@compiled
+def _look(
+    window: Floats,
+    time: Floats,
+    q: Floats,
+    reference: Floats,
+    fastest: Floats,
+    leap: Floats,
+    times: Floats,
+    rows: Floats,
+    last: Floats,
+    counts: Integers,
+    found: Floats,
+) -> None:
+    """Look at a tick; counts (n + 1,) are ticks in a row that a joint was too fast, signed, and all ticks."""
+    n = len(q)
+    at = counts[n] % len(times)
+    elapsed = time[0] - times[at]
+    if not elapsed > 0.0:  # a clock that stands still, or was set back
+        elapsed = window[0]
+    for j in range(n):
+        if abs(reference[j] - last[j]) > leap[j] and found[0] == 0.0:
+            found[0], found[1], found[2] = _LEAP, j, abs(reference[j] - last[j])
+        if np.isfinite(reference[j]):
+            last[j] = reference[j]
+        speed = (q[j] - rows[at, j]) / elapsed
+        rows[at, j] = q[j]
+        if not np.isfinite(speed):
+            continue
+        way = (speed > fastest[j]) - (speed < -fastest[j])
+        counts[j] = counts[j] + way if counts[j] * way > 0 else way
+        if abs(counts[j]) >= max(2, len(times) // 2) and found[0] == 0.0:
+            found[0], found[1], found[2] = _SPEED, j, abs(speed)
+    times[at] = time[0]
+    counts[n] += 1

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.recursion import place_links, place_tree, to_robot_columns
-from catenary.dynamics.vectors import add, cross, row, times
+from catenary.dynamics.recursion import add, cross, place_links, place_tree, row, times, to_robot_columns
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.robots.plausible import check_within

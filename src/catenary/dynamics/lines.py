@@ -17,13 +17,19 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.dynamics.actuation_loads import ActuationLoads, load_along
 from catenary.dynamics.recursion import (
+    add,
     composite_body_recursion,
+    cross,
+    dot,
     gravity_recursion,
     newton_euler_recursion,
     place_joints,
     place_links,
+    row,
+    scale,
+    times,
+    transpose_times,
 )
-from catenary.dynamics.vectors import add, cross, dot, row, scale, times, transpose_times
 from catenary.errors import InputError
 from catenary.kernels.tracing import Line, Term, Trace, TracedFunctions
 from catenary.robots.model import RobotModel, Tree

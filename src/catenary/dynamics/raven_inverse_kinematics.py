@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.vectors import Vector, column, dot, row, scale, times, transpose_times
+from catenary.dynamics.recursion import Vector, column, dot, row, scale, times, transpose_times
 from catenary.errors import InputError, UnreachablePoseError, UnsupportedModelError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel

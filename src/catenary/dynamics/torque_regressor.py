@@ -10,8 +10,20 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.inverse_dynamics import BaseMotion, felt_rows, motion_rows
-from catenary.dynamics.recursion import link_motion, place_tree, to_tree
-from catenary.dynamics.vectors import Numbers, Vector, add, cross, dot, put, row, scale, times
+from catenary.dynamics.recursion import (
+    Numbers,
+    Vector,
+    add,
+    cross,
+    dot,
+    link_motion,
+    place_tree,
+    put,
+    row,
+    scale,
+    times,
+    to_tree,
+)
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.link_inertia import symmetric

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.lines import empty, placed
+from catenary.dynamics.recursion import Vector, cross, dot, put, row, transpose_times
 from catenary.dynamics.robot_kernels import MANY_CONFIGURATIONS, known_kernel
-from catenary.dynamics.vectors import Vector, cross, dot, put, row, transpose_times
 from catenary.errors import InputError
 from catenary.gravity.gravity_regressor import (
     CARRIED_MASS,

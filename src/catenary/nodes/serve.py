@@ -27,7 +27,7 @@ from catenary.plant import JointState, OperatingState, Plant
 from catenary.raven2.topics import EXT_JPOS, JOINT_ENC, ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.psm_parameters import joints_per_actuator, load_psm
+from catenary.simulation.psm_controller import joints_per_actuator, load_psm
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import LEVEL
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.raven2.topics import JOINTS
-from catenary.transmission.cable_coupling import joint_forces
+from catenary.transmission.cable_elasticity import joint_forces
 
 # motor turning per joint motion [rad/rad], [rad/rad], [rad/m] [raven2 source: transmission ratios]
 RATIO: Mapping[str, float] = {"shoulder": 136.1963, "elbow": 121.5221, "insertion": 2158.590}

@@ -11,16 +11,17 @@ from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, CableDrive
 from catenary.simulation.records import PerAxis, PerJoint, Record
-from catenary.transmission.cable_coupling import joint_forces, winding_of
 from catenary.transmission.cable_elasticity import (
     beyond_backlash,
     bouc_wen_step,
+    joint_forces,
     loss_rate,
     maxwell_step,
     next_draw,
     set_rate,
     tension_of,
     wandered,
+    winding_of,
 )
 from catenary.transmission.cable_friction import coulomb, coulomb_coupled, dragged
 

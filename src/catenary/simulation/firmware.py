@@ -22,7 +22,7 @@ from catenary.simulation.cable_parameters import AxisFirmware, Cable, Firmware
 from catenary.simulation.cable_physics import ArmState, TreeWork, Work, link_dynamics, physics_step
 from catenary.simulation.records import AXES, POSITION, POSITIONING, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.transmission.cable_coupling import joint_forces, joints_of, tensions_for, winding_of
+from catenary.transmission.cable_elasticity import joint_forces, joints_of, tensions_for, winding_of
 
 SEEKING, FOUND = 1, 2
 _STOP_DAC = 20_000.0  # beyond: software e-stop

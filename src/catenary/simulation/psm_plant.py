@@ -13,16 +13,19 @@ from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.firmware_plant import AXIS_FIELDS, FirmwarePlant, columns_of, half_cosine
 from catenary.simulation.psm_controller import (
+    ARM_JOINTS,
+    PsmArm,
     PsmControlState,
     PsmLog,
     PsmState,
     PsmWork,
+    load_psm,
     read_psm_encoders,
     register_psm,
     run_psm_ticks,
     unstretched_motors,
+    varied_psm,
 )
-from catenary.simulation.psm_parameters import ARM_JOINTS, PsmArm, load_psm, varied_psm
 from catenary.simulation.records import AXES, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 

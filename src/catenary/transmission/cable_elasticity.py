@@ -1,8 +1,42 @@
-"""The cable as a spring behind a backlash, with a memory: hysteresis, which motion alone changes, creep, and wear."""
+"""What joints wind up of cables; a cable as a spring behind a backlash, with a memory: hysteresis, creep, and wear."""
 
 import math
 
+from catenary.dynamics.recursion import Numbers, Vector
 from catenary.kernels.compiled import inlined
+
+
+@inlined
+def winding_of(coupling: Numbers, q: Numbers) -> Vector:
+    """Return the winding of each cable at joint positions (or velocities) q (3,)."""
+    return q[0], q[1] + coupling[0] * q[0], q[2] + coupling[1] * q[0] + coupling[2] * q[1]
+
+
+@inlined
+def joints_of(coupling: Numbers, winding: Vector) -> Vector:
+    """Return the joint positions (or velocities) at which the cables have the given winding."""
+    first = winding[0]
+    second = winding[1] - coupling[0] * first
+    return first, second, winding[2] - coupling[1] * first - coupling[2] * second
+
+
+@inlined
+def joint_forces(coupling: Numbers, tension: Vector) -> Vector:
+    """Return the joint torques of cable tensions [Nm or N]: the transpose of `winding_of`, so that power is kept."""
+    return (
+        tension[0] + coupling[0] * tension[1] + coupling[1] * tension[2],
+        tension[1] + coupling[2] * tension[2],
+        tension[2],
+    )
+
+
+@inlined
+def tensions_for(coupling: Numbers, force: Numbers) -> Vector:
+    """Return the cable tensions that give joint torques (3,): the inverse of `joint_forces`."""
+    third = force[2]
+    second = force[1] - coupling[2] * third
+    return force[0] - coupling[0] * second - coupling[1] * third, second, third
+
 
 LARGEST_LOSS = 0.3  # of the stiffness
 

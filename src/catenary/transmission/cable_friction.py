@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.vectors import Numbers
+from catenary.dynamics.recursion import Numbers
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 

@@ -23,8 +23,17 @@ import numpy as np
 
 from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.plant import MotionLog
-from catenary.verdict.hysteresis import MAX_EXPLAINED_ROWS, MIN_EXPLAINED_ROWS, PLAY_RADII, TRIM_SIGMAS, Explanation
-from catenary.verdict.pairs import MOVED_DEG_MM, in_stretches, reversals_of, scales
+from catenary.verdict.pairs import (
+    MAX_EXPLAINED_ROWS,
+    MIN_EXPLAINED_ROWS,
+    MOVED_DEG_MM,
+    PLAY_RADII,
+    TRIM_SIGMAS,
+    Explanation,
+    in_stretches,
+    reversals_of,
+    scales,
+)
 
 LOOKS = 6.0
 CERTAIN_SIGMAS, _LIKELY_SIGMAS = 3.0, 2.0  # deviations of the interval, and of a note

@@ -6,8 +6,16 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.verdict.finding import Finding
-from catenary.verdict.hysteresis import FINE_RADII, TRIM_SIGMAS, Explanation
-from catenary.verdict.pairs import Pairs, in_stretches, pairs_of, reversals_of, scales
+from catenary.verdict.pairs import (
+    FINE_RADII,
+    TRIM_SIGMAS,
+    Explanation,
+    Pairs,
+    in_stretches,
+    pairs_of,
+    reversals_of,
+    scales,
+)
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
 _CLEAR_RATIO = 5.0

@@ -38,8 +38,8 @@ from catenary.units import DISPLAY
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
 from catenary.view.shown import Control, ControlTab, Shown, Value, finite_ranges
-from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, simulated_arm
 from catenary.workflows.robot.motion import check_motion, gentle_way, random_within
+from catenary.workflows.trials import SimulatedArm, base_sensor, simulated_arm
 
 _STOP_S = 0.4  # [s] in which a motion that is left comes to rest
 

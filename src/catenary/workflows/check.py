@@ -45,9 +45,8 @@ from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
 from catenary.verdict.check import MAX_ERROR_OPTION, judged, repeated_findings, robot_of
 from catenary.verdict.finding import Finding
-from catenary.verdict.hysteresis import hysteresis_of
 from catenary.verdict.mend import NO_MEND, Mend, retimed_by, units_of
-from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
+from catenary.verdict.pairs import OUTLIER_SIGMAS, hysteresis_of, outliers
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
 from catenary.workflows.project.folder import SETTINGS

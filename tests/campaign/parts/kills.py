@@ -51,13 +51,7 @@ from simulated_project import calibrate_short
 print("ready", flush=True)
 calibrate_short(Path(sys.argv[1]), with_page=False)
 """
-COMMANDS = (
-    ("home",),
-    ("excite", "--sparsity", "1"),
-    ("record", "--hours", "0.01"),
-    ("extract",),
-    ("extract", "--bag", "ros1"),
-)
+COMMANDS = (("home",), ("excite", "--sparsity", "1"), ("record", "--hours", "0.01"), ("extract",))
 
 
 def environment() -> dict[str, str]:
@@ -101,8 +95,8 @@ def whole_run(arguments: Sequence[str]) -> str:
 def recorder(seed: int, folder: Path) -> None:
     """Kill a recorder; rescue what it recorded in a project and outside, beside a recording that is whole."""
     from catenary.recording.bag_reader import JournalReader
+    from catenary.workflows.project.calibrate import extract_recording, motion_log_path
     from catenary.workflows.project.folder import Project, ProjectSettings
-    from catenary.workflows.project.recordings import extract_recording, motion_log_path
     from catenary.workflows.recover import recover
     from oracles.raven_recording import record
 

@@ -39,10 +39,10 @@ def loop(seed: int, folder: Path) -> None:
 
     from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
     from catenary.control.loop import Tick, run_loop
-    from catenary.control.motion_guard import MAX_STEP
+    from catenary.control.shutdown import MAX_STEP
     from catenary.errors import CatenaryError
     from catenary.trajectories.reference import Reference
-    from catenary.workflows.gravity.simulated_arm import simulated_arm
+    from catenary.workflows.trials import simulated_arm
 
     rng = random.Random(seed)
     arm = simulated_arm(rng.choice(["raven2", "ur5e", "panda"]), payload=rng.choice([0.0, 2.0, 8.0]))

@@ -17,8 +17,17 @@ from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.reference import Reference, Rest
 from catenary.trajectories.smoothed_path import go_to
-from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor, raven_arm, simulated_arm
-from catenary.workflows.gravity.trials import HOLD_START, hold, make_motion, poses_along, track
+from catenary.workflows.trials import (
+    HOLD_START,
+    SimulatedArm,
+    base_sensor,
+    hold,
+    make_motion,
+    poses_along,
+    raven_arm,
+    simulated_arm,
+    track,
+)
 
 AT = np.array([0.2, np.pi / 2, 0.40])
 

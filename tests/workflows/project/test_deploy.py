@@ -9,7 +9,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.plant_state import restore_plant
+from catenary.simulation.firmware_plant import restore_plant
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to

@@ -10,12 +10,12 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import InputError
 from catenary.recording.logs import read_log
-from catenary.simulation.plant_state import restore_plant, save_plant
+from catenary.simulation.firmware_plant import restore_plant, save_plant
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.workflows.project import calibrate
+from catenary.workflows.project.calibrate import motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.kinds import kind_of
-from catenary.workflows.project.recordings import motion_log_path
 from oracles.psm_arms import homed_psm
 
 SHORT = ProjectSettings(robot="dvrk_psm", seed=1, train_minutes=1.0, test_minutes=0.25)

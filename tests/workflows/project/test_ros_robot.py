@@ -14,9 +14,8 @@ from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.workflows.project import robot as ros_robot
-from catenary.workflows.project.calibrate import TRAIN
+from catenary.workflows.project.calibrate import TRAIN, extract_recording, motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import RosRobot, set_aside
 from catenary.workflows.robot.homing import AnswerYes
 from oracles.crtk_robot import RobotOnLoopback

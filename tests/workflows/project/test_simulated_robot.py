@@ -14,10 +14,9 @@ from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant, telemetry_of
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.project import robot as simulated_robot
-from catenary.workflows.project.calibrate import TEST, TRAIN, random_motion
+from catenary.workflows.project.calibrate import TEST, TRAIN, extract_recording, motion_log_path, random_motion
 from catenary.workflows.project.folder import Project
 from catenary.workflows.project.kinds import kind_of
-from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import SimulatedRobot
 from simulated_project import SHORT
 

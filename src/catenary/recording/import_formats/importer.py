@@ -30,7 +30,7 @@ from catenary.recording.import_formats.tracked_pose import (
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.topics import SECOND
-from catenary.transmission.cable_coupling import joint_forces
+from catenary.transmission.cable_elasticity import joint_forces
 from catenary.verdict.turns import TURN, in_one_turn, unwrapped
 
 _SIGNED = "-"

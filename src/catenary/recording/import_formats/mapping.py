@@ -82,7 +82,7 @@ class Quantity(Settings):
     units: Units = ()  # one for all, or one per joint; of qd per second
     scale: Numbers = ()  # rad or m per count; of tau Nm or N per unit; of others a factor
     sign: Numbers = ()
-    # c01, c02, c12 of the cables (transmission/cable_coupling.py): tau is then at the drums, and taken to the joints
+    # c01, c02, c12 of the cables (transmission/cable_elasticity.py): tau is then at the drums, and taken to the joints
     coupling: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] | None = None
     optional: bool = False  # left out of the log where the recording has none of it
     pose: TrackedPose | None = None  # of q_encoder, in place of columns

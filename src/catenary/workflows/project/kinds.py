@@ -20,7 +20,7 @@ from catenary.recording.import_formats.known_layouts import read_psm, read_raven
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import COLUMNS, telemetry_of
 from catenary.simulation.firmware_plant import FirmwarePlant
-from catenary.simulation.psm_parameters import load_psm
+from catenary.simulation.psm_controller import load_psm
 from catenary.simulation.psm_plant import PSM_COLUMNS, psm_telemetry
 from catenary.topics import Topic
 from catenary.trajectories.reference import Trajectory

@@ -22,16 +22,15 @@ from catenary.calibration.evaluate import rms
 from catenary.calibration.model import CalibrationModel
 from catenary.config import IN_FILES, plain_data
 from catenary.control.loop import Tick, run_loop
-from catenary.control.motion_guard import MAX_SPEED
+from catenary.control.shutdown import MAX_SPEED
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
 from catenary.recording.journal import About, LeftOff
 from catenary.recording.recorder import Recorder
 from catenary.side_by_side import Progress, silent
-from catenary.simulation.firmware_plant import FirmwarePlant
-from catenary.simulation.plant_state import STATE_FORMAT as STATE_FORMAT
-from catenary.simulation.plant_state import restore_plant, save_plant
+from catenary.simulation.firmware_plant import STATE_FORMAT as STATE_FORMAT
+from catenary.simulation.firmware_plant import FirmwarePlant, restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Embedded, GoneOn, Trajectory
 from catenary.trajectories.smoothed_path import go_to

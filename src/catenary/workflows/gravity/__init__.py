@@ -1,1 +1,0 @@
-"""Controllers and gravity compensation tried on a simulated arm."""
