@@ -12,7 +12,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters, torque_regressor
-from catenary.identification.payload import point_mass
+from catenary.identification.explanations.loads import point_mass
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -53,6 +53,21 @@ def _true_parameters(model: RobotModel, error: float, seed: int) -> Floats:
     return phi.ravel()
 
 
+def _carrying_parameters(model: RobotModel, truth: Truth) -> Floats:
+    phi = _true_parameters(model, truth.masses, 3)
+    if truth.load is not None:
+        link, pose = model.frame().link, model.frame().pose
+        place = pose.rotation @ np.array(truth.load[1]) + pose.position
+        phi[PER_LINK * link : PER_LINK * (link + 1)] += truth.load[0] * point_mass(place)
+    return phi
+
+
+def true_gravity(truth: Truth, q: Floats) -> Floats:
+    """Return the torques (N, n) that hold the true arm still on a level base."""
+    model = load_robot(truth.robot)
+    return torque_regressor(model, q, 0.0 * q, 0.0 * q, LEVEL) @ _carrying_parameters(model, truth)
+
+
 def _motion(model: RobotModel, truth: Truth, rate: float) -> tuple[Floats, Floats, Floats, Floats]:
     rng, n = np.random.default_rng(truth.seed), model.n
     t = np.arange(0.0, truth.seconds, 1.0 / rate)
@@ -78,15 +93,11 @@ def _usual_torque(robot: str) -> Floats:
 def known_torques(truth: Truth, rate: float = 200.0) -> MotionLog:
     """Return the recording."""
     model = load_robot(truth.robot)
-    n, phi = model.n, _true_parameters(model, truth.masses, 3)
+    n, phi = model.n, _carrying_parameters(model, truth)
     t, q, qd, qdd = _motion(model, truth, rate)
     if truth.locked is not None:
         q[:, truth.locked] = 0.3
         qd[:, truth.locked] = qdd[:, truth.locked] = 0.0
-    if truth.load is not None:
-        link, pose = model.frame().link, model.frame().pose
-        place = pose.rotation @ np.array(truth.load[1]) + pose.position
-        phi[PER_LINK * link : PER_LINK * (link + 1)] += truth.load[0] * point_mass(place)
     usual, gravity = _usual_torque(truth.robot), np.array(truth.gravity)
     own = torque_regressor(model, q, qd, qdd, gravity) @ phi
     coulomb, rotor = 0.22 * usual, np.minimum(0.12 * usual, 2.5)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.errors import InputError
+from catenary.errors import DataError, InputError
 from catenary.plant import Joints, MotionLog, places_of
-from catenary.verdict.check import repeated_findings
+from catenary.verdict.check import repeated_findings, require_apart
 from recordings import recording
 
 LOG = recording(np.random.default_rng(0), rows=6)
@@ -197,3 +197,5 @@ def test_minutes_are_known_again_at_another_rate_by_a_calendars_clock_and_where_
     assert [each.says for _, each in repeated_findings([log, again])] == [
         f'its minutes are those of "{log.name}": it is no test of a fit to it'
     ]
+    with pytest.raises(DataError, match="read at another rate"):
+        require_apart([log], [again])

@@ -23,7 +23,6 @@ from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import Direction
-from catenary.workflows.project.calibrate import RAVEN_INPUTS
 from papers.calibration.inputs import SIXTEEN
 
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)  # 1013 s, of table I
@@ -39,7 +38,7 @@ METHODS = {
     NETWORK: FitOptions(kind="neural", preset="paper", inputs=SIXTEEN),
     "polynomial": FitOptions(kind="polynomial", inputs=SIXTEEN),
     "linear": FitOptions(kind="linear", inputs=SIXTEEN),
-    LEARNER: FitOptions(inputs=RAVEN_INPUTS),
+    LEARNER: FitOptions(),
 }
 
 

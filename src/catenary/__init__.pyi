@@ -34,13 +34,13 @@ from catenary.gravity.compact_regressor import compact_regressor as compact_regr
 from catenary.gravity.estimator import GravityEstimator as GravityEstimator
 from catenary.gravity.export import export_function as export_function
 from catenary.gravity.gravity_regressor import gravity_regressor as gravity_regressor
-from catenary.gravity.load_location import locate_load as locate_load
 from catenary.gravity.torque import center_of_mass as center_of_mass
 from catenary.gravity.torque import center_of_mass_jacobian as center_of_mass_jacobian
 from catenary.gravity.torque import gravity_torque as gravity_torque
 from catenary.gravity.torque import potential_energy as potential_energy
 from catenary.identification.identification import identify as identify
 from catenary.identification.payload import estimate_payload as estimate_payload
+from catenary.identification.payload import locate_load as locate_load
 from catenary.plant import JointState as JointState
 from catenary.plant import MotionLog as MotionLog
 from catenary.recording.logs import read_log as read_log

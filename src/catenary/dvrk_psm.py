@@ -23,9 +23,16 @@ def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
     name = f"/{namespace.strip('/')}/{verb}"
     if _NAME.fullmatch(name) is None:
         raise InputError(f'namespace "{namespace}": expected one whose last word begins with PSM, as /PSM1')
-    return joint_topic(name, column, PSM_JOINTS, rate=rate or usual)
+    bag = f"record_psm_{'tracker' if column == 'ext_jpos' else column}"
+    return joint_topic(name, column, PSM_JOINTS, rate=rate or usual, bag=bag)
 
 
 def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]:
     """Return the topics of a calibration recording of a PSM; errors as `psm_topic`."""
     return tuple(psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in _PSM_TOPICS)
+
+
+def psm_topic_named(name: str) -> Topic | None:
+    """Return the topic of a PSM by how its name ends; None of another robot."""
+    found = _NAME.fullmatch(name)
+    return None if found is None else psm_topic(f"/{found['place']}", found["verb"])

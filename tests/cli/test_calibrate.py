@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import simulated_arm
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model_file import save_model
 from catenary.control.realtime import Timing
 from catenary.errors import TransportError
@@ -17,8 +19,6 @@ from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback
 from recordings import fitted
 from simulated_project import QUICK_MODELS
-
-MODELS_FOR = calibrate.models_for
 
 
 @pytest.fixture(scope="module")
@@ -51,14 +51,14 @@ def test_home_homes_another_robot(project_folder: Path) -> None:
     assert (settings["seed"], settings["payload_kg"], settings["base_tilt_deg"]) == (2, 0.1, [3.0, -2.0])
 
 
-def test_extract_writes_logs_for_a_fit(project_folder: Path, tmp_path: Path) -> None:
+def test_extract_writes_logs_and_bags_for_a_fit(project_folder: Path, tmp_path: Path) -> None:
     outcome = catenary("extract", project_folder)
     assert "longest gap [ms]" not in outcome.err
     assert "/ravenstate" in outcome.out
-    content = catenary("extract", project_folder, "--json").json
+    content = catenary("extract", project_folder, "--bag", "ros1", "--json").json
     assert set(content) == {"train", "test"}
     for found in content.values():
-        assert Path(found["log"]).is_file()
+        assert all(Path(file).is_file() for file in (found["log"], *found["bags"]))
     train, test = content["train"]["log"], content["test"]["log"]
     out = tmp_path / "a.npz"
     assert catenary("fit", train, "--model", "linear", "--folds", "0", "--out", out).code == 0
@@ -97,24 +97,46 @@ def test_calibrate_does_what_is_missing_and_no_more(project_folder: Path, quick:
 
 
 @pytest.mark.usefixtures("_no_page")
-def test_calibrate_takes_the_options_of_fit(
-    project_folder: Path, tmp_path: Path, quick: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(calibrate, "models_for", lambda *asked: {RECOMMENDED: MODELS_FOR(*asked)[RECOMMENDED]})
-    inputs = "q:shoulder,q:elbow"
-    options = ("--model", "linear", "--play", "0.1", "--inputs", inputs, "--ridge", 1, "--held-out", 0.25)
-    tested = ("--folds", 3, "--coverage", 0.8, "--max-error", "99,99,999", "--target", "position")
-    assert catenary("calibrate", project_folder, *options, *tested).code == 0
-    card = json.loads((project_folder / "models" / f"{RECOMMENDED}.card.json").read_text())
+def test_calibrate_takes_the_options_of_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    every = calibrate.models_for
+    monkeypatch.setattr(calibrate, "models_for", lambda *asked: {RECOMMENDED: every(*asked)[RECOMMENDED]})
+    train, test = (simulated_arm.write(tmp_path / f"{k}.npz", seed=k) for k in (1, 2))
+    options = ("--model", "linear", "--play", "0.1", "--inputs", "q:J1,q:J2", "--ridge", 1, "--held-out", 0.25)
+    tested = ("--folds", 3, "--coverage", 0.8, "--max-error", "9,9,9", "--target", "position", "--seed", 4)
+    line = ("calibrate", tmp_path / "p", train, "--test", test, *options, *tested)
+    assert catenary(*line).code == 0
+    card = json.loads((tmp_path / "p" / "models" / f"{RECOMMENDED}.card.json").read_text())
     assert (card["kind"], card["target"]) == ("linear", "position")
     assert card["settings"]["play_shares"] == [0.1]
-    assert card["settings"]["inputs"] == inputs.split(",")
+    assert card["settings"]["inputs"] == ["q:J1", "q:J2"]
     assert card["settings"]["ridge"] == 1.0
     run = card["run"]
-    assert (run["held_out"], run["folds"], run["coverage"]) == (0.25, 3, 0.8)
-    assert run["max_error"] == [99.0, 99.0, 999.0]
+    assert (run["held_out"], run["folds"], run["coverage"], run["seed"]) == (0.25, 3, 0.8, 4)
+    assert run["max_error"] == [9.0, 9.0, 9.0]
     assert "expected one of raven2, dvrk_psm, got panda" in refusal("calibrate", tmp_path / "q", "--robot", "panda")
     assert not (tmp_path / "q").exists()
+
+
+@pytest.mark.usefixtures("_no_page")
+def test_calibrate_warns_of_a_recommended_model_that_does_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = {f"J{j}": (f"q:J{j}",) for j in (1, 2, 3)}  # so that a joint's valid range is its own
+    models = {name: FitOptions(kind="linear", inputs=own) for name in QUICK_MODELS}
+    monkeypatch.setattr(calibrate, "models_for", lambda *_: models)
+    train = simulated_arm.write(tmp_path / "train.npz", seed=1)
+    elsewhere = simulated_arm.arrays(seed=2)
+    slope = elsewhere["q_act"] - elsewhere["q_des"]
+    elsewhere["q_act"][:, 1] -= 2.0 * (slope[:, 1] - slope[:, 1].mean())  # J2's ratio has turned round
+    elsewhere["q_des"][:, 2] += 0.3  # J3 is where it never was
+    elsewhere["q_act"][:, 2] += 0.3
+    np.savez(tmp_path / "test.npz", **elsewhere)
+    accept = ("--accept", "scale", "--accept", "units")
+    line = ("calibrate", tmp_path / "p", train, "--test", tmp_path / "test.npz", *accept)
+    outcome = catenary(*line)
+    assert outcome.code == 0, outcome
+    assert "warning: J2: the model is worse than the fixed offset here" in outcome.out
+    assert "warning: J3: 100% of rows lie outside the model's valid range" in outcome.out
+    assert "J1: the model is worse" not in outcome.out
+    assert len(catenary(*line, "--json").json["advice"]) == 2
 
 
 @pytest.mark.slow

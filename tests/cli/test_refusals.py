@@ -45,6 +45,7 @@ REFUSALS = {
     "deploy model.npz": "its project's folder",
     "deploy model.npz --ros 1 --seconds 0": "more than 0",
     "record {begun} --no-motion": "goes with --ros",
+    "calibrate new --test b.npz": "--test",
     "calibrate {run}": "is a file, expected a folder",
     "home {run}": "is a file, expected a folder",
     "fit {model} --out o.npz": "it holds a calibration model, written by catenary fit",
@@ -52,6 +53,7 @@ REFUSALS = {
     "evaluate {model} {run} --robot nope": 'robot "nope"',
     "payload {run} --model {model}": "it holds a calibration model, written by catenary fit",
     "track two_link --q 0.4,0.9 --controller nope": 'controller "nope"',
+    "calibrate new {run} --test {motion}": '"q_des" is missing',
     "record {begun} --no-motion --robot dvrk_psm": "was begun",
     "home --ros 1 --seed 1": "not with --ros",
     # options of fit; the last of an option counts

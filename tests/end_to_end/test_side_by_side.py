@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from meeting import Meeting
-from oracles.raven_recording import write_bag
 from patience import until
 from ros import PATIENT_COMMAND, Master, Program
 
@@ -101,15 +100,16 @@ def test_a_played_bag_feeds_deploy_and_monitor_without_anybody_who_listens(
 ) -> None:
     project, command = str(tmp_path / "project"), PATIENT_COMMAND
     record = ("record", project, "--ros", "1", "--no-motion", "--hours", "0.002", "--simulated", "--json")
-    with Program(ros_master, command, *record) as program:
-        _, errors = program.finish()
-        assert program.process.returncode == 0, errors
-    bag = write_bag(Path(project) / "recordings" / "test", tmp_path / "a.bag")
+    for line in (record, ("extract", project, "--bag", "ros1", "--json")):
+        with Program(ros_master, command, *line) as program:
+            out, errors = program.finish()
+            assert program.process.returncode == 0, errors
+    bags = json.loads(out)["test"]["bags"]
     served.process.terminate()
     _, errors = served.finish()
     assert served.process.returncode == 0
     assert "ended by SIGTERM: gold PAUSED homed" in errors
-    with Program(ros_master, PLAY, str(bag)) as player:
+    with Program(ros_master, PLAY, *bags) as player:
         assert player.line() == "up"
         player.say("")
         with (

@@ -126,15 +126,15 @@ def test_no_row_is_made_where_none_was_recorded():
     )
 
 
-def test_a_rate_that_a_robots_file_asks_for_makes_no_row_in_a_gap():
+def test_a_slow_recording_of_a_panda_has_no_row_made_of_it():
     arm = load_robot("panda")
-    run = without(recorded(arm, 0, rate=100.0), *DROPPED_OUT)
+    run = recorded(arm, 0, rate=100.0)
     samples = prepare(run, arm, FULL)
-    assert np.abs(samples.time[:, None] - run.time).min(axis=1).max() < 0.0051  # half a step
-    assert "brought to" in samples.notes[1]
+    assert len(samples) < len(run)
+    assert samples.notes == ()
 
 
-def test_stamps_in_another_unit_do_not_make_millions_of_rows_by_the_filters_own_rate():
+def test_stamps_in_another_unit_are_asked_about():
     panda, t = load_robot("panda"), np.arange(3000) * 10.0
     q = 0.5 * (panda.lower + panda.upper) + 0.3 * np.sin(0.01 * t[:, None] + np.arange(7))
     slow = MotionLog("log", panda.joint_names, panda.joint_units, q, np.ones(3000, dtype=bool), tau=np.cos(q), time=t)

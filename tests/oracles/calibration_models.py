@@ -45,7 +45,9 @@ def random_expansion(inputs: int, outputs: int, rng: np.random.Generator) -> Exp
     pairs = rng.integers(0, inputs, (3, 2)) if inputs else np.zeros((0, 2), dtype=np.int64)
     scale, limit = np.exp(0.3 * n(size=inputs)), rng.uniform(0.5, 1.9, inputs)
     terms = Terms(n(size=inputs), scale, limit, every[::2], every[::4], every[1::2], pairs)
-    return Expansion(terms, n(size=(len(terms), outputs)), n(size=outputs), np.ones((outputs, 9)), np.ones(outputs))
+    sketch = 0.3 * n(size=(len(terms), 5)), n(size=5), 1.0, rng.uniform(0.0, 2.0, outputs)
+    weights = n(size=(len(terms), outputs)), n(size=outputs)
+    return Expansion(terms, *weights, np.ones((outputs, 9)), np.ones(outputs), *sketch)
 
 
 def expanded(terms: Terms, X: Floats) -> Floats:

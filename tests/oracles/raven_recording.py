@@ -12,7 +12,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from catenary.raven2.topics import _GOLD_MEASURED_JS, EXT_JPOS, RAVENSTATE, raven_topics
 from catenary.recording.bag_reader import JournalReader
 from catenary.recording.journal import About, JournalTopic, JournalWriter
-from catenary.recording.layout import ABOUT_TOPIC, encode
+from catenary.recording.layout import ABOUT_TOPIC, ABOUT_TYPE, encode
 from catenary.recording.messages import ros2_name, typestore
 from catenary.recording.recorder import Recorder
 from catenary.topics import Topic
@@ -87,7 +87,7 @@ def write_bag(journal: Path, path: Path, packing: str = "") -> Path:
     with writer as bag:
         connections = {
             topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(ros))
-            for topic, kind in ((ABOUT_TOPIC, "std_msgs/String"), *source.topics)
+            for topic, kind in ((ABOUT_TOPIC, ABOUT_TYPE), *source.topics)
         }
         stated = (ABOUT_TOPIC, START_NS, len(about).to_bytes(4, "little") + about)
         for topic, stamp, data in (stated, *source.messages()):

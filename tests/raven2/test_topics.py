@@ -3,7 +3,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.message import message_class
-from catenary.raven2.topics import CHANNELS, in_channels, raven_topics, state_column
+from catenary.raven2.topics import CHANNELS, RAVEN_TOPICS, RAVENSTATE, in_channels, raven_topics, state_column
+from catenary.recording.layout import topic_named
 
 STATE = "raven_2/raven_state"
 
@@ -41,7 +42,7 @@ def test_an_arm_has_eight_channels_of_which_one_is_unused_and_the_other_arms_are
 
 
 def test_insertion_is_in_metres_and_other_joints_in_radians() -> None:
-    for topic in {*raven_topics("gold"), *raven_topics("green", state_rate=100.0)}:
+    for topic in RAVEN_TOPICS:
         for one in topic.columns:
             for label, unit in zip(one.labels, one.units, strict=True):
                 if one.name in ("jpos", "jpos_d", "measured_js", "ext_jpos") and "unused" not in label:
@@ -55,3 +56,5 @@ def test_measured_js_is_swapped_on_the_robot() -> None:
 
 def test_state_at_100_hz_has_its_own_topic_without_a_slash() -> None:
     assert raven_topics(state_rate=100.0)[0].name == "ravenstate_100hz"
+    assert topic_named("/ravenstate_100hz") is not None
+    assert topic_named("ravenstate") is RAVENSTATE

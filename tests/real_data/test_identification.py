@@ -122,6 +122,16 @@ def test_a_geared_arm_is_identified_from_its_currents_and_a_known_load(recording
     assert estimate_payload(found, [samples]).mass == pytest.approx(2.805, rel=0.05)
 
 
+def test_a_staublis_wrist_is_identified_with_the_drive_that_two_joints_share(recordings: Path) -> None:
+    folder = recordings / "tx40_dynamics"
+    if not (folder / "first60.npz").is_file():
+        pytest.skip(f"no recording {folder}")
+    result = identify_files([folder / "first60.npz"], str(folder / "tx40.urdf"), IdentifyOptions(blocks=1.0))
+    by_hand = np.array([0.078, 0.098, 0.177, 0.139, 0.167, 0.167])  # of other tools, told of the drive
+    assert (result.identification.tests[0].relative_rms < 0.65 * by_hand).all()
+    assert any("a drive moves joint_5 + joint_6" in note for note in result.notes)
+
+
 def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) -> None:
     folder = recordings / "dvrk_mtm_static_gravity"
     logs = [log_of(folder, f"grid4_{side}.npz", "dvrk_mtm") for side in ("pos", "neg")]
@@ -184,8 +194,9 @@ def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(ps
     samples = [prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())]
     payload = estimate_payload(psm, samples)
     assert payload.detected
-    assert payload.link in ("pitch", "top_bar", "middle_bar")
-    assert payload.mass == pytest.approx(0.105, abs=0.03)
+    # bars that turn with the pitch: whose mass it is and how far it hangs these torques do not tell
+    assert "pitch" in payload.likely
+    assert payload.mass is None
 
 
 @pytest.mark.parametrize("joints", [range(7), [3]])

@@ -27,7 +27,7 @@ from tests.truth.bench import (
 from tests.truth.imports import imports
 from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
 from tests.truth.spoilings import NOTHING, SPOILINGS, late
-from tests.truth.torques import torques
+from tests.truth.torques import payloads, torques
 from tests.verdict.test_check import TOGETHER
 from tests.verdict.test_delay import periodic_arm
 
@@ -58,6 +58,7 @@ def outcomes(only: str) -> Iterator[Outcome]:
         if re.search(only, "refresh"):
             yield from refreshes(folder)
         yield from torques(only)
+        yield from payloads(only)
         yield from unlike_others(only, folder)
 
 
@@ -112,7 +113,9 @@ def main() -> int:
         old = [
             line
             for line in TABLE.read_text().splitlines()
-            if line.startswith(("| fit", "| eval", "| check", "| clock", "| refr", "| import", "| units", "| torques"))
+            if line.startswith(
+                ("| fit", "| eval", "| check", "| clock", "| refr", "| import", "| units", "| torques", "| payload")
+            )
         ]
         written = {line.split(" | ")[0][2:]: line for line in old} | written
     wrong = sum(f"| {FAILS}" in line for line in written.values())

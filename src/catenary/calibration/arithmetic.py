@@ -196,6 +196,8 @@ def choose(
     known: Flags,  # (N,) whether the features are inside the valid range
     q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
     joints: Integers,  # (m,) which of the n joints
+    far: Floats,  # (N, 1) see `intervals.distance`
+    fade: Floats,  # (2,) from where to where on the way out a prediction becomes the fixed offset
     offset: Floats,  # (n,) fixed offsets
     reach: Floats,  # (n,) largest errors that are believed
     lower: Floats,  # (n,) calibrated positions that are believed
@@ -211,4 +213,7 @@ def choose(
             trusted = known[row] and np.isfinite(q[row, joint]) and abs(error) <= reach[joint]
             trusted = trusted and lower[joint] <= position <= upper[joint]
             correction[row, joint] = prediction[row, k] if trusted else offset[joint]
+            if trusted and far[row, 0] > fade[0]:
+                share = (far[row, 0] - fade[0]) / (fade[1] - fade[0])
+                correction[row, joint] += (share if share < 1.0 else 1.0) * (offset[joint] - prediction[row, k])
             inside[row, joint] = trusted

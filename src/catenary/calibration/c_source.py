@@ -277,6 +277,8 @@ class _Function:
                 return _Value(values[0].sizes[0], "int")
             case "abs":
                 return _Value(f"fabs({a})", "double")
+            case "sqrt":
+                return _Value(f"sqrt({a})", "double")
             case "int":
                 return _Value(f"(int)({a})", "int")
             case "isnan":

@@ -202,7 +202,8 @@ def fit(
         joint_names: Names of the joints; J1, J2, ... when None.
         model: "learned", or one of the papers': "offset", "linear", "polynomial" or "neural".
         preset: For "neural": "paper".
-        inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
+        inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None
+            (for "learned" those of its joints alone).
         play: Half-widths of play states as shares of each joint's range; see FitOptions.
         target: "error", or "position" for a model end to end.
         ridge: Weight on the squared coefficients of a regression.

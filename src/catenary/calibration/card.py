@@ -14,7 +14,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import extrapolation
 from catenary.calibration.intervals import MAX_HALF_RANGES
 from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel, Card
-from catenary.calibration.model_kinds import ModelKind, kind_of
+from catenary.calibration.model_kinds import LEARNED, ModelKind, kind_of
 from catenary.units import DISPLAY
 
 _ARM_KEYS = ("instrument", "tool", "date")  # that a run states, and no option of the fit
@@ -126,7 +126,9 @@ def _intervals(model: CalibrationModel) -> dict[str, Any] | None:
     return {
         "coverage": model.intervals.level,
         "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
-        "margin": "half_width where training rows lay, growing to half_width_outside halfway from them to the edge",
+        "margin": "half_width where training rows lay, growing with the leverage of a row, then to half_width_outside"
+        if model.kind == LEARNED
+        else "half_width where training rows lay, growing to half_width_outside halfway from them to the edge",
         "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
         f"watched input is than its edge, at most {MAX_HALF_RANGES:g}",
     }

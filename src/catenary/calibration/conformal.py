@@ -22,7 +22,7 @@ import numpy as np
 
 from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
-from catenary.calibration.intervals import MARGIN_RATIO, Intervals, check_level
+from catenary.calibration.intervals import Intervals, check_level
 
 # blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
 _BLOCKS_OUTSIDE = 5
@@ -40,12 +40,12 @@ Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
 
 def estimate_intervals(
-    errors: CrossValidation, *, level: float = 0.9, widening: Floats | None = None, off_path: Floats | float = 0.0
+    errors: CrossValidation, *, level: float = 0.9, off_path: Floats | float = 0.0, growth: Floats | float = 1.0
 ) -> Intervals | None:
     """Return half-widths for a model from the errors of its cross-validation; None where there are too few rows.
 
     Inside the valid range they are of rows inside the ranges of the folds' models; outside, and where hardly a block
-    has rows inside, of the fixed offset on all rows. A model's `widening` (n,) multiplies them, and bounds the margin.
+    has rows inside, of the fixed offset on all rows. Errors count over the `growth` (N, n) of the model's intervals.
     What a model may be wrong by off its path, RMS `off_path` (n,) [rad|m], widens them, as an error of normal
     distribution that depends on no other.
     """
@@ -55,18 +55,17 @@ def estimate_intervals(
     more = float(norm.ppf(0.5 + 0.5 * level)) * np.broadcast_to(off_path, errors.after_model.shape[1])
     block = time_blocks(errors.recording, level=level)
     inside, outside = [], []
+    grown = np.abs(errors.after_model) / growth
     for j in range(errors.after_model.shape[1]):
         known = errors.inside[:, j]
-        near = block_quantile(np.abs(errors.after_model[known, j]), block[known], level)
+        near = block_quantile(grown[known, j], block[known], level)
         far = block_quantile(np.abs(errors.after_offset[:, j]), block, level)
         if not math.isfinite(far):
             return None
         near = near if math.isfinite(near) else far
         outside.append(max(near, far))
-        near *= 1.0 if widening is None else widening[j]
         inside.append(min(math.hypot(near, more[j]), outside[-1]))
-    margin = None if widening is None else MARGIN_RATIO * np.array(inside)
-    return Intervals(level, np.array(inside), np.array(outside), margin)
+    return Intervals(level, np.array(inside), np.array(outside))
 
 
 def expected(
@@ -75,8 +74,9 @@ def expected(
     fold: Integers,  # (N,) block of the cross-validation that each row was left out with
     fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
     intervals: Intervals | None,  # whose coverage is to be stated; none without
-    widening: Floats | float = 1.0,  # (n,) as for `estimate_intervals`
-    off_path: Floats | float = 0.0,  # (n,) the same, in the unit of the spread
+    widening: Floats | float = 1.0,  # (n,) times as large as on the blocks is an error where joints meet otherwise
+    off_path: Floats | float = 0.0,  # (n,) as for `estimate_intervals`, in the unit of the spread
+    growth: Floats | float = 1.0,  # (N, n) the same
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
@@ -102,7 +102,7 @@ def expected(
         "rmse_margin": np.maximum(high, offset),
     }
     if intervals is not None:
-        held = np.abs(errors.after_model) <= np.where(errors.inside, intervals.inside, intervals.outside)
+        held = np.abs(errors.after_model) <= np.where(errors.inside, growth * intervals.inside, intervals.outside)
         shares = np.array([held[part].mean(axis=0) for part in parts])
         off = apart * math.sqrt(shares.var(axis=0, ddof=1).mean())
         stated["held_low"] = np.maximum(shares.mean(axis=0) - off, 0.0)

@@ -33,6 +33,7 @@ class TrainingSource:
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
     beyond: Mapping[str, int] = field(default_factory=dict)  # by joint, rows dropped for its error
+    another: int = 0  # rows of another motion than the features' steps
     marks: tuple[str, ...] = ()  # hashes of some rows, as of `MotionLog.marks`
     poses: tuple[tuple[float, ...], ...] = ()  # as of `MotionLog.poses`
 
@@ -47,7 +48,7 @@ class CalibrationData:
     X: Floats  # (N, F)
     q_nominal: Floats  # (N, n)
     error: Floats  # (N, n) q_encoder - q_nominal [rad|m]: what a model must add
-    leaping: Flags  # (N,) of another motion than the features' steps, or leaps; see FeatureRows
+    leaping: Flags  # (N,) rows that leap; see FeatureRows
     recording: Integers  # (N,) index into `sources`
     position: Floats  # (N,) how far into its recording the row lies, 0 to 1
     time: Floats  # (N,) [s], or the row number where a recording has no time
@@ -163,7 +164,7 @@ def _usable_rows(
     if log.q_encoder is None:
         raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
     index = spread(len(log), -(-len(log) // every))
-    X, leaping, spikes = features.rows(log, None if every == 1 else index)
+    X, leaping, spikes, another = features.rows(log, None if every == 1 else index)
     q, ok = log.q_nominal[index], log.ok[index]
     error = log.q_encoder[index] - q
     far = np.zeros(error.shape, dtype=bool)
@@ -178,6 +179,7 @@ def _usable_rows(
         dropped=int((ok & ~inside).sum()),
         simulated=log.simulated,
         leaps={name: count for name, count in spikes.items() if count},
+        another=another,
         beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
     )
     time = log.time[index] if has_time and log.time is not None else index.astype(np.float64)
@@ -195,13 +197,13 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     if data.every > 1:
         count = sum(len(log) for log in logs)
         notes.append(f"of {count:,} rows one in {data.every} is learnt from; memory follows them all")
-    for i, source in enumerate(data.sources):
+    for source in data.sources:
         beyond = f"beyond the error limit ({counted(source.beyond)})"
         left_out = {"without measurement": source.without_truth, beyond: source.dropped}
         if text := ", ".join(f"{count} {why}" for why, count in left_out.items() if count):
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.leaps:
             notes.append(f"{source.name}: play states did not follow leaps of {counted(source.leaps)}")
-        if strange := int(data.leaping[data.recording == i].sum()):
-            notes.append(f"{source.name}: {strange} rows leap beyond training's motion: intervals are wider there")
+        if source.another:
+            notes.append(f"{source.name}: {source.another} rows are of a faster motion than training's")
     return notes

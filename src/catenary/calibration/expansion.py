@@ -23,6 +23,7 @@ from catenary.kernels.compiled import compiled, inlined
 TURNS = 3  # multiples of an angle
 _FIRST_WAVE, LAST_WAVE = 4, 12  # half periods over the range: longer waves are as good as powers
 POWERS, WAVES, SATURATIONS = 2, LAST_WAVE - _FIRST_WAVE + 1, 2  # columns of a position, again, and of a load
+DROPPED = 1e9  # rows, as all penalties: a group of terms is left out
 _HALF_PI, _TWO_PI = 1.5707963267948966, 6.283185307179586
 
 
@@ -75,12 +76,17 @@ class Expansion(Predictor):
     bias: StoredFloats  # (m,)
     penalties: StoredFloats  # (m, groups) that the weights were fitted with (learned.py)
     widening: StoredFloats  # (m,) times as large as on blocks of training is an error where joints meet otherwise
+    sketch: StoredFloats  # (C, K) combinations of terms whose squares, with their constants, are the leverage of a row
+    sketch_bias: StoredFloats  # (K,)
+    usual: float  # leverage beyond which errors grow (extrapolation.py)
+    factor: StoredFloats  # (m,) by which they do
     kind: Literal["expansion"] = "expansion"
-    by_output: ClassVar[tuple[str, ...]] = ("weights", "bias", "widening")
+    by_output: ClassVar[tuple[str, ...]] = ("weights", "bias", "widening", "factor")
 
     def __post_init__(self) -> None:
         self._keep({"bias": (None,), "weights": (len(self.terms), len(self.bias))})
-        self._keep({"penalties": (len(self.bias), None), "widening": (len(self.bias),)})
+        self._keep({"penalties": (len(self.bias), None), "widening": (len(self.bias),), "factor": (len(self.bias),)})
+        self._keep({"sketch_bias": (None,), "sketch": (len(self.terms), len(self.sketch_bias))})
 
     @property
     def shape(self) -> tuple[int | None, int]:  # noqa: D102
@@ -90,9 +96,20 @@ class Expansion(Predictor):
     def width(self) -> int:  # noqa: D102
         return len(self.terms)
 
-    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        Z = np.empty((len(X), len(self.terms)))
-        return [self.terms.step(X, Z), Step(arithmetic.dense, (Z, self.weights, self.bias), (Y,))]
+    def growth(self, X: Floats) -> Floats:
+        """Return how many times as wide as where training rows lay intervals are at features X (N, F), (N, m)."""
+        Y, beyond = np.empty((len(X), len(self.bias))), np.empty((len(X), 1))
+        arithmetic.run(self.steps(np.ascontiguousarray(X), Y, beyond))
+        return np.sqrt(1.0 + beyond * np.square(self.factor))
+
+    def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:
+        """Return the compiled steps that write outputs Y (N, m), and leverage beyond what is usual (N, 1)."""
+        Z, P = np.empty((len(X), len(self.terms))), np.empty((len(X), len(self.sketch_bias)))
+        steps = [self.terms.step(X, Z), Step(arithmetic.dense, (Z, self.weights, self.bias), (Y,))]
+        if beyond is not None:
+            steps.append(Step(arithmetic.dense, (Z, self.sketch, self.sketch_bias), (P,)))
+            steps.append(Step(excess, (P, np.array([self.usual])), (beyond,)))
+        return steps
 
 
 @inlined
@@ -112,6 +129,16 @@ def reduced(a: float) -> float:
     turns = within(a / _TWO_PI, 1e6)
     nearest = int(turns + 0.5) if turns > 0.0 else int(turns - 0.5)
     return within(a - nearest * _TWO_PI, 2.0 * _HALF_PI)
+
+
+@compiled
+def excess(P: Floats, usual: Floats, beyond: Floats) -> None:
+    """Write by how much the sum of squares of rows P (N, K) is beyond `usual` (1,), (N, 1); 0 where it is not."""
+    for row in range(len(P)):
+        total = -usual[0]
+        for k in range(P.shape[1]):
+            total += P[row, k] * P[row, k]
+        beyond[row, 0] = total if total > 0.0 else 0.0
 
 
 @compiled

@@ -35,14 +35,14 @@ class Memory(NamedTuple):
     followed: Floats  # (K,) those that followed every position
     friction: Floats  # (3, L) friction states likewise, NaN until the first position: now, kept, followed
     seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
-    strange: Floats  # (1,) see find_leaps
+    strange: Floats  # (2,) see find_leaps
     rejected: Floats  # (J,) rows of these joints that were spikes
 
     def clear(self) -> None:
         """Forget all earlier rows: another motion begins; what was counted stays."""
         for states in (self.play, self.kept, self.followed, self.friction):
             states[:] = np.nan
-        self.seen[:], self.strange[:] = [np.nan, 0.0, 0.0], 0.0
+        self.seen[:], self.strange[0] = [np.nan, 0.0, 0.0], 0.0
 
 
 class _Column(NamedTuple):
@@ -58,8 +58,9 @@ class FeatureRows(NamedTuple):
     """Features of a recording."""
 
     X: Floats  # (N, F)
-    leaping: Flags  # (N,) rows that leap, or of another motion than training's: intervals are wider
+    leaping: Flags  # (N,) rows that leap: intervals are wider
     spikes: dict[str, int]  # of each position that play states follow, how many rows these did not follow
+    another: int  # rows of another motion than training's, with many faster steps
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,7 @@ class FeatureSet:
             run(self.row_steps(signals[rows], memory, part, room[rows], leaps))
             taken = slice(None) if kept is None else kept[into] - first
             X[into], leaping[into] = part[taken], leaps[taken]
-        return FeatureRows(X, leaping, self.spikes(memory))
+        return FeatureRows(X, leaping, self.spikes(memory), int(memory.strange[1]))
 
     def signal_rows(self, log: MotionLog) -> Floats:
         """Return the signals of every row, (N, S)."""
@@ -193,7 +194,7 @@ class FeatureSet:
         joints = len(self.played)
         play, kept, followed = np.empty((3, len(self.play)))
         friction = np.empty((3, 0 if self.friction is None else self.friction.size))
-        places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
+        places = (np.empty((joints, 3)), np.zeros(2), np.zeros(joints))
         memory = Memory(play, kept, followed, friction, *places)
         memory.clear()
         return memory

@@ -18,7 +18,6 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
-from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
 from catenary.calibration.recordings import Recordings
@@ -158,9 +157,10 @@ def _concluded(
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
     notes = (*data_notes(logs, everything), *found.notes)
     off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
-    intervals: Intervals | None = None
+    intervals, growth = None, np.ones(1)
     if validation is not None:
-        intervals = estimate_intervals(validation, level=run.coverage, widening=model.widening, off_path=off_path)
+        growth = model.growth(data.X)
+        intervals = estimate_intervals(validation, level=run.coverage, off_path=off_path, growth=growth)
     limits = _limits(recordings.robot, data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
@@ -183,7 +183,7 @@ def _concluded(
         scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
         widening = 1.0 if model.widening is None else model.widening
         spread = expected(
-            validation.spread, validation, data.blocks(run.folds), left, intervals, widening, scale * off_path
+            validation.spread, validation, data.blocks(run.folds), left, intervals, widening, scale * off_path, growth
         )
         doubted = [
             f"{joint.joint} {far:.3g} {joint.unit}"

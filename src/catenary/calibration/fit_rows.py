@@ -13,11 +13,12 @@ from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, FoundCables
 from catenary.calibration.learned import BLOCKS
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
-from catenary.calibration.model_kinds import ModelKind
+from catenary.calibration.model_kinds import LEARNED, ModelKind
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
+from catenary.plant import MotionLog
 from catenary.side_by_side import Progress, part_of, silent
 
 MIN_ROWS = 10  # rows
@@ -44,7 +45,7 @@ def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: floa
         inputs = dict(options.inputs)
     else:
         inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
-    default = ("q",) if log.tau is None else ("q", "tau")
+    default = joint_inputs(log) if options.kind == LEARNED else ("q",) if log.tau is None else ("q", "tau")
     per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
     friction = None if options.friction is None else options.friction.states
@@ -71,6 +72,14 @@ def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: floa
     whole = period if steps else None
     features = FeatureSet(signals, units, tuple(play), friction, tuple(steps), tuple(paths), whole)
     return Inputs(features, per_joint)
+
+
+def joint_inputs(log: MotionLog) -> tuple[str, ...]:
+    """Return the positions and, if recorded, torques of a log's own joints: what the learned model takes unasked.
+
+    Of further ones, as of a tool whose positions repeat a joint's motor, a zig-zag shows what misleads elsewhere.
+    """
+    return tuple(f"{group}:{joint}" for group in ("q", *["tau"] * (log.tau is not None)) for joint in log.joint_names)
 
 
 def fit(

@@ -38,6 +38,9 @@ _MAX_STEP_SHARE = 0.015  # of each joint's range: a longer step is split; 2 deg 
 _SIMPLEX_STEP = 0.35  # of the search, in logarithms and couplings
 _MAX_SEARCH_STEPS = 80  # steps
 _MIN_COUPLING_LOG_GAIN = 0.08  # in the logarithm of the error: pairs of drawn arms without such friction stay below
+# of joints that never move at once (a zig-zag), play states of two paths explain as much: steps count as of both where
+# the smaller, of its range, is a fifth of the larger, and a tenth of all must (drawn arms and wrists: two thirds)
+_TOGETHER_RATIO, _MIN_TOGETHER_SHARE = 0.2, 0.1
 _MIN_START_LOG_GAIN = 0.02  # where the search begins: pairs that gain less are not searched
 _COUPLING_RIDGE = 1e-4  # weight on squared couplings
 
@@ -116,6 +119,8 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
     best, pair = _MIN_START_LOG_GAIN, tuple[int, ...]()
     moving = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in {p for p, _ in rows.signals.play}]
     for joints in combinations(moving, 2):
+        if not _move_together(rows, joints):
+            continue
         alone = (None, _friction(_start(2, 0.0), 2))
         before = min(np.log(_errors(rows, joints, each)).mean() for each in alone)
         for coupling in (_START_COUPLING, -_START_COUPLING):
@@ -123,6 +128,15 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
             if gain > best:
                 best, pair = gain, joints
     return pair
+
+
+def _move_together(rows: SearchedRows, joints: tuple[int, int]) -> bool:
+    """Return whether both of two joints move in enough of the steps in which one does."""
+    steps = np.concatenate([np.abs(np.diff(path[:, joints], axis=0)) for path, _, _ in rows.paths])
+    larger = steps.max(axis=1)
+    moved = larger > 0.0
+    together = steps.min(axis=1)[moved] >= _TOGETHER_RATIO * larger[moved]
+    return bool(together.any()) and float(together.mean()) >= _MIN_TOGETHER_SHARE
 
 
 def _searched(rows: SearchedRows, joints: Sequence[int]) -> tuple[CoupledFriction, CoupledFriction]:

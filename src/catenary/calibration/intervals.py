@@ -1,8 +1,9 @@
 """How far off a calibrated position may be: half-widths that hold a stated share of the errors, wider where none was.
 
-Where training rows lay, a joint's half-width is one constant. In the margin of the valid range it grows in proportion
-to the distance from the rows, halfway through the margin to that of its edge, which is the fixed offset's but for
-models whose terms are held there (`MARGIN_RATIO`): errors normalised by a measure of
+Where training rows lay, a joint's half-width is one constant. That of the learned model grows with the leverage of a
+row (extrapolation.py), and becomes that of the fixed offset as its correction does, in the last tenth of the way to the
+edge of the valid range. That of the papers' models grows in the margin of the valid range in proportion
+to the distance from the rows, halfway through the margin to the fixed offset's: errors normalised by a measure of
 difficulty (Papadopoulos, Gammerman and Vovk, Normalized nonconformity measures for regression conformal prediction,
 2008), here the distance to the training data (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021). Halfway
 was chosen by measurement: of simulated arms that learn zig-zags and are asked at random, nearly half of the rows lie in
@@ -14,6 +15,7 @@ went on as it does from the middle to the edge: in proportion to the distance fr
 Where the numbers come from, and what they promise: conformal.py.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -25,7 +27,6 @@ from catenary.cards import StoredFloats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 
-MARGIN_RATIO = 1.5  # times the half-width where training rows lay, of models whose terms are held at their edge
 MAX_HALF_RANGES = 10.0  # times the distance from the middle of the valid range to its edge
 
 
@@ -36,15 +37,11 @@ class Intervals:
     level: Annotated[float, Field(gt=0.0, lt=1.0)]  # share of errors that they are to hold, 0 to 1
     inside: StoredFloats  # (n,) half-width where training rows lay [rad|m]
     outside: StoredFloats  # (n,) beyond the edge of the valid range, about the fixed offset [rad|m]
-    margin: StoredFloats | None = None  # (n,) at that edge, about the model's correction; that outside when None
 
     def __post_init__(self) -> None:
         check_level(self.level)
         object.__setattr__(self, "inside", as_array("interval inside", self.inside, (None,)))
         object.__setattr__(self, "outside", as_array("interval outside", self.outside, self.inside.shape))
-        if self.margin is not None:
-            margin = as_array("interval margin", self.margin, self.inside.shape)
-            object.__setattr__(self, "margin", np.minimum(np.maximum(margin, self.inside), self.outside))
         if not ((self.inside >= 0.0) & (self.outside >= self.inside)).all():
             raise InputError(
                 f"intervals: expected half-widths of 0 or more, none narrower outside; got {self.inside.tolist()} "
@@ -76,14 +73,15 @@ def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Flo
 @compiled
 def widen(
     far: Floats,  # (N, 1) from `distance`
-    leaping: Flags,  # (N,) rows whose motion is none of training's: the half-width is that of the edge
+    leaping: Flags,  # (N,) rows that leap: the half-width is that of the edge
     inside: Flags,  # (N, n) whether each correction comes from a predictor, inside its valid range
     q: Floats,  # (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN
     joints: Integers,  # (m,) which of the n joints
+    beyond: Floats,  # (N, 1) leverage beyond what is usual
+    factor: Floats,  # (m,) by which it widens
     near: Floats,  # (n,) half-widths where training rows lay
-    margin: Floats,  # (n,) half-widths at the edge, about a prediction
-    edge: Floats,  # (n,) half-widths there about the fixed offset
-    reach: Floats,  # (2,) how far training rows reach, and where in the margin the half-width is that of the edge
+    edge: Floats,  # (n,) half-widths at the edge
+    reach: Floats,  # (2,) from where to where on the way out the half-width becomes that of the edge
     interval: Floats,  # (N, n) receives them
 ) -> None:
     """Write the half-widths of some joints."""
@@ -91,13 +89,14 @@ def widen(
         for k in range(len(joints)):
             joint = joints[k]
             if inside[row, joint] and not leaping[row]:
+                own = near[joint] * math.sqrt(1.0 + factor[k] * factor[k] * beyond[row, 0])
                 if far[row, 0] <= reach[0]:
-                    interval[row, joint] = near[joint]
+                    interval[row, joint] = own
                 elif far[row, 0] >= reach[1]:
-                    interval[row, joint] = margin[joint]
+                    interval[row, joint] = edge[joint]
                 else:
                     share = (far[row, 0] - reach[0]) / (reach[1] - reach[0])
-                    interval[row, joint] = near[joint] + (margin[joint] - near[joint]) * share
+                    interval[row, joint] = own + (edge[joint] - own) * share
             elif np.isfinite(q[row, joint]):
                 interval[row, joint] = edge[joint] * (far[row, 0] if far[row, 0] > 1.0 else 1.0)
             else:

@@ -15,11 +15,12 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration.expansion import Expansion, Terms, term_owners
+from catenary.calibration.expansion import DROPPED, Expansion, Terms, term_owners
+from catenary.calibration.extrapolation import Leverage, TrainedRows, leverage
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import standardisation
@@ -34,9 +35,8 @@ _OF_KIND = {
     "ripple": (6, 3),
     "path": (5, 8),
 }  # groups of a term of others, and of one's own
-_DROPPED = 1e9  # rows, as all penalties: a group is left out
-_LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, _DROPPED)
-_START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, _DROPPED, 100.0, 10.0)
+_LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, DROPPED)
+_START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, DROPPED, 100.0, 10.0)
 _WALK = (7, 5, 4, 2, 8, 6, 3, 1, 0)  # groups in the order in which penalties are tried
 _SWEEPS = 2
 _LARGER_UP_TO, _SMALLER_BELOW = 1.02, 0.98  # times the least mean square: more ridge may cost this, less must gain it
@@ -46,9 +46,6 @@ _REWEIGHTINGS = 3
 _POSITION_LIMIT, _LOAD_LIMIT = 1.15, 4.0  # half ranges; standard deviations
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: of fewer, each has a zero of its own by chance
-_MET_ROWS, _MAX_WIDENING = 1000, 4.0
-# of the ratio of variances: 1/2 were all of an error uncertainty of the weights; drawn arms and RAVEN-IIs show a fourth
-_WIDENING_POWER = 0.25
 _EVERY = 3  # of the play states, one in so many has products
 
 
@@ -104,6 +101,7 @@ class _Sums(NamedTuple):
     scale: Floats  # (C,)
     middle: Floats  # (m,) of the outputs
     spread: Floats  # (m,)
+    weight: Floats  # (N,) of the rows
 
 
 def fit_learned(
@@ -129,17 +127,23 @@ def fit_learned(
         if penalties is None:
             penalties = np.array([_chosen(sums.of_blocks, groups[k], k) for k in range(Y.shape[1])])
         total = sums.of_blocks.sum(axis=0)
-        widening = np.ones(len(joints))
+        of_terms = np.array([_by_term(penalties[k], groups[k]) for k in range(Y.shape[1])])
+        solved = np.array([_solved(total, of_terms[k], k) for k in range(Y.shape[1])]).T
+        grown = Leverage.none(len(terms), len(joints))
         if chosen:
-            owners = [features.owners[c] for c in columns]
-            rows = [(terms.of(each) - sums.mean) / sums.scale for each in _met(X, owners)]
-            for k, group in enumerate(groups):
-                widening[k] = _widening(total, _by_term(penalties[k], group), len(terms), rows)
-        solved = np.array([_solved(total, _by_term(penalties[k], groups[k]), k) for k in range(Y.shape[1])]).T
+            wanted = (Y - sums.middle) / sums.spread - zeros @ solved[len(terms) : -1]
+            means = sums.mean, sums.scale
+            rows = TrainedRows(X, [*columns.tolist()], features, joints)
+            grown = leverage(rows, terms, means, wanted, sums.weight, of_terms[:, : len(terms)], block)
     of_zeros = zeros.mean(axis=0) @ solved[len(terms) : -1]
     weights = solved[: len(terms)] * sums.spread / sums.scale[:, None]
     bias = (solved[-1] + of_zeros) * sums.spread + sums.middle - sums.mean @ weights
-    return Expansion(terms, np.ascontiguousarray(weights), bias, penalties, widening)
+    sketch = grown.sketch[:-1] / sums.scale[:, None]
+    constants = grown.sketch[-1] - sums.mean @ sketch
+    return Expansion(
+        terms, np.ascontiguousarray(weights), bias, penalties, grown.widening, np.ascontiguousarray(sketch), constants,
+        grown.usual, grown.factor,
+    )  # fmt: skip
 
 
 def _by_term(penalties: Floats, group: Integers) -> Floats:
@@ -171,13 +175,13 @@ def _weighted_sums(Z: Floats, zeros: Floats, Y: Floats, block: Integers, groups:
             rows = changed & (block == name)
             of_blocks[k] += Z[rows].T @ (Z[rows] * (new - weight)[rows, None])
         weight = new
-    return _Sums(of_blocks, mean, scale, middle, spread)
+    return _Sums(of_blocks, mean, scale, middle, spread, weight)
 
 
 def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
     """Return weights (C + 1,) of an output, the last of which is the constant, 0 for terms that are dropped."""
     size = len(penalty)
-    kept = np.append(np.flatnonzero(penalty < _DROPPED), size)
+    kept = np.append(np.flatnonzero(penalty < DROPPED), size)
     gram = sums[np.ix_(kept, kept)]
     gram[np.diag_indices(len(kept))] += np.append(penalty[kept[:-1]], 1e-9)
     weights = np.zeros(size + 1)
@@ -185,41 +189,28 @@ def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
     return weights
 
 
-def _met(X: Floats, owners: Sequence[str]) -> tuple[Floats, Floats]:
-    """Return some rows of features X (N, F), and as many in which each joint's features are those of another row."""
-    rng = np.random.default_rng(0)
-    rows = {joint: rng.integers(len(X), size=_MET_ROWS) for joint in dict.fromkeys(owners)}
-    met = np.column_stack([column[rows[joint]] for column, joint in zip(X.T, owners, strict=True)])
-    return X[rng.integers(len(X), size=_MET_ROWS)], met
-
-
-def _widening(sums: Floats, penalty: Floats, width: int, rows: Sequence[Floats]) -> float:
-    """Return how many times less certain a prediction is where joints meet otherwise than in training, 1 to 4.
-
-    The deviation of a ridge regression's prediction [Bishop 2006, section 3.3.2], of the second rows over the first.
-    """
-    kept = np.flatnonzero(penalty[:width] < _DROPPED)
-    if not len(kept):
-        return 1.0
-    root = cholesky(sums[np.ix_(kept, kept)] + np.diag(penalty[kept]), lower=True, check_finite=False)
-    told, met = (
-        np.square(solve_triangular(root, Z[:, kept].T, lower=True, check_finite=False)).sum(axis=0) for Z in rows
-    )
-    return float(np.clip((met.mean() / told.mean()) ** _WIDENING_POWER, 1.0, _MAX_WIDENING))
-
-
 def _score(sums: Floats, penalty: Floats, output: int) -> float:
     """Return the mean square of an output's errors on blocks that are left out in turn, their geometric mean."""
     size = len(penalty) + 1
-    kept = np.append(np.flatnonzero(penalty < _DROPPED), size - 1)
-    of_kept = sums[:, kept[:, None], kept]
-    moments, squares = sums[:, kept, size + output], sums[:, size + output, size + output]
-    total, moment, errors = of_kept.sum(axis=0), moments.sum(axis=0), []
-    total[np.diag_indices(len(kept))] += np.append(penalty[kept[:-1]], 1e-9)
-    for gram, own, square in zip(of_kept, moments, squares, strict=True):
-        w = cho_solve(cho_factor(total - gram, overwrite_a=True, check_finite=False), moment - own)
-        errors.append((square - 2.0 * w @ own + w @ gram @ w) / gram[-1, -1])
+    kept = np.append(np.flatnonzero(penalty < DROPPED), [size - 1, size + output])
+    errors = squares_left_out(sums[:, kept[:, None], kept], penalty[kept[:-2]])
     return float(np.exp(np.mean(np.log(np.maximum(errors, 1e-12)))))
+
+
+def squares_left_out(sums: Floats, penalty: Floats) -> Floats:
+    """Return the mean squares of errors on blocks, each left out of a ridge regression in turn, (K, m).
+
+    The sums (K, C + 1 + m, C + 1 + m) are of products of columns with penalties (C,), a one, and outputs.
+    """
+    size = len(penalty) + 1
+    total, errors = sums.sum(axis=0), []
+    total[np.diag_indices(size)] += np.append(penalty, 1e-9)
+    for own in sums:
+        left = total - own
+        W = cho_solve(cho_factor(left[:size, :size], check_finite=False), left[:size, size:])
+        gram, moment, square = own[:size, :size], own[:size, size:], np.diag(own)[size:]
+        errors.append((square - 2.0 * np.sum(W * moment, axis=0) + np.sum(W * (gram @ W), axis=0)) / gram[-1, -1])
+    return np.array(errors)
 
 
 def _chosen(sums: Floats, group: Integers, output: int) -> Floats:

@@ -25,6 +25,7 @@ from catenary.verdict.mend import MEND_KEYS
 Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]
 Mends = Annotated[Mapping[Annotated[str, Field(pattern=MEND_KEYS)], tuple[str, ...]], Field(max_length=50)]
+_FADES_FROM = 0.9  # of the way to the edge of the valid range: the learned model is the fixed offset's at the edge
 MAX_CORRECTION_RATIO = 2.0  # times the largest correction that training showed: the largest that is believed
 AnyPredictor = Annotated[Constant | Linear | Quadratic | Network | Expansion, Field(discriminator="kind")]
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
@@ -54,15 +55,21 @@ class JointGroup:
                 f"the predictor takes {inputs} and gives {outputs}, the valid range is of {watched}"
             )
 
-    def steps(self, X: Floats, known: Flags, prediction: Floats, far: Floats | None = None) -> list[Step]:
+    def steps(
+        self, X: Floats, known: Flags, prediction: Floats, far: Floats | None = None, beyond: Floats | None = None
+    ) -> list[Step]:
         """Return steps from features X (N, F) to predictions (N, m), whether rows are known (N,), how far (N, 1)."""
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
         return [
             Step(arithmetic.take, (X, self.columns), (taken,)),
             Step(arithmetic.finite, (taken,), (known,)),
             Step(arithmetic.take, (X, self.watched), (watched,)),
-            *self.valid_range.steps(watched, known, far),
-            *self.predictor.steps(taken, prediction),
+            *self.valid_range.steps(watched, known, far, to_edges=isinstance(self.predictor, Expansion)),
+            *(
+                self.predictor.steps(taken, prediction, beyond)
+                if isinstance(self.predictor, Expansion)
+                else self.predictor.steps(taken, prediction)
+            ),
         ]
 
 
@@ -70,7 +77,8 @@ class JointGroup:
 class CalibrationModel:
     """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
-    `correction` is added to q_nominal. A row outside a group's valid range gets the training data's fixed offset; so
+    `correction` is added to q_nominal. A row outside a group's valid range gets the training data's fixed offset, and a
+    learned model goes over to it before the edge, so that nothing leaps there; so
     does a joint whose correction was never seen: beyond MAX_CORRECTION_RATIO
     times `largest`, or to `largest` beyond its limits.
     """
@@ -124,6 +132,14 @@ class CalibrationModel:
             found[list(group.joints)] = group.predictor.widening
         return found
 
+    def growth(self, X: Floats) -> Floats:
+        """Return how many times as wide as where training rows lay intervals are at features (N, F), (N, n)."""
+        found = np.ones((len(X), len(self.joint_names)))
+        for group in self.groups:
+            if isinstance(group.predictor, Expansion):
+                found[:, list(group.joints)] = group.predictor.growth(X[:, group.columns])
+        return found
+
     @property
     def asked_of_reports(self) -> list[str]:
         """A sentence where what the robot reported in training was mended, but for units, and the model takes it."""
@@ -175,17 +191,23 @@ class CalibrationModel:
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
-            far = None if interval is None or self.intervals is None else np.empty((len(X), 1))
-            steps += group.steps(X, known, prediction, far)
+            is_learned, wanted = isinstance(group.predictor, Expansion), interval is not None and bool(self.intervals)
+            far, beyond = np.zeros((len(X), 1)), np.zeros((len(X), 1))
+            seen, factor = group.valid_range.seen, np.zeros(len(joints))
+            fade = reach = np.array([_FADES_FROM, 1.0])
+            if isinstance(group.predictor, Expansion):
+                factor = group.predictor.factor
+            else:
+                fade, reach = np.array([ANY_SIZE, 2.0 * ANY_SIZE]), np.array([seen, 0.5 * (seen + 1.0)])
+            steps += group.steps(
+                X, known, prediction, far if wanted or is_learned else None, beyond if wanted else None
+            )
             if self.target == "position":
                 steps.append(Step(arithmetic.errors_of_positions, (q, joints), (prediction,)))
-            chosen_from = (prediction, known, q, joints, self.offset, *bounds)
+            chosen_from = (prediction, known, q, joints, far, fade, self.offset, *bounds)
             steps.append(Step(arithmetic.choose, chosen_from, (correction, inside)))
-            if far is not None and interval is not None and self.intervals is not None:
-                seen = group.valid_range.seen
-                reach = np.array([seen, 0.5 * (seen + 1.0)])
-                own = self.intervals.outside if self.intervals.margin is None else self.intervals.margin
-                widths = (self.intervals.inside, own, self.intervals.outside, reach)
+            if interval is not None and self.intervals is not None:
+                widths = (beyond, factor, self.intervals.inside, self.intervals.outside, reach)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
         return steps
 
@@ -219,7 +241,7 @@ class CalibrationModel:
     def half_widths(self, log: MotionLog) -> Floats:
         """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none."""
         log = self.matched(log)
-        X, leaping, _ = self.features.rows(log)
+        X, leaping, *_ = self.features.rows(log)
         return self.correct(X, log.q_nominal, leaping)[2]
 
     def matched(self, log: MotionLog) -> MotionLog:

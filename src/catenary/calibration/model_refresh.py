@@ -1,21 +1,19 @@
 """A fitted model brought up to date by minutes of a new day: what drifted moves, what is still true stays.
 
 Friction of coupled joints comes first: where a day shows another level of it (friction_level.py), the model is taken
-there. Then, for each joint there are candidates, in the order of how much they change: nothing; zero and scale, slopes
-of the correction and of the position; slopes of all inputs, by ridge regression, ever less held. Each is judged on
-contiguous blocks of the new rows that it was not fitted to, and the first whose mean RMSE lies within one standard
-error of the best one's is taken (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). The standard error
-is that of the paired differences: blocks are hard or easy for all.
+there. Then each joint gets a new zero and scale, slopes of the correction and of the position, unless contiguous blocks
+of the new rows that these were not fitted to show no smaller mean RMSE than without, by one standard error of the
+paired differences (Breiman et al., Classification and Regression Trees, 1984, 3.4.3).
 
 Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. A joint
 is seen anew once it has swept half of the trained range and come back: before, a zero cannot be told from the side of
 the slack on which it lies. So zero and scale are the mean of what is known once minutes are over [Bayesian linear
 regression; Bishop, Pattern Recognition and Machine Learning, 2006, section 3.3]: a look for each two sweeps, with an
 error as large as the model claims or these rows leave, and a drift that may be as large as what the rows show, of the
-zero as of each slope over the trained range. Slopes of all inputs need most of the range, in many sweeps.
+zero as of each slope over the trained range.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import NormalDist
@@ -31,7 +29,7 @@ from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.expansion import Expansion
 from catenary.calibration.fit_rows import largest_shown
 from catenary.calibration.friction_level import DayLevel
-from catenary.calibration.intervals import MARGIN_RATIO, Intervals
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import AnyPredictor, CalibrationModel, JointGroup
 from catenary.calibration.predictors import Constant, Linear, Quadratic
 from catenary.calibration.spike_filter import ANY_SIZE
@@ -39,22 +37,14 @@ from catenary.calibration.valid_range import MIN_RANGE, ValidRange, standardisat
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
-UNCHANGED, ZERO_AND_SCALE, ALL_SLOPES, FRICTION_LEVEL = (
-    "nothing",
-    "zero and scale",
-    "slopes of all inputs",
-    "friction level",
-)
+UNCHANGED, ZERO_AND_SCALE, FRICTION_LEVEL = "nothing", "zero and scale", "friction level"
 REFRESH_BLOCKS = 8  # of time, on which candidates are judged
 MIN_REFRESH_ROWS = 40  # five a block
 _RESOLUTION_SI = 1e-9  # [rad|m] differences that no encoder shows
 _SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
-_SLOPES_RIDGES = (1.0, 0.1, 0.01, 1e-3)  # the most held first
-_CHANGES = (UNCHANGED, ZERO_AND_SCALE, *(ALL_SLOPES,) * len(_SLOPES_RIDGES))
 _SWEEP_SHARE = 0.5  # of the trained range, from one side to the other, that makes a sweep
-MIN_SWEEPS, _MIN_SHOWN_SHARE = 10, 0.8  # of a joint, and least share of the trained range, for slopes of all inputs
+MIN_SWEEPS = 10  # of a joint, of which fewer are told
 _CLOSE_SHARE = 0.01  # of the best candidate's error: what is better by less is not worth a larger change
-_CLEAR_SHARE = 0.4  # of the error on blocks: what leaves less is no side of the slack, once a joint went there and back
 
 
 @dataclass(frozen=True)
@@ -63,7 +53,7 @@ class JointChange:
 
     name: str
     unit: str  # "deg" or "mm"
-    change: str  # UNCHANGED, ZERO_AND_SCALE or ALL_SLOPES, or FRICTION_LEVEL and one of these
+    change: str  # UNCHANGED or ZERO_AND_SCALE, or FRICTION_LEVEL and one of these
     moved: float  # mean change of the correction over the new rows
     rmse_before: float  # of the old model on the new rows
     rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
@@ -123,8 +113,7 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel 
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
         else:  # minutes show where intervals are too narrow, not that they are too wide
             near = np.maximum(was.inside, new.inside)
-            own = None if was.margin is None else np.maximum(was.margin, MARGIN_RATIO * near)
-            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)), own)
+            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)))
         refreshed = replace(refreshed, intervals=new)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
@@ -183,7 +172,7 @@ def _refresh_group(
     if outside.any():
         share = f"{names}: {outside.mean():.1%} of the new rows lie outside the valid range"
         a, b = (
-            [np.square(_left_on_blocks([_zero_of(block)], each, block)[1][outside]).mean() for each in errors.T]
+            [np.square(_left_on_blocks(_zero_of(block), each, block)[outside]).mean() for each in errors.T]
             for errors in (error - correction, of_offset)
         )
         if np.less_equal(a, b).all():
@@ -204,25 +193,16 @@ def _refresh_group(
         trained = _trained(group, model, joint)
         seen = _motion_shown(data.q_nominal[:, joint], trained)
         held = _held(model, joint, correction[rows, k], q[rows, k], place, trained, seen[1])
-        designs: list[_Design] = [held, *((X[rows], partial(_ridge, ridge=ridge)) for ridge in _SLOPES_RIDGES)]
-        of_candidates = _left_on_blocks(designs, residual[:, k], parts)
-        kept = [
-            c
-            for c, each in enumerate(_CHANGES)
-            if each != ALL_SLOPES or _is_shown(seen, residual[:, k], of_candidates[c])
-        ]
-        chosen = kept[first_within_one_error(of_candidates[kept], parts)]
-        wanted = first_within_one_error(of_candidates, parts)
-        if wanted != chosen or (_CHANGES[chosen] == ZERO_AND_SCALE and seen[1] < MIN_SWEEPS):
-            notes.append(_too_local(model.joint_names[joint], seen, _CHANGES[wanted]))
-        how.append(_CHANGES[chosen])
-        left[rows, k] = of_candidates[chosen]
-        if chosen:
-            columns, regression = designs[chosen - 1]
+        without = _left_on_blocks(held, residual[:, k], parts)
+        moved_it = pays(residual[:, k], without, parts)
+        how.append(ZERO_AND_SCALE if moved_it else UNCHANGED)
+        left[rows, k] = without if moved_it else residual[:, k]
+        if moved_it:
+            if seen[1] < MIN_SWEEPS:
+                notes.append(_too_local(model.joint_names[joint], seen))
+            columns, regression = held
             slopes, bias[k] = regression(columns, residual[:, k])
-            if _CHANGES[chosen] == ALL_SLOPES:
-                linear[:, k] = slopes
-            elif _CHANGES[chosen] == ZERO_AND_SCALE and len(slopes):
+            if len(slopes):
                 scale[k] += slopes[0]
                 if place is not None:
                     # a model of positions gives q + correction: what its slope would take of q is given back
@@ -257,17 +237,10 @@ def _motion_shown(q: Floats, trained: tuple[float, float] | None) -> tuple[float
     return float(np.ptp(q)) / max(box, _RESOLUTION_SI), sweeps
 
 
-def _is_shown(seen: tuple[float, int], before: Floats, left: Floats) -> bool:
-    """Return whether minutes show enough of a joint for slopes of all inputs, from errors before and on blocks."""
-    is_clear = seen[1] >= 2 and np.square(left).mean() < _CLEAR_SHARE**2 * np.square(before).mean()  # there and back
-    return seen[0] >= _MIN_SHOWN_SHARE and bool(is_clear or seen[1] >= MIN_SWEEPS)
-
-
-def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
+def _too_local(name: str, seen: tuple[float, int]) -> str:
     return (
-        f"{name}: these minutes are too local for all of a change of {wanted}: they show {seen[0]:.0%} of the trained "
-        f"range in {seen[1]} sweeps, expected {MIN_SWEEPS} sweeps and {_MIN_SHOWN_SHARE:.0%}; "
-        "drive `catenary excite --refresh`"
+        f"{name}: these minutes are too local for all of a change of {ZERO_AND_SCALE}: they show {seen[0]:.0%} of the "
+        f"trained range in {seen[1]} sweeps, expected {MIN_SWEEPS} sweeps; drive `catenary excite --refresh`"
     )
 
 
@@ -277,25 +250,23 @@ def _only_offset(
     """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
     how, moved, left = list[str](), np.zeros(of_offset.shape[1]), of_offset.copy()
     for k, error in enumerate(of_offset.T):
-        candidates = _left_on_blocks([_zero_of(block)], error, block)
-        chosen = first_within_one_error(candidates, block)
-        how.append(_CHANGES[chosen])
-        left[:, k] = candidates[chosen]
-        moved[k] = error.mean() if chosen else 0.0
+        without = _left_on_blocks(_zero_of(block), error, block)
+        moved_it = pays(error, without, block)
+        how.append(ZERO_AND_SCALE if moved_it else UNCHANGED)
+        left[:, k] = without if moved_it else error
+        moved[k] = error.mean() if moved_it else 0.0
     return group, how, left, moved, notes
 
 
-def first_within_one_error(left: Floats, block: Integers) -> int:
-    """Return the first candidate whose mean RMSE over blocks is within one standard error, or 1 %, of the best one's.
-
-    Errors (C, N) are by fits that did not see the rows' blocks (N,), those of candidates that change least first.
-    """
-    rmse = np.array([np.sqrt(np.mean(np.square(left[:, block == k]), axis=1)) for k in np.unique(block)])  # (K, C)
-    excess = rmse - rmse[:, [rmse.mean(axis=0).argmin()]]
+def pays(before: Floats, left: Floats, block: Integers) -> bool:
+    """Return whether a change leaves less on blocks that it did not see: by one standard error, and by 1 %, (N,)."""
+    both = np.stack([before, left])
+    rmse = np.array([np.sqrt(np.mean(np.square(both[:, block == k]), axis=1)) for k in np.unique(block)])  # (K, 2)
     if len(rmse) < 2:
-        return 0
-    allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(rmse))
-    return int(np.argmax(excess.mean(axis=0) <= allowed + _RESOLUTION_SI + _CLOSE_SHARE * rmse.mean(axis=0).min()))
+        return False
+    gain = rmse[:, 0] - rmse[:, 1]
+    least = gain.std(ddof=1) / np.sqrt(len(gain)) + _RESOLUTION_SI + _CLOSE_SHARE * rmse[:, 1].mean()
+    return bool(gain.mean() > least)
 
 
 def _widened(old: ValidRange, watched: Floats) -> ValidRange:
@@ -372,12 +343,12 @@ def regress_held(
     return slopes, float(found[0] - middle @ slopes)
 
 
-def _left_on_blocks(designs: Sequence[_Design], residual: Floats, block: Integers) -> Floats:
-    """Return residuals (N,) as they are, and what regressions on designs leave on blocks that they did not see."""
-    left = np.repeat(residual[None], 1 + len(designs), axis=0)
-    for k in np.unique(block):
+def _left_on_blocks(design: _Design, residual: Floats, block: Integers) -> Floats:
+    """Return what a regression on a design leaves of residuals (N,) on blocks that it did not see."""
+    (columns, regression), left = design, residual.copy()
+    names = np.unique(block)
+    for k in names if len(names) > 1 else ():
         new = block == k
-        for c, (columns, regression) in enumerate(() if new.all() else designs, start=1):
-            slopes, zero = regression(columns[~new], residual[~new])
-            left[c, new] -= columns[new] @ slopes + zero
+        slopes, zero = regression(columns[~new], residual[~new])
+        left[new] -= columns[new] @ slopes + zero
     return left

@@ -11,7 +11,8 @@ import numpy as np
 from catenary.arrays import Floats, Integers
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import MEMORY_RIDGE, PLAY_SHARES, FitOptions
-from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.fit_rows import choose_inputs, joint_inputs
+from catenary.calibration.learned import squares_left_out
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.valid_range import standardisation
 from catenary.errors import InputError
@@ -54,7 +55,8 @@ class SearchedRows(NamedTuple):
 def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) -> SearchedRows:
     """Return the rows of recordings that come before their held-out part, or a sample of stretches."""
     logs = recordings.logs
-    plain = FitOptions("linear", inputs=options.inputs, play=PLAY_SHARES, cables=options.cables)
+    taken = joint_inputs(logs[0]) if options.inputs is None else options.inputs
+    plain = FitOptions("linear", inputs=taken, play=PLAY_SHARES, cables=options.cables)
     inputs = choose_inputs(recordings, plain, held_out=held_out)
     fixed, errors, blocks, recording, paths = [], [], [], [], []
     ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)
@@ -150,16 +152,8 @@ def _parts(X: Floats, Y: Floats, block: Integers) -> list[Floats]:
 
 def errors_on_blocks(sums: Floats, m: int) -> Floats:
     """Return RMSE on each block of a regression on all others, (K, m), from `sums_over_blocks`."""
-    size = sums.shape[1] - m
-    penalty = np.append(np.full(size - 1, MEMORY_RIDGE), 1e-9)
-    G, M = sums[:, :size, :size], sums[:, :size, size:]
-    squares = np.array([np.diag(each[size:, size:]) for each in sums])
-    errors = []
-    for g, moment, square, rows in zip(G, M, squares, sums[:, size - 1, size - 1], strict=True):
-        W = np.linalg.solve(G.sum(axis=0) - g + np.diag(penalty), M.sum(axis=0) - moment)
-        left = square - 2.0 * np.einsum("fm,fm->m", W, moment) + np.einsum("fm,fg,gm->m", W, g, W)
-        errors.append(np.sqrt(np.maximum(left, 1e-30) / rows))
-    return np.array(errors)
+    squares = squares_left_out(sums, np.full(sums.shape[1] - m - 1, MEMORY_RIDGE))
+    return np.sqrt(np.maximum(squares, 1e-30))
 
 
 def is_gain(before: Floats, after: Floats, least: float = MIN_LOG_GAIN) -> bool:

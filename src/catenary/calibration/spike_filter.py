@@ -49,10 +49,10 @@ def find_leaps(
     limits: Floats,  # (J,) largest step to the next row
     room: Floats,  # (N,) see `room_of`
     seen: Floats,  # (J, 3) last believed position, how many rows leapt since, and the room of these rows
-    strange: Floats,  # (1,) steps of another motion, as far as they are remembered
+    strange: Floats,  # (2,) steps of another motion, as far as they are remembered, and rows of one, counted
     rejected: Floats,  # (J,) counts rows that were spikes
     course: Integers,  # (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER
-    leaping: Flags,  # (N,) receives whether a row is of another motion, or leaps
+    leaping: Flags,  # (N,) receives whether a row leaps, and is not known to be no spike
 ) -> None:
     """Find positions that leap farther than a joint can have gone since the last believed one, and whether they return.
 
@@ -81,7 +81,7 @@ def find_leaps(
             seen[j, 0], seen[j, 1], seen[j, 2] = q, 0.0, 0.0
         strange[0] = _FADE_FACTOR * strange[0] + fast
         if strange[0] >= _SEVERAL_ROWS:
-            leaping[row] = True
+            strange[1] += 1.0
             for j in range(len(limits)):
                 course[row, j] = ANOTHER
                 if np.isfinite(positions[row, j]):

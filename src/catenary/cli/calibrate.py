@@ -12,12 +12,12 @@ import typer
 
 from catenary.cli import projects
 from catenary.cli.exit_codes import FAULT_FOUND
-from catenary.cli.fit import ModelOptions
+from catenary.cli.fit import ROBOT_OF_DATA, ModelOptions
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import Names, argument, group, option, values_of
 from catenary.cli.out_files import out_path
 from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project
-from catenary.cli.recording_options import ACCEPT
+from catenary.cli.recording_options import ACCEPT, RecordingOptions
 from catenary.cli.robot_options import DIALECT, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_notes, print_result, prints_json, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 def extract(
     project: Path = projects.BEGUN_FOLDER,
+    bag: str | None = option("ros1|mcap", "Also write bags."),
     columns: Names | None = option("NAME,...", "Further columns of raven_state to keep, or all. [default: none]"),
 ) -> None:
     """Extract and synchronise the project's recordings.
@@ -39,7 +40,7 @@ def extract(
     Writes a motion log NAME.parquet for each, and a report. Of an interrupted recording it keeps the
     intact part and reports the loss.
     """
-    from catenary.workflows.project.calibrate import extract_recording, motion_log_path
+    from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
 
     gap = ("longest gap [ms]", lambda t: t["longest_gap"] and f"{1e3 * t['longest_gap']:.0f}")
     columns_of_topics: list[Column] = ["topic", "messages", ("rate [Hz]", "rate:.1f"), gap]
@@ -60,6 +61,9 @@ def extract(
                 continue
             report = json.loads((opened.folder / f"{name}.synchronised.json").read_bytes())
             found[name] = {"log": str(motion_log_path(opened, name)), **report}
+            if bag is not None:
+                written = write_bags(opened, name, "ros1" if bag == "ros1" else "mcap")
+                found[name]["bags"] = [str(path) for path in written]
     parts: list[Any] = []
     for name, report in found.items():
         parts.append(Table(columns_of_topics, report["topics"], f"{name}: {report['rows']} rows"))
@@ -75,25 +79,35 @@ def extract(
 def calibrate(
     arm: projects.ExcitationOptions,
     fitting: ModelOptions,
+    recordings: RecordingOptions,
     access: projects.RobotAccess,
     project: Path = projects.FOLDER,
-    hours: float | None = projects.HOURS,
-    robot: str | None = projects.ARM_KIND,
+    train: Sequence[Path] = argument("[DATA...]", "Recordings to train on, in place of a robot.", None),
+    test: Sequence[Path] = option("DATA", "Test recording; repeatable.", goes_with="train"),
+    hours: float | None = replace(projects.HOURS, not_with="train"),
+    robot: str | None = ROBOT_OF_DATA,
     accept: Sequence[str] = ACCEPT,
     namespace: str | None = projects.ARM_NAMESPACE,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
 
-    Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. It drives a simulated
-    RAVEN-II, or with --robot dvrk_psm a da Vinci PSM, and with --ros a real one.
+    Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
+    it drives a simulated RAVEN-II, or with --robot dvrk_psm a da Vinci PSM, and with --ros a real one; with them it
+    fits every model to them and tests on --test.
     The options of fit apply to the recommended and deployed model; --seed also seeds its training.
     """
-    from catenary.workflows.project.calibrate import calibrate_robot
+    from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
-    asked, run = fitting.options(seed=0), fitting.run(accept)
-    opened = projects.open_project(project, arm, hours=hours, ros=access.ros, robot=robot, namespace=namespace)
-    with opened, _steps() as progress, projects.robot_of(opened, access, "calibrate") as moved:
-        result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
+    asked, run = fitting.options(seed=0), fitting.run(accept, robot)
+    reading = recordings.reading(robot if train else None)
+    kind = None if train else robot
+    opened = projects.open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
+    with opened, _steps() as progress:
+        if train:
+            result = calibrate_recordings(opened, train, test, reading=reading, asked=asked, run=run, progress=progress)
+        else:
+            with projects.robot_of(opened, access, "calibrate") as moved:
+                result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
     _conclude(result)
 
 
@@ -121,7 +135,7 @@ def _conclude(result: "CalibrationResult") -> None:
 
     title = "RMSE on a recording that no model saw (per cent of the fixed offset)"
     lines, deployed = [*result.advice], result.deployment
-    if deployed["compute_us"]:
+    if deployed is not None and deployed["compute_us"]:
         compute = deployed["compute_us"]
         lines += corrector_time(deployed)
         overruns = "" if deployed["overruns"] is None else f", {deployed['overruns']} overruns"

@@ -179,7 +179,7 @@ def refresh(
     """Bring a model up to date with minutes of a new day.
 
     The level of friction comes first, where the model has friction states. Then each joint gets the smallest change
-    that blocks of time of the new data support: nothing, zero and scale, or slopes of all inputs. The card
+    that blocks of time of the new data support: nothing, or zero and scale. The card
     says from which model it comes, what moved, and since when.
     `catenary excite --refresh` drives minutes that show enough.
 

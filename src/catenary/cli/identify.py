@@ -86,6 +86,9 @@ def identify(
     joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
     currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
     load: tuple[float, Path] | None = option("KG LOG", "Mass at the tip, recording with it.", goes_with="currents"),
+    payload: tuple[float, str, float, float, float] | None = option(
+        "KG FRAME X Y Z", "What it carries all along, its centre in a frame, in m. [default: as recordings show]"
+    ),
     accept: Sequence[str] = ACCEPT,
     urdf: Path | None = option("FILE", "Also write the robot as URDF; not with --free.", writes=URDF),
     report: Path | None = REPORT,
@@ -94,6 +97,7 @@ def identify(
 
     Example: catenary identify psm_one.npz --robot dvrk_psm_motors --test another_day.npz --out psm.npz
     """
+    from catenary.identification.identification import CarriedBody
     from catenary.identification.identification_file import save_identification
     from catenary.reports.identification import (
         absolute_table,
@@ -108,7 +112,10 @@ def identify(
     if urdf is not None and not options.consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     reading = replace(recordings.reading(), currents=currents)
-    result = identify_files(data, robot, options, tests=test, reading=reading, load=load, joints=joints, accept=accept)
+    body = None if payload is None else CarriedBody(payload[1], payload[0], payload[2:])
+    result = identify_files(
+        data, robot, options, tests=test, reading=reading, load=load, payload=body, joints=joints, accept=accept
+    )
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:
@@ -213,12 +220,14 @@ def payload(
     if best.detected:
         sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
         parts.append(f"payload {best.location}{sure}")
-    elif best.like_zeros:
-        parts.append("a payload, or zeros of torque that shifted: not told")
+    elif best.rival:
+        parts.append("a payload, or something that looks alike: not told")
     else:
         parts.append(f"no payload (confidence {best.confidence:.3f} that there is one)")
     if best.detected and len(best.likely) > 1:
         parts.append(f"if it is on {best.link}:")
+    if best.beside and (best.detected or at is not None):
+        parts.append(f"beside it: {best.beside}")
     told = best.detected or at is not None
     if best.mass is not None and told:
         parts.append(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
@@ -226,9 +235,8 @@ def payload(
         moment, off = (", ".join(f"{v:.4f}" for v in each) for each in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
-        title = "Links that could carry it, and what it would explain of the residual there"
-        likely: list[Column] = ["link", ("probability", "probability:.2f"), ("explained", "explained:.1f %")]
-        parts.append(Table(likely, [best, *result.candidates], title))
+        likely: list[Column] = ["link", ("probability", "probability:.2f")]
+        parts.append(Table(likely, [best, *result.candidates], "Links that could carry it"))
     print_result(result.summary(), *parts, notes=result.notes)
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 RECORDINGS = argument("DATA", "Recordings: .parquet logs, .npz with q_des, q_act (SI), RAVEN-II .csv; others by --map.")
 ACCEPT = option("NAME", "Continue despite the finding of this name; repeatable.")
 MAX_ERROR = option("E,E,...", "Leave out rows with larger errors, per joint in deg, mm.")
-_READS = ("data", "log", "file", "sources", "mcap")  # parameters that name a recording
+_READS = ("data", "train", "log", "file", "sources", "mcap")  # parameters that name a recording
 
 
 def _of_recordings(metavar: str, help: str, default: Any = None) -> Any:

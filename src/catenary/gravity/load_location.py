@@ -22,14 +22,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_batch, as_positive, one_for_all
-from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.errors import InputError
-from catenary.gravity.compact_regressor import CompactRegressor, compact_regressor
+from catenary.arrays import Floats, as_positive
+from catenary.gravity.compact_regressor import CompactRegressor
 from catenary.gravity.payload import PER_LOAD, load_directions
-from catenary.robots.model import RobotModel
 
 _SURE_PROBABILITY = 0.95  # what the carriers that are named together hold of all probability
 _TELLING_DEVIATIONS = 3.0  # standard deviations of torque by which carriers must differ for a pose to tell between them
@@ -63,6 +59,8 @@ class LoadBeliefs(NamedTuple):
         return likely([c.frame for c in self.carriers], [c.probability for c in self.carriers])
 
     def __str__(self) -> str:
+        if self.no_load > 0.5:
+            return f"no load, with probability {self.no_load:.2f}"
         return location_text(self.likely, self.telling_joint)
 
 
@@ -99,7 +97,8 @@ class LoadHypotheses:
         none, *shares = self.shares(beforehand)
         carriers = []
         for frame, share, (J, b) in zip(self.frames, shares, self._tests(), strict=True):
-            body, deviation = _body(J, b)
+            body, covariance = _body(J, b)
+            deviation = float(np.sqrt(covariance[0, 0]))
             mass, *moment = self._sizes * body
             carriers.append(CarrierBelief(frame, share, float(mass), self._sizes[0] * deviation, np.array(moment)))
         carriers.sort(key=lambda one: -one.probability)
@@ -126,41 +125,6 @@ class LoadHypotheses:
             yield V.T @ A @ V, V.T @ a
 
 
-def locate_load(
-    model: RobotModel,
-    q: ArrayLike,
-    tau: ArrayLike,
-    gravity: ArrayLike,
-    *,
-    noise: ArrayLike,
-    frames: Sequence[str] = (),
-    load: tuple[float, float] = LOAD_SIZE,
-) -> LoadBeliefs:
-    """Find which frame of a known arm carries an unknown load, from torques that hold it still.
-
-    Args:
-        model: The arm without the load; needs inertia.
-        q: (n,) or (N, n) poses [rad or m]; tau: torques that hold the arm there [Nm|N].
-        gravity: (3,) or (N, 3) [m/s2].
-        noise: Standard deviation of torques, one for all or (n,) [Nm|N].
-        frames: That may carry it; every moving link that is not massless when none are named.
-        load: As of `LoadHypotheses`; smaller ones, down to a 64th, are as likely.
-    """
-    rows, _ = as_batch("q", q, model.n)
-    torques, _ = as_batch("tau", tau, model.n)
-    if torques.shape != rows.shape:
-        raise InputError(f"tau: expected shape {rows.shape}, that of q, got {torques.shape}")
-    spread = as_positive("noise", one_for_all(noise, model.n), (model.n,))
-    regressor = compact_regressor(model)
-    s = regressor.parameters()
-    named = frames or [link for link in model.link_names if link not in model.massless]
-    hypotheses = LoadHypotheses(regressor, named, load)
-    gravities = np.broadcast_to(gravity_rows(gravity, len(rows)), (len(rows), 3))
-    for Z, torque in zip(regressor.Z(rows, gravities), torques, strict=True):
-        hypotheses.take(Z / spread[:, None], (torque - Z @ s) / spread)
-    return hypotheses.beliefs(rows[-1], gravities[-1], spread)
-
-
 def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
     """Return the log evidence of a load whose size is one of _LOAD_OCTAVES, and the probability of each of them."""
     each = log_evidence(_LOAD_OCTAVES[:, None, None] ** 2 * information, _LOAD_OCTAVES[:, None] * score)
@@ -168,14 +132,25 @@ def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
     return whole - float(np.log(len(each))), np.exp(each - whole)
 
 
-def _body(information: Floats, score: Floats) -> tuple[Floats, float]:
-    """Return the mean (4,) of a load in standard deviations of a large one, and the deviation of its mass."""
+def _body(information: Floats, score: Floats) -> tuple[Floats, Floats]:
+    """Return the mean (k,) of a load in standard deviations of a large one, and its covariance."""
     _, weights = _over_sizes(information, score)
     covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in _LOAD_OCTAVES])
     means = covariances @ score
     mean: Floats = weights @ means
-    variance = weights @ (covariances[:, 0, 0] + (means[:, 0] - mean[0]) ** 2)
-    return mean, float(np.sqrt(variance))
+    spread = means - mean
+    return mean, np.einsum("c,cij->ij", weights, covariances) + np.einsum("c,ci,cj->ij", weights, spread, spread)
+
+
+def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floats]:
+    """Return what is to be added to the log evidence of a large load if its size is one of many, and the load then.
+
+    u (k,) is the load in standard deviations of a large one, found as of that size, with its covariance.
+    """
+    precision = np.linalg.inv(covariance)
+    information, score = precision - np.eye(len(u)), precision @ u
+    as_large = float(log_evidence(information[None], score[None])[0])
+    return _over_sizes(information, score)[0] - as_large, *_body(information, score)
 
 
 def log_evidence(information: Floats, score: Floats) -> Floats:

@@ -73,17 +73,17 @@ class BaseParameters:
         """Which of all parameters (k,) torques tell by themselves, in combination with others, or not at all."""
         return tuple(_identifiable(self.combination, c) for c in range(self.combination.shape[1]))
 
-    def regressor(self, *motion: Floats, base: BaseMotion | None = None, loads: Floats | None = None) -> Floats:
+    def regressor(self, *motion: Floats) -> Floats:
         """Return the matrix (N, n, b) of tau = Y_b beta at motions (N, n); arguments as `Parameters.regressor`."""
-        return self.parameters.regressor(*motion, base=base, loads=loads)[:, :, self.columns]
+        return self.parameters.regressor(*motion)[:, :, self.columns]
 
     def chunks(self, samples: Samples) -> Iterator[tuple[slice, Floats]]:
         """Yield parts of a recording's rows, and their matrix (N, n, b)."""
-        loads = self.parameters.loads(samples)
+        parameters, loads = self.parameters, self.parameters.loads(samples)
         for first in range(0, max(len(samples), 1), _CHUNK_ROWS):
             part = slice(first, first + _CHUNK_ROWS)
-            *motion, base = samples.motion(part)
-            yield part, self.regressor(*motion, base=base, loads=loads[part])
+            whole = samples.link_columns(parameters.model, part)
+            yield part, parameters.beside_links(whole, loads[part])[:, :, self.columns]
 
     def named(self, direction: Floats) -> str:
         """Return the names of most of a direction (b,) of parameters."""

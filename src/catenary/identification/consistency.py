@@ -166,7 +166,7 @@ def _triangle(J: Floats) -> Floats:
 
 
 _PRIOR_WEIGHTS = (MIN_PRIOR_WEIGHT, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # that held-out blocks choose among
-_MIN_LOG_GAIN = 1e-3  # least that a stronger prior takes from the sum over axes of log residual
+_MIN_LOG_GAIN = 0.02  # least that a stronger prior takes from the sum over axes of log squares: 1 % of one axis
 
 
 def prior_of(parameters: Parameters) -> Floats | None:

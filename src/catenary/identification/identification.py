@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, as_array
+from catenary.config import IN_FILES
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
-from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
+from catenary.dynamics.torque_regressor import PER_LINK, link_parameters, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification import residuals
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
@@ -29,6 +30,7 @@ from catenary.robots.actuation import Actuation, Effect, MotorInertia, actuation
 from catenary.robots.model import RobotModel
 
 _TILTING_SHARE = 0.02  # of gravity: recordings in which its direction varies by less are of one base
+_STILL = 1e-3  # [rad, m] by which a joint moves that no recording shows
 _LOAD_ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
 
 
@@ -38,6 +40,22 @@ class Rotor(NamedTuple):
     name: str
     inertia: float | None  # [kg m2 or kg]; None where only torques were fitted, and these show it with others
     error: float | None  # standard; None where torques show it only together with a link's inertia, or it is known
+
+
+@dataclass(frozen=True)
+class CarriedBody:
+    """A body on a frame of a robot, that is part of its masses."""
+
+    __pydantic_config__ = IN_FILES
+
+    frame: str
+    mass: float  # [kg]
+    position: tuple[float, float, float]  # [m] of its centre of mass in the frame
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6  # xx, xy, xz, yy, yz, zz about that [kg m2]
+
+    def on(self, model: RobotModel) -> RobotModel:
+        """Return the robot that carries it; see `RobotModel.with_payload`."""
+        return model.with_payload(self.frame, self.mass, self.position, inertia=self.inertia)
 
 
 @dataclass(frozen=True)
@@ -59,6 +77,7 @@ class Identification:
     moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
     prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
     unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not tell from the rest
+    bodies: tuple[CarriedBody, ...] = ()  # that the robot carried, and the masses of `model` hold
 
     @property
     def model(self) -> RobotModel:
@@ -140,8 +159,9 @@ class Identification:
         return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard)])
 
     def robot(self) -> RobotModel:
-        """Return the robot with the identified inertia, friction, rotors and springs.
+        """Return the robot with the identified inertia, friction, rotors and springs, and what it carried.
 
+        `without_payload` of it is the arm alone, where recordings or the caller told of a body that it carried.
         Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
         """
         parameters, consistent = self.base.parameters, self.phi
@@ -168,7 +188,7 @@ class Identification:
             values = np.insert(values, len(values) - len(actuation.springs), self.options.rotors)
             actuation = replace(actuation, motor_inertia=tuple(MotorInertia(name, row) for name, row in rows))
         what = "mass and its centre" if static else "inertia, friction, rotors and springs"
-        return replace(
+        robot = replace(
             self.model,
             tree=tree_with_parameters(self.model.tree, phi.reshape(-1)),
             actuation=replace(actuation, values=values),
@@ -177,6 +197,18 @@ class Identification:
             missing_tensor=tuple(self.model.link_names[i] for i in parameters.links) if static else (),
             notes=(*self.model.notes, f"{what} identified from recordings"),
         )
+        return self._carrying(robot, phi.reshape(-1))
+
+    def _carrying(self, robot: RobotModel, phi: Floats) -> RobotModel:
+        """Return a robot of these parameters with its bodies apart from its links, where links have as much mass."""
+        loaded = robot
+        for body in self.bodies:
+            loaded = body.on(loaded)
+        alone = 2.0 * phi - link_parameters(loaded.tree)
+        if not self.bodies or (alone[::PER_LINK] < 0.0).any():
+            return robot
+        arm = replace(robot, tree=tree_with_parameters(robot.tree, alone), without_payload=None)
+        return replace(robot, without_payload=arm)
 
 
 def identify(
@@ -312,7 +344,8 @@ def _fit(
         R = reduced.stacked(weights)
         rank, condition, weakest = excitation(R)
         if rank < base.count:
-            raise ExcitationError(_singular(base, rank, condition, weakest), rank=rank, n_base=base.count)
+            still = [name for name, span in zip(model.joint_names, np.ptp(q, axis=0), strict=True) if span < _STILL]
+            raise ExcitationError(_singular(base, rank, condition, weakest, still), rank=rank, n_base=base.count)
         beta = solve(R)
     assert beta is not None  # for the type checker: there is one round at least
     assert weights is not None
@@ -351,10 +384,11 @@ def _base_in(samples: Sequence[Samples]) -> Base:
     return "tilted" if spread > _TILTING_SHARE else "still"
 
 
-def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats) -> str:
+def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats, still: Sequence[str]) -> str:
+    unseen = "".join(f"joint {name} unseen: move it. " for name in still)
     return (
         f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
-        f"{condition:.3g}); least of all a combination of {base.named(weakest)}. No parameters and no verdict follow: "
-        "move every joint, over more of its range and faster; catenary excitation designs such a motion. Columns of "
-        "positions in another joint's place look like this too"
+        f"{condition:.3g}); {unseen}Least of all a combination of {base.named(weakest)}. No parameters and no verdict "
+        "follow: move every joint, over more of its range and faster; catenary excitation designs such a motion. "
+        "Columns of positions in another joint's place look like this too"
     )

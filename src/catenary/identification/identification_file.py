@@ -16,7 +16,7 @@ from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.friction_choice import FrictionPart
-from catenary.identification.identification import Identification
+from catenary.identification.identification import CarriedBody, Identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.parameters import Parameters
 from catenary.identification.residuals import LogResidual, MovedRange
@@ -42,6 +42,7 @@ class IdentificationRecord:
     prior_weight: float | None
     moved_base: bool
     seen: MovedRange | None
+    bodies: tuple[CarriedBody, ...] = ()
 
 
 _OWN_FIELDS = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))

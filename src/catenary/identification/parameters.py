@@ -111,26 +111,22 @@ class Parameters:
         return slice(place * self.per_link, (place + 1) * self.per_link)
 
     def regressor(
-        self,
-        q: Floats,
-        qd: Floats,
-        qdd: Floats,
-        gravity: Floats,
-        *,
-        base: BaseMotion | None = None,
-        loads: Floats | None = None,
+        self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, *, base: BaseMotion | None = None
     ) -> Floats:
         """Return the matrix (N, n, k) of tau = Y phi at motions (N, n), gravity (3,) or (N, 3) [m/s2] in base axes.
 
-        Loads (N, t) of the actuation's terms are per unit; as in steady sliding, without load, when None.
+        Friction is as in steady sliding, without load.
         """
         whole = torque_regressor(self.model, q, qd, qdd, gravity, base)
+        smoothing = actuation_of(self.model).coulomb_velocity
+        each = [term_load(term, q, qd, qdd, smoothing) for term in self.actuation]
+        loads = np.column_stack(each) if each else np.zeros((len(q), 0))
+        return self.beside_links(whole, loads)
+
+    def beside_links(self, whole: Floats, loads: Floats) -> Floats:
+        """Return the matrix (N, n, k) of all links' columns (N, n, 10 L) and the loads (N, t) of the actuation."""
         wanted = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]
-        if loads is None:
-            smoothing = actuation_of(self.model).coulomb_velocity
-            each = [term_load(term, q, qd, qdd, smoothing) for term in self.actuation]
-            loads = np.column_stack(each) if each else np.zeros((len(q), 0))
-        along = np.array([term.combination for term in self.actuation]).reshape(-1, q.shape[1])
+        along = np.array([term.combination for term in self.actuation]).reshape(-1, whole.shape[1])
         columns = loads[:, None, :] * along.T[None]
         return np.concatenate([whole[:, :, wanted], columns], axis=2)
 

@@ -51,15 +51,17 @@ def judged(
 
     An axis is not predicted that has more than twice the largest relative RMS of the training (n,), and more than a
     tenth of its torque. holds: all are predicted. unclear: those that are not moved too little, or where nothing was
-    fitted. fails: one is hardly better than predicting no torque. drifted: otherwise.
+    fitted; or a joint moves that was still in training, whatever is left of any axis. fails: one is hardly better than
+    predicting no torque. drifted: otherwise.
     """
     found = residual(samples, predicted)
     with np.errstate(invalid="ignore"):
         axes = np.flatnonzero(found.relative_rms > np.maximum(_HOLDS_RATIO * training, _SMALL_RESIDUAL)).tolist()
-    reasons = [_reason(model, i, samples, predicted, seen) for i in axes]
-    telling = [i for i, (_, tells) in zip(axes, reasons, strict=True) if tells]
-    verdict: Verdict = "unclear" if axes else "holds"
-    if telling:
+    unseen = [] if seen is None else _unseen(model, samples, seen)
+    reasons = [*unseen, *(_reason(model, i, samples, predicted, seen) for i in axes)]
+    telling = [i for i, (_, tells) in zip(axes, reasons[len(unseen) :], strict=True) if tells]
+    verdict: Verdict = "unclear" if reasons else "holds"
+    if telling and not unseen:
         verdict = "fails" if any(found.relative_rms[i] > _FAILS_SHARE for i in telling) else "drifted"
     return replace(found, verdict=verdict, reasons=tuple(says for says, _ in reasons))
 
@@ -70,6 +72,10 @@ def rms(values: Floats) -> Floats:
 
 
 _LITTLE_MOTION_SHARE = 0.1  # of the speed, or of the travel, that it was identified with
+_STILL_TRAVEL, _STILL_SHARE = (
+    {"rad": 0.05, "m": 0.005},
+    0.1,
+)  # [rad, m] that a joint moves at least, and of a usual range
 _BEYOND_TRAVEL_SHARE = 0.1  # of that travel, outside of which a joint was not identified
 _OUTSIDE_SHARE = 0.5  # of the squared residual on rows outside it
 _EXPLAINED_SHARE = 0.4  # of the squared residual that a shape takes away
@@ -99,6 +105,14 @@ def _reason(
     if share < _EXPLAINED_SHARE:
         return f"what is left of {name} has no shape of a constant, friction, scale or lag", True
     return says, True
+
+
+def _unseen(model: RobotModel, samples: Samples, seen: MovedRange) -> list[tuple[str, bool]]:
+    """Return the joints of a recording that move, and were still where the arm was identified, as reasons."""
+    travel, was = np.ptp(samples.q, axis=0), seen.high - seen.low
+    least = np.array([_STILL_TRAVEL[unit] for unit in model.joint_units])
+    moves = np.flatnonzero((travel > least) & (was < _LITTLE_MOTION_SHARE * np.minimum(travel, least / _STILL_SHARE)))
+    return [(f"joint {model.joint_names[i]} was still in training, and moves here: unseen", False) for i in moves]
 
 
 def _motion_reason(name: str, unit: str, axis: int, samples: Samples, left: Floats, seen: MovedRange) -> str | None:

@@ -163,11 +163,12 @@ def _vector(log: MotionLog, name: str) -> Floats | None:
 
 
 _ALL_ROWS = slice(None)
+_KEPT_COLUMNS_BYTES = 2e8  # of a recording's regressor, which a fit needs a dozen times; that of more is not kept
 HELD_OUT = " (held-out blocks)"  # behind the name of a recording, of which these rows are
 _IRREGULAR_SPREAD = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
 _BRIDGED_PERIODS = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
 _MIN_ROWS_LEFT = 30  # rows that a stretch of time must have beside those cut
-_TOLD_ROWS_RATIO, _MAX_ROWS_RATIO = 1.1, 100  # even rows for each one recorded: from which on that is told, and refused
+_TOLD_ROWS_RATIO = 1.1  # even rows for each one recorded, from which on that is told
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,8 @@ class Samples:
     carried: Floats | None = None  # (N, n) what the links ask, that load-dependent friction grows with
     notes: tuple[str, ...] = ()  # on gaps in time, and rows that were left out or made
     has_rates: bool = True  # velocities were recorded
+    # of what, and (N, n, 10 L) of its links, once computed; shared by copies of the same rows
+    kept: list[tuple[tuple[Any, ...], Floats]] = field(default_factory=list, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -198,7 +201,9 @@ class Samples:
         chosen: dict[str, Any] = {key: values[which] for key in keys if (values := getattr(self, key)) is not None}
         if self.history is not None:
             chosen["history"] = replace(self.history, kept=self.history.kept[which])
-        return replace(self, name=name, **chosen)
+        few = replace(self, name=name, kept=[], **chosen)
+        few.kept.extend((few._of(*of[:3]), Y[which]) for of, Y in self.kept)
+        return few
 
     @property
     def holds_gravity(self) -> bool:
@@ -211,9 +216,22 @@ class Samples:
         base = None if self.base is None else BaseMotion(self.base[part, 0], self.base[part, 1])
         return self.q[part], self.qd[part], self.qdd[part], down, base
 
+    def link_columns(self, model: RobotModel, part: slice = _ALL_ROWS) -> Floats:
+        """Return what all links ask of the joints, (N, n, 10 L) per parameter; that of a short recording is kept."""
+        bytes_needed = 8.0 * self.q.size * PER_LINK * len(model.link_names)
+        if bytes_needed > _KEPT_COLUMNS_BYTES:
+            return torque_regressor(model, *self.motion(part))
+        of = self._of(model.tree, model.coupling, model.offset)
+        if not self.kept or not all(had is now for had, now in zip(self.kept[0][0], of, strict=True)):
+            self.kept[:] = [(of, torque_regressor(model, *self.motion()))]
+        return self.kept[0][1][part]
+
+    def _of(self, *model: Any) -> tuple[Any, ...]:
+        return *model, self.q, self.qd, self.qdd, self.gravity, self.base
+
     def body_torques(self, model: RobotModel, link: int, part: slice = _ALL_ROWS) -> Floats:
         """Return what a body on a link asks of the joints, (N, n, 10) per parameter of it."""
-        whole = torque_regressor(model, *self.motion(part))
+        whole = self.link_columns(model, part)
         return whole[:, :, PER_LINK * link : PER_LINK * (link + 1)]
 
 
@@ -242,7 +260,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
         )
     settings = filter_of(model, options)
     stretches, gaps = _stretches(log, settings)
-    grids = [(part, *_grid(f'recording "{log.name}"', log.time[part], settings)) for part in stretches]
+    grids = [(part, *_grid(log.time[part])) for part in stretches]
     used = [grid for grid in grids if len(grid[1]) >= 2 * _cut_rows(settings, grid[2]) + _MIN_ROWS_LEFT]
     parts = [_segment(log, *grid, settings) for grid in used]
     if not parts:
@@ -287,7 +305,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
 def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:
     """Return the stretches in which time goes on without a gap, and the lengths of the gaps [s]."""
     steps = np.diff(log.time) if log.time is not None else np.zeros(0)
-    if not np.count_nonzero(steps) or (settings.rate_hz is None and float(np.median(steps)) <= 0.0):
+    if not np.count_nonzero(steps) or float(np.median(steps)) <= 0.0:
         raise InputError(f'recording "{log.name}": time stands still on most rows')
     gaps = log.gaps(_BRIDGED_PERIODS / settings.cutoff_hz)
     bounds = sorted({*log.starts, *gaps, len(log)})
@@ -306,20 +324,15 @@ def _told(short: int, gaps: Floats, rows: tuple[int, int, int, int]) -> tuple[st
     return tuple(f"{note}; {kept} rows are used of {every}" for note, is_so in told.items() if is_so)
 
 
-def _grid(where: str, time: Floats, settings: SignalFilter) -> tuple[Floats, float]:
+def _grid(time: Floats) -> tuple[Floats, float]:
     """Return even times for a stretch (M,), those that it has where these are even, and their step [s]."""
     steps = np.diff(time)
     if not len(steps):
         return time, 1.0
     usual = float(np.median(steps))
     # of bursts half the mean: no more than two rows are made of one
-    step = max(usual, 0.5 * float(np.mean(steps))) if settings.rate_hz is None else 1.0 / settings.rate_hz
-    if float(time[-1] - time[0]) > _MAX_ROWS_RATIO * len(time) * step > 0.0:
-        raise InputError(
-            f"{where}: {len(time)} rows in {time[-1] - time[0]:g} s, filtered at {1 / step:g} Hz: expected "
-            f"{_MAX_ROWS_RATIO} times as many rows at most; is time in ms, us or ns?"
-        )
-    if step > 0.0 and (np.ptp(steps) > _IRREGULAR_SPREAD * step or abs(usual / step - 1.0) > _IRREGULAR_SPREAD):
+    step = max(usual, 0.5 * float(np.mean(steps)))
+    if step > 0.0 and np.ptp(steps) > _IRREGULAR_SPREAD * step:
         return np.arange(time[0], time[-1], step), step
     return time, step
 
@@ -338,7 +351,7 @@ def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: S
     if settings.cutoff_hz >= 0.5 / step:
         raise InputError(
             f'recording "{log.name}": recorded at {1.0 / step:g} Hz: the cut-off {settings.cutoff_hz:g} Hz must be '
-            "below half of it"
+            "below half of it; is time in ms, us or ns?"
         )
     sections, cut = _filter(settings, 2.0 * step * settings.cutoff_hz), _cut_rows(settings, step)
     made = {key: _filtered(sections, values, cut) for key, values in signals.items()}

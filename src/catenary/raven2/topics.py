@@ -80,15 +80,16 @@ def _state_columns() -> tuple[TopicColumn, ...]:
     )
 
 
-RAVENSTATE = Topic("/ravenstate", "raven_2/raven_state", 30.0, _state_columns(), "hdr")
+RAVENSTATE = Topic("/ravenstate", "raven_2/raven_state", 30.0, _state_columns(), "record_ravenstate", "hdr")
 RAVENSTATE_100HZ = replace(RAVENSTATE, name="ravenstate_100hz", rate=100.0)
 STATE_COLUMNS: Mapping[str, TopicColumn] = {column.name: column for column in RAVENSTATE.columns}
-_GOLD_MEASURED_JS = joint_topic(MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0)
+_GOLD_MEASURED_JS = joint_topic(MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0, bag="record_CRTKmeasurejs")
 _GREEN_MEASURED_JS = replace(_GOLD_MEASURED_JS, name=MEASURED_JS["green"])
-EXT_JPOS = joint_topic("/ext_jpos", "ext_jpos", JOINTS[:3], rate=100.0)
+EXT_JPOS = joint_topic("/ext_jpos", "ext_jpos", JOINTS[:3], rate=100.0, bag="record_ext_jenc")
 JOINT_ENC = joint_topic(  # its type is not published; a JointState of counts is taken
-    "/joint_enc", "joint_enc", JOINTS[:3], rate=100.0, unit="count"
+    "/joint_enc", "joint_enc", JOINTS[:3], rate=100.0, bag="record_joint_enc", unit="count"
 )
+RAVEN_TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, _GOLD_MEASURED_JS, _GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
 
 
 def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:

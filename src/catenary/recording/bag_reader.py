@@ -58,7 +58,7 @@ class SqliteBag(Source):
                 if not isinstance(topic, str) or not isinstance(kind, str):
                     raise FileFormatError(f"{path}: topic {shortened(topic)}: expected texts for it and its type")
                 self._keep(number, BagConnection(topic, kind, "", texts.get(kind, "")))
-            for name, stamp, data in self.every_message():
+            for name, stamp, data in self._every_message():
                 self.first = stamp if self.first is None else self.first
                 if name != ABOUT_TOPIC:
                     counts[name] += 1
@@ -76,7 +76,7 @@ class SqliteBag(Source):
                 own = [(stamp, data) for topic, stamp, data in some if topic == name]
                 yield name, np.array([stamp for stamp, _ in own]), Block.of([data for _, data in own])
 
-    def every_message(self) -> Iterator[tuple[str, int, bytes]]:
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes as SQLite reads them; of damage, but a page of those before it."""
         unpacking, seen, left, count = Unpacking(self.path), -1, self._size, 0
         (page,) = self._database.execute("PRAGMA page_size").fetchone()
@@ -224,10 +224,9 @@ class FilesInARow(Source):
         self.about = next((part.about for part in parts if part.about is not None), None)
         self.first = next((part.first for part in parts if part.first is not None), None)
 
-    def every_message(self) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of all whole messages, file by file."""
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         for part in self._each():
-            yield from part.every_message()
+            yield from part.messages()
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:
         """Yield topic, arrival stamps [ns] (N,) and messages, file by file."""

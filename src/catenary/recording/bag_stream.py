@@ -108,7 +108,7 @@ class Source:
         missing = [name for name in topics or () if name not in there]
         if missing:
             raise FileFormatError(f"{self.path}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")
-        for message in self.every_message():
+        for message in self._every_message():
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
 
@@ -124,8 +124,7 @@ class Source:
             found[name] += len(arrivals)
         return found
 
-    def every_message(self) -> Iterator[tuple[str, int, bytes]]:
-        """Yield them as `messages` does, with what the recording says of itself."""
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         raise NotImplementedError
 
     def _lose(self, size: int, read: int) -> None:
@@ -181,8 +180,7 @@ class BagStream(Source):
                 break
         self.counts = counts
 
-    def every_message(self) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of all whole messages."""
+    def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         return self._guarded(self._messages)
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, Integers, Block]]:

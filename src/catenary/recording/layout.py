@@ -1,6 +1,6 @@
 """Where the numbers lie in a serialised message: a NumPy structured type, so that thousands are read at once.
 
-And thousands of messages of a topic from its columns in SI.
+And topics by their names: thousands of messages of one from its columns in SI.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,7 +15,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from catenary.arrays import Flags, Floats, Integers, as_array
 from catenary.documents import cut
+from catenary.dvrk_psm import psm_topic_named
 from catenary.errors import FileFormatError, InputError
+from catenary.raven2.topics import RAVEN_TOPICS
 from catenary.recording.bag_records import Block
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields, fields_of, ros2_name, types_of
 from catenary.topics import SECOND, Topic
@@ -30,6 +32,7 @@ FieldsOf = Callable[[str], tuple[Field, ...]]  # name of a message type -> its f
 _INT32 = np.iinfo(np.int32)
 # where a recording's robot, seed and `simulated` travel in a bag, which has no other place for them
 ABOUT_TOPIC = "/catenary/recording"
+ABOUT_TYPE = "std_msgs/String"
 
 
 @dataclass
@@ -204,6 +207,12 @@ def blank_messages(name: str, number: int, texts: Mapping[str, str], counts: Map
 def _records(block: bytes | bytearray | memoryview, layout: np.dtype[np.void], number: int) -> NDArray[np.void]:
     # NumPy cannot count messages without a byte, such as std_msgs/Empty
     return np.frombuffer(block, dtype=layout) if layout.itemsize else np.zeros(number, dtype=layout)
+
+
+def topic_named(name: str) -> Topic | None:
+    """Return the topic of that name, with or without its leading slash, or None; a PSM's by how its name ends."""
+    of_raven = next((topic for topic in RAVEN_TOPICS if topic.name.strip("/") == name.strip("/")), None)
+    return of_raven or psm_topic_named(name)
 
 
 def encode(topic: Topic, stamp: Integers, columns: Mapping[str, Floats], *, first_seq: int = 0) -> NDArray[np.void]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from functools import cache, lru_cache
 from hashlib import md5
 from importlib.resources import files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import Nodetype
@@ -15,7 +16,7 @@ from rosbags.interfaces.typing import FieldDesc, Typesdict
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from catenary.documents import shortened
+from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 
 _DATA: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "messages.toml").read_text("utf-8"))
@@ -119,6 +120,16 @@ def ros2_name(name: str) -> str:
     return f"{package}/msg/{message}"
 
 
+def check_type(path: Path, topic: str, name: str, definition: str, *, ros: int = 2) -> None:
+    """Check a type by its definition and those that it contains."""
+    if current_name(name) not in MESSAGES or not definition:
+        return
+    where = f"{path}: topic {cut(topic)}: {cut(name)}"
+    difference = _difference(types_of(where, current_name(name), definition), ros)
+    if difference:
+        raise FileFormatError(f"{where} differs from the type that catenary knows: {difference}")
+
+
 @lru_cache(maxsize=64)
 def types_of(where: str, name: str, definition: str) -> Typesdict:
     """Return what a message's definition says of its type and of those that it contains, in .msg or in IDL."""
@@ -150,3 +161,25 @@ def _field(name: str, description: FieldDesc) -> Field:
         return Field(name, _TIME_NAMES.get(plain, plain), None)
     element, length = description[1]
     return _field(name, element)._replace(length=length)
+
+
+def _difference(found: Typesdict, ros: int) -> str:
+    """Return in words the fields of types that differ from ours; empty when there are none."""
+    differences = []
+    for part in map(current_name, found):
+        if part not in MESSAGES:
+            continue
+        expected = fields_of(typestore(ros).fielddefs[ros2_name(part)][1])
+        got = fields_of(found[ros2_name(part)][1])
+        lacks = ", ".join(_text(f) for f in expected if f not in got)
+        adds = ", ".join(_text(f) for f in got if f not in expected)
+        if lacks or adds:
+            differences.append(f"{part} lacks [{lacks}] and has besides [{adds}]")
+        elif got != expected:
+            differences.append(f"{part} has its fields in another order")
+    return "; ".join(differences)
+
+
+def _text(field: Field) -> str:
+    brackets = "" if field.length is None else f"[{field.length or ''}]"
+    return f"{field.type}{brackets} {field.name}"

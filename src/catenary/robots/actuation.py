@@ -137,14 +137,13 @@ class KnownTorque(Effect):
 
 @dataclass(frozen=True)
 class SignalFilter:
-    """How recordings of this robot are filtered: zero-phase Butterworth, ends cut, resampling."""
+    """How recordings of this robot are filtered: zero-phase Butterworth, ends cut."""
 
     __pydantic_config__ = IN_FILES
 
     order: Annotated[int, Field(ge=1, le=10)]  # of one pass; the filter goes forth and back
     cutoff_hz: Positive
     period_samples: Annotated[int, Field(ge=1)] | None = None  # of the excitation; its first is reported too
-    rate_hz: Positive | None = None  # of recordings with time stamps; their median one if None
     cut_time_constants: Annotated[float, Field(ge=0.0)] = 5.0  # mirrored beyond either end, and left out within it
 
     @property

@@ -224,6 +224,23 @@ def verdict(
     return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
 
 
+def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
+    """Refuse tests of which rows were trained on, to seven digits, whatever their file is called; note the accepted."""
+    found = []
+    for log in test:
+        own = np.unique(log.row_hashes[log.ok])
+        for other in train:
+            same = len(np.intersect1d(own, other.row_hashes[other.ok]))
+            if same > _MAX_SHARED_SHARE * len(own):
+                says = f'{same} of its {len(own)} measured rows are in "{other.name}", which is trained on'
+                culprit = "one recording copied, cut or renamed"
+                found.append((log.name, Finding("tested", (), says, culprit)))
+            elif log.was_there(other.poses):
+                says = f'at its times the arm was where "{other.name}" has it, which is trained on'
+                found.append((log.name, Finding("tested", (), says, "one recording, read at another rate")))
+    return judge(found, accept)
+
+
 def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     """Note minutes that are in the data twice, to seven digits: a fit then sees blocks that are left out."""
     hashes, where = [], []

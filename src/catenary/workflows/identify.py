@@ -22,11 +22,12 @@ from catenary.files import write_atomically
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.course import course_findings
 from catenary.identification.drive_gains import DriveGains
-from catenary.identification.explanations.findings import GAINS, day_findings, findings_against, torque_findings
-from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
+from catenary.identification.explanations.arm import arm_as_found
+from catenary.identification.explanations.findings import GAINS, day_findings, explained_torques, findings_against
+from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, rotors_beside
-from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates, zero_findings
+from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
@@ -237,7 +238,17 @@ class IdentifyResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         result = self.identification
-        told = ("n_base", "condition", "rank", "robot", "physically_consistent", "prior_weight", "friction", "training")
+        told = (
+            "n_base",
+            "condition",
+            "rank",
+            "robot",
+            "physically_consistent",
+            "prior_weight",
+            "friction",
+            "bodies",
+            "training",
+        )
         return {key: self.card[key] for key in (*told, "tests", "notes")} | {
             "joints": list(result.model.joint_names),
             "terms": result.options.terms,
@@ -254,6 +265,7 @@ def identify_files(
     tests: Sequence[Path] = (),
     reading: Reading | None = None,
     load: tuple[float, Path] | None = None,
+    payload: CarriedBody | None = None,
     joints: Sequence[str] = (),
     accept: Sequence[str] = (),
 ) -> IdentifyResult:
@@ -262,6 +274,7 @@ def identify_files(
     Args:
         joints: To identify, of a longer arm that holds the others; all when empty.
         load: Of currents: a mass [kg] on the robot's tip, and the recording with it, which tell the drives' gains.
+        payload: What the robot carries in all recordings. A body that they show beside it is identified with the arm.
         accept: Findings about them to go on with, by name.
 
     Raises:
@@ -278,6 +291,8 @@ def identify_files(
         read, read_tests, with_loads = (
             [of_joints(log, model) for log in part] for part in (read, read_tests, with_loads)
         )
+    if payload is not None:
+        model = payload.on(model)
     require_names(accept)
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
     stamps += repeated_findings((*read, *read_tests))
@@ -296,10 +311,14 @@ def identify_files(
     whole = [part for part in (*training, *held_out) if not part.name.endswith(HELD_OUT)]
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
     settled = () if gains is None else GAINS
-    doubts = judge([(part.name, each) for part in training for each in torque_findings(model, part, settled)], accept)
+    explained = [explained_torques(model, part, settled) for part in training]
+    causes = [(part.name, each) for part, found in zip(training, explained, strict=True) for each in found[0]]
+    doubts = judge(causes, accept)
+    model, found = arm_as_found(model, [found[1:] for found in explained])
     for log in (*read, *read_tests):  # behind what may explain them
         check_positions(log, model)
-    result = identify_samples(training, model, options).test(held_out)
+    bodies = (*((payload,) if payload is not None else ()), *found)
+    result = replace(identify_samples(training, model, options), bodies=bodies).test(held_out)
     tested = [part for part in held_out if not part.name.endswith(HELD_OUT)]
     doubts += judge([(part.name, each) for part in tested for each in findings_against(result, part)], accept)
     if gains is not None:
@@ -313,10 +332,10 @@ def identify_files(
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += _notes(model, result)
     if gains is not None:
-        payload = estimate_payload(result, weighed, at=(model.tip, gains.centre))
+        shown = estimate_payload(result, weighed, at=(model.tip, gains.centre))
         notes += [
             *gains.notes(model),
-            f"{weighed[0].name}: by what was identified, the load weighs {payload.mass or 0.0:.3f} kg, "
+            f"{weighed[0].name}: by what was identified, the load weighs {shown.mass or 0.0:.3f} kg, "
             f"stated {gains.load:g}",
         ]
     notes += judge([*stamps, *day_findings(model, training)], accept)
@@ -417,7 +436,8 @@ def payload_of_files(
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
     else:
         best, *candidates = payload_candidates(result, loaded, unloaded=empty)
-    notes += judge([*zero_findings(result, loaded, best)])
+    if best.rival:
+        notes.append(f"a load on {best.link} cannot be told from {best.rival}")
     if best.mass is None:
         notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))

@@ -3,7 +3,7 @@
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import StoragePlugin
@@ -14,10 +14,10 @@ from catenary.file_formats import format_named
 from catenary.files import partial_folder
 from catenary.recording.bag_reader import JournalReader, Rescue, bags_in, open_recording, rescue_of
 from catenary.recording.bag_stream import BagStream, Source
+from catenary.recording.bag_writer import ROS2_VERSION, copy_messages
 from catenary.recording.journal import JournalWriter
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
-_ROS2_VERSION: Literal[8] = 8  # of metadata.yaml, as ROS 2 Jazzy reads it
 
 
 @dataclass(frozen=True)
@@ -106,13 +106,12 @@ def _write_journal(source: JournalReader, part: Path, rescue: Rescue) -> None:
 
 def _write_bag(source: Source, part: Path, *, is_bag: bool) -> None:
     """Write a ROS 1 bag, or the folder of a ROS 2 bag, whose types are defined as in the source."""
-    mcap: dict[str, Any] = {"version": _ROS2_VERSION, "storage_plugin": StoragePlugin.MCAP}
+    mcap: dict[str, Any] = {"version": ROS2_VERSION, "storage_plugin": StoragePlugin.MCAP}
     with BagWriter(part) if is_bag else McapWriter(part, **mcap) as bag:
-        to: dict[str, Any] = {}
+        to = {}
         for topic, name, md5, definition in source.connections.values():
             how: dict[str, Any] = {"rihs01": UNKNOWN_HASH, "serialization_format": source.encoding}
             how = {"md5sum": md5} if is_bag else how
             spelt = name.replace("/", "/msg/") if is_bag else name
-            to[topic] = bag.add_connection(topic, spelt, msgdef=definition, **how)
-        for topic, stamp, data in source.every_message():
-            bag.write(to[topic], stamp, data)
+            to[topic] = bag, bag.add_connection(topic, spelt, msgdef=definition, **how)
+        copy_messages(source, to, "ros1" if source.encoding == "ros1" else "mcap", part)

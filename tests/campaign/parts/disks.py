@@ -64,14 +64,15 @@ def _record(record: Callable[[Path, float], Path], place: Path) -> None:
 
 
 def pipeline(seed: int, folder: Path) -> None:
-    """Fill the disk in any step from a recording to a page: extraction, fit, evaluation, report."""
+    """Fill the disk in any step from a recording to a page: extraction, bags, fit, evaluation, report."""
     import shutil
     import warnings
 
     from catenary.calibration.fit_options import FitOptions, FitRun
+    from catenary.recording.logs import Reading
     from catenary.workflows.project import calibrate
-    from catenary.workflows.project.calibrate import extract_recording, motion_log_path
     from catenary.workflows.project.folder import Project, ProjectSettings
+    from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
 
     warnings.simplefilter("ignore", UserWarning)  # of matplotlib, about fonts
     rng = random.Random(seed)
@@ -88,18 +89,20 @@ def pipeline(seed: int, folder: Path) -> None:
         return [motion_log_path(opened(), "train")], [motion_log_path(opened(), "test")]
 
     def fit() -> None:
-        calibrate.fit_models(opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None)
+        calibrate.fit_models(
+            opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None, Reading()
+        )
 
     def conclude() -> None:
-        calibrate.conclude(opened(), models, *logs(), FitRun(), folder / "deployment.json")
+        calibrate.conclude(opened(), models, *logs(), None, Reading(), FitRun())
 
     steps: list[tuple[str, Callable[[], object]]] = [
         ("extract train", lambda: extract_recording(opened(), "train")),
         ("extract test", lambda: extract_recording(opened(), "test")),
+        ("bags", lambda: write_bags(opened(), "train", ("ros1", "mcap")[seed % 2])),
         ("fit", fit),
         ("conclude", conclude),
     ]
-    (folder / "deployment.json").write_text("null")
     hit = seed % len(steps)
     for number, (name, step) in enumerate(steps):
         if number == hit:

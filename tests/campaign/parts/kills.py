@@ -51,7 +51,13 @@ from simulated_project import calibrate_short
 print("ready", flush=True)
 calibrate_short(Path(sys.argv[1]), with_page=False)
 """
-COMMANDS = (("home",), ("excite", "--sparsity", "1"), ("record", "--hours", "0.01"), ("extract",))
+COMMANDS = (
+    ("home",),
+    ("excite", "--sparsity", "1"),
+    ("record", "--hours", "0.01"),
+    ("extract",),
+    ("extract", "--bag", "ros1"),
+)
 
 
 def environment() -> dict[str, str]:

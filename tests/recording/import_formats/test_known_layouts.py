@@ -18,7 +18,7 @@ from catenary.raven2.topics import _GOLD_MEASURED_JS, AXES, EXT_JPOS, RAVENSTATE
 from catenary.recording.import_formats.importer import Synchronisation
 from catenary.recording.import_formats.known_layouts import read_commands, read_psm, read_raven
 from catenary.recording.journal import About, JournalTopic, JournalWriter
-from catenary.recording.layout import encode
+from catenary.recording.layout import encode, topic_named
 from catenary.recording.logs import read_log, write_parquet
 from catenary.recording.recorder import Recorder
 from catenary.robots.catalog import load_robot
@@ -458,6 +458,11 @@ def test_a_recording_without_a_tracker_says_so(tmp_path):
     )
     with pytest.raises(InputError, match=r"no column .*/PSM1/tracker/measured_js.*; topics are /PSM1/measured_js"):
         read_psm([bag], "/PSM1")
+
+
+@pytest.mark.parametrize("name", ["/MTML/measured_js", "/PSM1/measured_cp", "/PSM1/jaw/measured_js", "PSM1"])
+def test_topics_of_others_are_not_taken_for_a_psms(name):
+    assert topic_named(name) is None
 
 
 SHORT = ("yaw", "pitch", "insertion", "roll", "wrist_pitch", "wrist_yaw")  # of the dVRK's present versions

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from catenary.errors import InputError
+from catenary.recording.bag_stream import BagStream
 from catenary.recording.logs import read_log
-from catenary.workflows.project.calibrate import extract_recording, motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
 from command_line import catenary
 from oracles.raven_recording import record
 
@@ -87,3 +89,30 @@ def test_a_finished_recording_that_cannot_be_read_is_an_error_after_the_others(p
     assert outcome.code == 2
     assert "whole" in outcome.err
     assert motion_log_path(project, "torn").is_file()
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_half_converted_bags_go_away_and_whole_ones_are_made_once(project: Project, kind: str) -> None:
+    half = project.folder / "bags" / f"whole.{kind}.part"
+    half.mkdir(parents=True)
+    (half / "record_ravenstate.bag.part").write_bytes(b"#ROSBAG")
+    written = write_bags(project, "whole", kind)
+    assert [path.stem for path in written][:2] == ["record_CRTKmeasurejs", "record_about"]
+    assert not half.exists()
+    before = {path: path.stat().st_mtime_ns for path in (project.folder / "bags").rglob("*")}
+    assert write_bags(project, "whole", kind) == written
+    assert {path: path.stat().st_mtime_ns for path in (project.folder / "bags").rglob("*")} == before
+    if kind == "ros1":
+        assert BagStream(written[0]).damage == []
+        written[0].write_bytes(b"torn")
+        assert write_bags(project, "whole", "ros1") == written
+        assert BagStream(written[0]).damage == []
+
+
+def test_bags_of_somebody_else_are_left_alone(project: Project) -> None:
+    folder = project.folder / "bags" / "whole"
+    folder.mkdir(parents=True)
+    (folder / "record_ravenstate.bag").write_bytes(b"mine")
+    with pytest.raises(InputError, match="never overwritten; delete it"):
+        write_bags(project, "whole", "ros1")
+    assert (folder / "record_ravenstate.bag").read_bytes() == b"mine"

@@ -6,7 +6,7 @@ summed. An arm without masses has links of about 1 kg and .1 m. An identificatio
 friction of another day.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from catenary.robots.model import RobotModel
 _SPREADS = ((0.1, 0.1, 0.3), (0.3, 0.15, 0.5), (1.0, 0.3, 0.2))
 _FREE_SPREADS = ((0.3, 0.0, 0.4), (3.0, 0.0, 0.4), (30.0, 0.0, 0.2))  # the same about 1 kg and 0.1 m
 _FREE_MASS, _FREE_LENGTH_M = 1.0, 0.1
+_MASS_SHARE = 0.3  # of a link's mass, that a spread of one is
 _LEAST_SHARE, _LEAST_LENGTH_M = 0.04, 0.06  # of the arm's mass, and from the joint: what every link is given
 _LOAD_SHARE, _LEAST_LOAD = 0.12, 1.0  # standard deviation of a load, of the arm's mass, and at least [kg]
 _LOAD_REACH_M, _LOAD_INERTIA_M2 = 0.1, 0.02  # of its centre and inertia, per kg
@@ -38,27 +39,39 @@ class Belief:
     knows_masses: bool
     links: tuple[int, ...]
     mass: float  # of all links [kg]
+    reaches: tuple[float, ...] = ()  # of links [m]: how far from the joint a point mass may be
+    identified: bool = False  # with the rotors that it has, none beside
+    bodies: tuple[tuple[int, Floats], ...] = ()  # that links carry, see `carrying`
 
-    def with_loads(self, which: int, loads: tuple[int, ...]) -> Floats:
-        """Return one covariance where some links carry a body of unknown mass and place."""
-        covariance = self.covariances[which]
-        for link in loads:
-            covariance = covariance.copy()
-            own = PER_LINK * self.links.index(link) + np.arange(PER_LINK)
-            covariance[own, own] += self.load_std**2
-        return covariance
+    def carrying(self, link: int, load: Floats) -> "Belief":
+        """Return it of an arm with a body on a link: load (10, m) times m numbers of mean 0 and deviation 1."""
+        return replace(self, bodies=(*self.bodies, (link, load)))
+
+    def covariance(self, which: int) -> Floats:
+        """Return one covariance, with the bodies that links carry."""
+        found = self.covariances[which].copy()
+        for link, load in self.bodies:
+            found[self.own(link), self.own(link)] += load @ load.T
+        return found
+
+    def own(self, link: int) -> slice:
+        """Return where a link's parameters are."""
+        return slice(PER_LINK * self.links.index(link), PER_LINK * (self.links.index(link) + 1))
 
     def after(self, mean: Floats, covariance: Floats) -> "Belief":
         """Return what a recording made of it: links and the file's actuation."""
-        return Belief(
-            mean, (covariance,), (0.0,), 0, True, self.links, float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
-        )
+        mass = float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
+        return Belief(mean, (covariance,), (0.0,), 0, True, self.links, mass, self.reaches)
 
     @property
-    def load_std(self) -> Floats:
-        """Standard deviations (10,) of the parameters of a body that a link carries."""
-        parts = [1.0, *[_LOAD_REACH_M] * 3, *[_LOAD_INERTIA_M2] * 6]
-        return max(_LEAST_LOAD, _LOAD_SHARE * self.mass) * np.array(parts)
+    def load(self) -> Floats:
+        """A body of unknown mass, place and inertia: standard deviations of its parameters, (10, 10) diagonal."""
+        return self.load_mass * np.diag([1.0, *[_LOAD_REACH_M] * 3, *[_LOAD_INERTIA_M2] * 6])
+
+    @property
+    def load_mass(self) -> float:
+        """Standard deviation of a body's mass [kg]."""
+        return max(_LEAST_LOAD, _LOAD_SHARE * self.mass)
 
 
 def belief_of_file(model: RobotModel) -> Belief:
@@ -76,7 +89,23 @@ def belief_of_file(model: RobotModel) -> Belief:
         knows,
         links,
         float(phi[:, 0].sum()) if knows else 0.0,
+        tuple(_reach(model, link) for link in links),
     )
+
+
+def belief_of_known(model: RobotModel, error: float) -> Belief:
+    """Return what is known of an arm whose masses are known up to a relative error."""
+    file = belief_of_file(model)
+    phi = file.mean.reshape(-1, PER_LINK)
+    covariance = _covariance(phi, True, error / _MASS_SHARE, 0.0)
+    return replace(file, covariances=(covariance,), log_weights=(0.0,), middle=0, identified=True)
+
+
+def _reach(model: RobotModel, link: int) -> float:
+    """Return how far a link goes from its joint [m]: to its frames, and the joints that it carries."""
+    places = [*model.tree.origin[model.tree.parent == link]]
+    places += [frame.pose.position for frame in model.frames.values() if frame.link == link]
+    return max(_LOAD_REACH_M, *(float(np.linalg.norm(place)) for place in places))
 
 
 def _covariance(phi: Floats, knows: bool, spread: float, common: float) -> Floats:
@@ -88,7 +117,7 @@ def _covariance(phi: Floats, knows: bool, spread: float, common: float) -> Float
         if knows:
             mass = max(float(p[0]), _LEAST_SHARE * total)
             length = max(float(np.linalg.norm(p[1:4])) / max(float(p[0]), 1e-9), _LEAST_LENGTH_M)
-        sizes = mass * np.array([0.3, *[0.5 * length + 0.01] * 3, *[length**2 + 0.003] * 6])
+        sizes = mass * np.array([_MASS_SHARE, *[0.5 * length + 0.01] * 3, *[length**2 + 0.003] * 6])
         own = slice(PER_LINK * i, PER_LINK * (i + 1))
         P[own, own] = common**2 * np.outer(p, p) + np.diag((spread * sizes) ** 2)
     return P
@@ -116,7 +145,7 @@ def belief_of(result: Identification) -> Belief:
             other[k] += _OTHER_ZERO_SHARE * float(_torque_size(result) @ np.abs(term.combination))
     C[count:, count:] += np.diag(other**2)
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(P))
-    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()))
+    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()), file.reaches, True)
 
 
 def _torque_size(result: Identification) -> Floats:

@@ -52,17 +52,17 @@ class Beside(NamedTuple):
 class Rows:
     """Some rows of a recording."""
 
-    def __init__(self, model: RobotModel, samples: Samples, count: int) -> None:
+    def __init__(self, model: RobotModel, samples: Samples, count: int, *, identified: bool = False) -> None:
         """Take rows (count at most) that lie evenly along a recording."""
-        total = len(samples)
-        self.model, self.samples = model, samples
-        first, last = _ENDS_SHARE * (total - 1), (1.0 - _ENDS_SHARE) * (total - 1)
+        total, self.still = len(samples), not samples.qd.any()
+        self.model, self.samples, self.identified = model, samples, identified
+        ends = 0.0 if self.still else _ENDS_SHARE
+        first, last = ends * (total - 1), (1.0 - ends) * (total - 1)
         self.at = np.unique(np.linspace(first, last, min(count, total)).astype(np.int64))
         self.step = float(np.median(np.diff(samples.time)))
         self.measured, self.known = samples.tau + samples.known, samples.known[self.at]
         size = np.sqrt(np.mean(self.measured[self.at] ** 2, axis=0))
         self.size = np.maximum(size, _LEAST_TORQUE * max(float(size.max()), 1e-12))  # (n,) [Nm or N]
-        self.still = not samples.qd.any()
         self.parameters = Parameters(model, "static" if self.still else "full")
         self.carried = np.zeros_like(self.known)  # (N, n) what links ask, by a first fit; measured, it explains itself
         self._friction: dict[tuple[object, ...], Floats] = {}
@@ -145,7 +145,7 @@ class Rows:
         geared = {i for term in terms if term.kind == "motor_inertia" for i in np.flatnonzero(term.combination)}
         if not self.still:
             for i in range(n):
-                if i not in geared:
+                if i not in geared and not self.identified:
                     add(qdd[:, i], eye[i], _ROTOR_SHARE / _spread(qdd[:, i]))
             slow = np.array([_SLOW[unit] for unit in self.model.joint_units])
             direction = np.tanh(qd / slow)

@@ -12,6 +12,7 @@ N log |1/g|. So a gain is weighed against torques as they are predicted; measure
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -67,17 +68,35 @@ class _Gram(NamedTuple):
 class Evidence:
     """Evidence of one recording for hypotheses about it."""
 
-    def __init__(self, model: RobotModel, samples: Samples, belief: Belief | None = None, rows: int = _ROWS) -> None:
-        """Take a recording of an arm, and what is known of the arm: its file's masses when None."""
-        self.model, self.rows = model, Rows(model, samples, rows)
+    def __init__(
+        self,
+        model: RobotModel,
+        samples: Samples,
+        belief: Belief | None = None,
+        rows: int = _ROWS,
+        noise: Floats | None = None,
+    ) -> None:
+        """Take a recording of an arm, and what is known of the arm: its file's masses when None.
+
+        noise (n,) is the standard deviation of independent torques where it is known [Nm or N].
+        """
         self.belief = belief_of_file(model) if belief is None else belief
+        self.model, self.rows = model, Rows(model, samples, rows, identified=self.belief.identified)
         self.plain = nothing_supposed(model.n)
         self._grams: dict[object, _Gram] = {}
         self._columns: dict[object, Floats] = {}
         self._priors: dict[object, tuple[Floats, Floats, Floats, float]] = {}
         self._links: dict[object, Floats] = {}
+        self.noise = noise
         self.correlated = np.ones(model.n)  # rows that count as one, by joint
-        self.correlated = self._correlation()
+        if noise is None:
+            self.correlated = self._correlation()
+
+    def believing(self, belief: Belief) -> "Evidence":
+        """Return the same recording for another belief of the same arm."""
+        other = copy(self)
+        other.belief, other._priors = belief, {}
+        return other
 
     def log(self, supposed: Supposed, which: int, extra: Sequence[Extra] = ()) -> float:
         """Return the log evidence under one of the belief's spreads."""
@@ -142,18 +161,50 @@ class Evidence:
     def _prior(self, which: int, loads: tuple[int, ...]) -> tuple[Floats, Floats, Floats, float]:
         """Return mean, precision, variances and log determinant of the covariance of what the belief is about."""
         if (which, loads) not in self._priors:
-            covariance, V = self.belief.with_loads(which, loads), self.rows.shown
-            k = len(V)
-            onto = np.zeros((len(covariance), V.shape[1] + len(covariance) - k))
-            onto[:k, : V.shape[1]] = V
-            onto[k:, V.shape[1] :] = np.eye(len(covariance) - k)
-            reduced = onto.T @ covariance @ onto
+            onto = self.onto
+            reduced = onto.T @ self.belief.covariances[which] @ onto
             scale = np.sqrt(np.diag(reduced))
             correlation = reduced / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
             log_determinant = float(np.linalg.slogdet(correlation)[1]) + 2.0 * float(np.log(scale).sum())
-            precision = np.linalg.inv(correlation) / np.outer(scale, scale)
-            self._priors[which, loads] = onto.T @ self.belief.mean, precision, scale**2, log_determinant
+            precision, variances = np.linalg.inv(correlation) / np.outer(scale, scale), scale**2
+            for link, load in (*self.belief.bodies, *((link, self.belief.load) for link in loads)):
+                # by Woodbury's identity: beside a body, what is known well of the arm would be lost to rounding
+                W = onto[self.belief.own(link)].T @ load
+                S = np.eye(W.shape[1]) + W.T @ precision @ W
+                log_determinant += float(np.linalg.slogdet(S)[1])
+                precision = precision - precision @ W @ np.linalg.solve(S, W.T @ precision)
+                variances = variances + np.sum(W**2, axis=1)
+            self._priors[which, loads] = onto.T @ self.belief.mean, precision, variances, log_determinant
         return self._priors[which, loads]
+
+    @property
+    def onto(self) -> Floats:
+        """Combinations (k, m) of what the belief is about that torques can show."""
+        V, size = self.rows.shown, len(self.belief.mean)
+        (k, r) = V.shape
+        found = np.eye(size, r + size - k, r - k)
+        found[:k] = np.hstack([V, np.zeros((k, size - k))])
+        return found
+
+    def precision(self, which: int) -> Floats:
+        """Return the inverse covariance (m, m) of what torques can show of the belief."""
+        return self._prior(which, ())[1]
+
+    def body(
+        self, link: int, load: Floats, fit: Fit, which: int = 0, loads: tuple[int, ...] = ()
+    ) -> tuple[Floats, Floats]:
+        """Return the numbers (m,) of a body on a link, see `Belief.carrying`, after a recording, and their covariance.
+
+        Args:
+            link: That carries it.
+            load: (10, m), part of the belief.
+            fit: The recording's.
+            which: Of the belief's spreads; loads: links that were supposed to carry one.
+        """
+        mean, precision, _, _ = self._prior(which, loads)
+        W, k = self.onto[self.belief.own(link)].T @ load, len(mean)
+        gain = W.T @ precision
+        return gain @ (fit.beta[:k] - mean), np.eye(W.shape[1]) - gain @ W + gain @ fit.covariance[:k, :k] @ gain.T
 
     @staticmethod
     def _mean(first: Floats, count: int) -> Floats:
@@ -180,9 +231,11 @@ class Evidence:
         N = len(self.rows)
         counted, size = N / self.correlated[order], self.rows.size[order] * np.abs(x)
         least = _NOISE_SHARE * size
-        variance = (_FIRST_NOISE * least) ** 2
+        variance, steps = (_FIRST_NOISE * least) ** 2, _EM_STEPS
+        if self.noise is not None:
+            variance, steps = (self.noise[order] * x) ** 2, 1
         XX, Xy, yy, KM = gram.XX, Xy * x[:, None], yy * x**2, K @ M
-        for step in range(_EM_STEPS):
+        for step in range(steps):
             w = counted / N / variance
             A, right = K + np.tensordot(w, XX, 1), KM + w @ Xy
             d = 1.0 / np.sqrt(np.diag(A))
@@ -192,7 +245,7 @@ class Evidence:
             beta = C @ right
             XXb = XX @ beta
             rss = yy - 2.0 * Xy @ beta + XXb @ beta
-            if step < _EM_STEPS - 1:
+            if step < steps - 1:
                 unsure = XX.reshape(len(XX), -1) @ C.ravel()
                 spread = counted / N * (np.maximum(rss, 0.0) + unsure) + _NOISE_DEGREES * least**2
                 variance = np.maximum(spread / (counted + _NOISE_DEGREES), (_LEAST_NOISE * least) ** 2)
@@ -200,7 +253,8 @@ class Evidence:
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
         value += self._braking(gram.beside, beta, C) - self._braking(gram.beside, M, np.diag(variances))
-        value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
+        if self.noise is None:
+            value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
         return float(value), beta, C, rss, size
 
     def _braking(self, beside: Beside, mean: Floats, covariance: Floats) -> float:

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK
+from catenary.identification.explanations.arm import load_body
 from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows
-from catenary.identification.explanations.evidence import Evidence
+from catenary.identification.explanations.evidence import Evidence, Extra
 from catenary.identification.explanations.hypotheses import UNSURE
 from catenary.identification.explanations.search import Cause, ExplainedRecording, explain
 from catenary.identification.explanations.supposed import Supposed
@@ -42,14 +42,22 @@ def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str
     Returns:
         Findings that refuse it with the option that mends it, and notes on what the arm has beside its file.
     """
+    return explained_torques(model, samples, settled)[0]
+
+
+def explained_torques(
+    model: RobotModel, samples: Samples, settled: Collection[str] = ()
+) -> tuple[list[Finding], Evidence, Supposed]:
+    """Return the findings of `torque_findings`, and the evidence and the supposition that they come from."""
     evidence = Evidence(model, samples)
     explanation = explain(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
-    return [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    findings = [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    return findings, evidence, explanation.supposed
 
 
 def _unseen(name: str) -> Finding:
-    says = "the motion leaves its torque at usual motions open: move it, and by itself"
+    says = "unseen: the motion leaves its torque at usual motions open: move it, and by itself"
     return Finding("short", (name,), says, refuses=False)
 
 
@@ -97,22 +105,8 @@ def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
     """Return the mass of the body that a cause supposes, if it supposes one."""
     if cause.hypothesis.name != "load":
         return ""
-    mass, std = load_mass(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
-    return f": {mass:.2g} kg, standard deviation {std:.1g}"
-
-
-def load_mass(evidence: Evidence, supposed: Supposed, link: int) -> tuple[float, float]:
-    """Return the mass [kg] of a body on a link that is supposed to carry one, and its standard deviation."""
-    _, which = evidence.over_spreads(supposed)
-    fit, V = evidence.fit(supposed, which), evidence.rows.shown
-    k, r = V.shape
-    P = evidence.belief.with_loads(which, supposed.loads)[:k, :k]
-    own = PER_LINK * evidence.belief.links.index(link) + np.arange(PER_LINK)
-    D = np.diag(evidence.belief.load_std**2)
-    gain = D @ V[own] @ np.linalg.inv(V.T @ P @ V)
-    body = gain @ (fit.beta[:r] - V.T @ evidence.belief.mean[:k])
-    unsure = D - gain @ V[own].T @ D + gain @ fit.covariance[:r, :r] @ gain.T
-    return float(body[0]), float(np.sqrt(max(unsure[0, 0], 0.0)))
+    body, std = load_body(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
+    return f": {body[0]:.2g} kg, standard deviation {std:.1g}"
 
 
 def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
@@ -130,41 +124,39 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
     zero, time = np.zeros_like(q), np.arange(float(_USUAL_ROWS))
     gravity = samples.gravity.mean(axis=0) if samples.holds_gravity else samples.gravity
     usual = Rows(model, Samples(samples.name, q, qd, qdd, zero, zero, time, 1.0, gravity), _USUAL_ROWS)
-    under = replace(evidence.plain, gravity=supposed.gravity)
-    few, _, own = usual.beside(under)
-    X = np.concatenate([usual.links(under) @ evidence.rows.shown, few[:, :, :own]], axis=2)
+    under = replace(evidence.plain, gravity=supposed.gravity, shared=supposed.shared)
+    X = np.concatenate([usual.links(under) @ evidence.rows.shown, usual.beside(under)[0]], axis=2)
     p = X.shape[2]
     spread = np.sqrt(np.mean(np.einsum("nij,jk,nik->ni", X, fit.covariance[:p, :p], X), axis=0))
     size = np.sqrt(np.mean((X @ fit.beta[:p]) ** 2, axis=0))
     return tuple(name for name, share in zip(model.joint_names, spread / size, strict=True) if share > _UNSEEN_SHARE)
 
 
-def day_findings(model: RobotModel, days: Sequence[Samples]) -> list[tuple[str, Finding]]:
-    """Explain each of several recordings by an arm as the others show it."""
-    found = []
-    for day in days:
-        belief: Belief | None = None
-        for other in days:
-            if other is not day:
-                belief = posterior(Evidence(model, other, belief))
-        if belief is not None:
-            evidence = Evidence(model, day, belief)
-            found += [(day.name, finding) for finding in _told(evidence, explain(evidence))]
+def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | None = None) -> list[tuple[str, Finding]]:
+    """Explain each of several recordings by an arm as the others, and a belief, show it: one half by the other."""
+    if len(days) < 2:
+        evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
+        return [(name, finding) for name, own in evidences for finding in _told(own, explain(own))]
+    found, middle = [], len(days) // 2
+    for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
+        shown = belief
+        for other in others:
+            shown = posterior(Evidence(model, other, shown))
+        found += day_findings(model, own, shown)
     return found
 
 
-def posterior(evidence: Evidence) -> Belief:
-    """Return what is believed of an arm after a recording, taken as it is."""
+def posterior(evidence: Evidence, extra: Sequence[Extra] = ()) -> Belief:
+    """Return what is believed of an arm after a recording, taken as it is but for some columns."""
     _, which = evidence.over_spreads(evidence.plain)
-    fit, V, belief = evidence.fit(evidence.plain, which), evidence.rows.shown, evidence.belief
-    k, r = V.shape
-    p = r + evidence.columns(evidence.plain)[2]
-    P, mean = belief.covariances[which][:k, :k], belief.mean[:k]
-    gain = P @ V @ np.linalg.inv(V.T @ P @ V)
-    phi = mean + gain @ (fit.beta[:r] - V.T @ mean)
-    onto = np.eye(k + p - r, p, r - k)
-    onto[:k], onto[k:, r:] = np.hstack([gain, np.zeros((k, p - r))]), np.eye(p - r)
-    C: Floats = onto @ fit.covariance[:p, :p] @ onto.T
-    C[:k, :k] += P - gain @ V.T @ P
+    fit, mean, P = evidence.fit(evidence.plain, which, extra), evidence.belief.mean, evidence.belief.covariance(which)
+    onto = evidence.onto
+    gain = P @ onto @ evidence.precision(which)
+    (size, m), p = onto.shape, evidence.shown + evidence.columns(evidence.plain)[2]
+    G = np.eye(size + p - m, p, m - size)  # what is new beside the belief is as it was found
+    G[:size] = np.hstack([gain, np.zeros((size, p - m))])
+    C: Floats = G @ fit.covariance[:p, :p] @ G.T
+    C[:size, :size] += P - gain @ onto.T @ P
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(C))
-    return belief.after(np.concatenate([phi, fit.beta[r:p]]), C)
+    had = np.concatenate([mean, np.zeros(p - m)])
+    return evidence.belief.after(had + G @ (fit.beta[:p] - np.concatenate([onto.T @ mean, np.zeros(p - m)])), C)

@@ -12,99 +12,42 @@ from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_recordings
 from catenary.calibration.model_file import load_model, save_model
-from catenary.calibration.model_kinds import LEARNED
 from catenary.calibration.recordings import Recordings
-from catenary.errors import ConfigError
+from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
-from catenary.recording.bag_reader import open_recordings, rescue_of
-from catenary.recording.logs import write_parquet
+from catenary.recording.logs import Reading, read_recording
 from catenary.reports.project import shown_name, write_project_report
 from catenary.side_by_side import Progress, silent
 from catenary.trajectories.reference import Trajectory
+from catenary.verdict.check import require_apart
 from catenary.workflows.calibration_model import held_against, read_to_fit, recordings_for, warnings_of
-from catenary.workflows.project.folder import Project, contents, describe, hold, missing, write
+from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.recordings import (
+    Imported,
+    extract_recording,
+    keep_imports,
+    motion_log_path,
+    read_imports,
+)
 from catenary.workflows.project.robot import ProjectRobot, SimulatedRobot
-
-
-def extract_recording(project: Project, name: str) -> bool:
-    """Synchronise recordings/NAME into a motion log, NAME.parquet; return whether that had to be done.
-
-    Of a recording that is not whole what is whole is taken; the report, the log's notes and the step say so
-    (`rescued`).
-    """
-    path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
-    recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report]
-    if missing([recording]) and project.outputs_of(f"record {name}") is None:
-        raise ConfigError(f"{project.folder}: record {name} was not done yet")
-
-    below, outputs, changed = f"recordings/{name}", project.outputs_of(f"record {name}"), list[str]()
-    made_from = list[str]()
-    if outputs is not None:  # motion, and recorded files as their step noted them
-        made_from = [project.fingerprint_of(f"record {name}"), contents(outputs, below)]
-        noted = {key: one for key, one in outputs.items() if key.startswith(f"{below}/")}
-        is_done = project.done(step, [*made_from, *project.settings.columns], files)
-        if not is_done and not hold(project.folder, [recording], noted):
-            changed = [f"{recording}: is no longer what was recorded; what is there was extracted"]
-    if outputs is None or changed:
-        made_from = [contents(describe(project.folder, [recording]), below)]
-    made_from += project.settings.columns
-
-    def work() -> dict[str, Any]:
-        sources = open_recordings([recording])
-        result = kind_of(project.settings).synchronise(recording)
-        found_whole = rescue_of(sources)
-        is_whole = not any(source.damage for source in sources)
-        rescued = None if is_whole else found_whole.as_data()
-        notes = [] if is_whole else [f"rescued: {found_whole.text()}"]
-        write_parquet(replace(result.log, notes=(*result.log.notes, *notes)), path)
-        found = {
-            "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
-            "rows": len(result.log),
-            "rows_without_encoder": result.without_encoder,
-            "problems": [*notes, *changed, *(problem for source in sources for problem in source.problems)],
-            "rescued": rescued,
-        }
-        write(report, found)
-        return {} if rescued is None else {"rescued": rescued}
-
-    return project.run(step, made_from, files, work)
-
-
-def motion_log_path(project: Project, name: str) -> Path:
-    """Return the path of a recording's motion log."""
-    return project.folder / f"{name}.parquet"
-
 
 TRAIN, TEST = "train", "test"
 _VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
 _DEPLOY_S = 20.0
 POSITIONING_INPUTS = tuple(f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion"))
-# the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
-RAVEN_INPUTS = {
-    "shoulder": POSITIONING_INPUTS,
-    "elbow": POSITIONING_INPUTS,
-    "insertion": (*POSITIONING_INPUTS, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
-}
 RECOMMENDED = "recommended"
 
 
-def models_for(robot: str, asked: FitOptions) -> Mapping[str, FitOptions]:
+def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
     """Return options of a linear model, and of the one asked for, which is recommended and deployed.
 
-    They share its memory, target and seed, and its inputs where it has any: else the joints of a project's `robot`
-    take what is theirs.
+    They share its memory, target and seed, and its inputs where it has any: else those of a RAVEN-II's positioning
+    joints, of a project's `robot` (None for recordings).
     """
-    positioning, own = (POSITIONING_INPUTS, RAVEN_INPUTS) if robot == "raven2" else (None, None)
-
-    def of(kind: str, inputs: Any, preset: str | None = None) -> FitOptions:
-        taken = inputs if asked.inputs is None else asked.inputs
-        return replace(asked.of_kind(kind, preset), inputs=taken)
-
-    return {
-        "linear": of("linear", positioning),
-        RECOMMENDED: of(asked.kind, own if asked.kind in (LEARNED, "neural") else positioning, asked.preset),
-    }
+    if asked.inputs is None and robot == "raven2":
+        asked = replace(asked, inputs=POSITIONING_INPUTS)
+    return {"linear": asked.of_kind("linear"), RECOMMENDED: asked.of_kind(asked.kind, asked.preset)}
 
 
 @dataclass(frozen=True)
@@ -114,7 +57,7 @@ class CalibrationResult:
     page: Path
     model_path: Path
     evaluations: Mapping[str, Evaluation]
-    deployment: Mapping[str, Any]
+    deployment: Mapping[str, Any] | None  # None without a robot
     repeated: tuple[str, ...]  # steps that were run now; the others had been done
     advice: tuple[str, ...]  # warnings of what is recommended, on the test
 
@@ -155,8 +98,7 @@ def calibrate_robot(
     """
     project.ran.clear()
     run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
-    asked = replace(FitOptions() if asked is None else asked, seed=project.settings.seed or 0)
-    models = models_for(project.settings.robot, asked)
+    models = _models(project, project.settings.robot, asked)
     robot = SimulatedRobot() if robot is None else robot
     deployed = project.folder / "deployment.json"
 
@@ -175,12 +117,65 @@ def calibrate_robot(
         for name in (TRAIN, TEST):
             extract_recording(project, name)
         train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
-        fit_models(project, train, models, run, progress)
+        fit_models(project, train, models, run, progress, Reading())
         progress("deploy")
         made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), _DEPLOY_S]
         project.run("deploy", made_from, [deployed], deploy)
         progress("report")
-        return conclude(project, models, train, test, run, deployed)
+        return conclude(project, models, train, test, deployed, Reading(), run)
+
+
+def _models(project: Project, robot: str | None, asked: FitOptions | None) -> Mapping[str, FitOptions]:
+    """Return the options of a project's models, before minutes of motion and fits."""
+    asked = FitOptions() if asked is None else asked
+    return models_for(robot, replace(asked, seed=project.settings.seed or 0))
+
+
+def calibrate_recordings(
+    project: Project,
+    train: Sequence[Path],
+    test: Sequence[Path],
+    *,
+    reading: Reading | None = None,
+    asked: FitOptions | None = None,
+    run: FitRun | None = None,
+    progress: Callable[[str], Progress] = lambda _: silent,
+) -> CalibrationResult:
+    """Calibrate from recordings in place of a robot: fit every model to some, test on others; all are judged first."""
+    if not train or not test:
+        raise InputError("calibrate: give recordings to train on, and others to test on with --test")
+    project.ran.clear()
+    run = run if run is not None else FitRun()
+    models = _models(project, None, asked)
+    reading = reading if reading is not None else Reading()
+    mapping = reading.mapping
+    with project:
+        imports: list[list[Imported]] = []
+        trained_on: Sequence[Any]
+        tested_on: Sequence[Any]
+        if mapping is not None:
+            imports = [read_imports(project, paths, mapping) for paths in (train, test)]
+            fitted, tested = ([reading.mend(one.log) for one in each] for each in imports)
+            reading = Reading(mend=reading.mend)  # logs of ours state all else
+            trained_on, tested_on = ([one.path for one in each] for each in imports)
+        else:
+            trained_on, tested_on = _hashes(train), _hashes(test)
+            fitted = [read_recording(path, reading) for path in train]
+            tested = recordings_for(fitted[0], test, reading)
+        both = [str(path) for path, content in zip(test, tested_on, strict=True) if content in trained_on]
+        if both:
+            raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
+        ordered = Recordings.of([*fitted, *tested]).logs  # refuses before minutes of fits
+        parts = ordered[: len(fitted)], ordered[len(fitted) :]
+        require_apart(*parts, run.accept)
+        to_fit, to_test = (Recordings.of(logs, robot=run.robot, max_error=run.max_error) for logs in parts)
+        to_fit.judged(run.accept)
+        to_test.judged(run.accept, testing=True)
+        if imports:
+            train, test = (keep_imports(project, each) for each in imports)
+        fit_models(project, train, models, run, progress, reading, None if imports else to_fit)
+        progress("report")
+        return conclude(project, models, train, test, None, reading, run)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -194,14 +189,18 @@ def fit_models(
     models: Mapping[str, FitOptions],
     run: FitRun,
     progress: Callable[[str], Progress],
+    reading: Reading,
+    resolved: Recordings | None = None,  # what is read of `train`; read when a model is to be fitted if None
 ) -> None:
     """Fit every model that has not been fitted to these recordings; folds are run for the recommended one."""
     (project.folder / "models").mkdir(exist_ok=True)
-    hashes = [sha256_of(path) for path in train]
+    hashes = _hashes(train)
 
     @cache
     def recordings() -> Recordings:
-        return Recordings.of(read_to_fit(train), robot=run.robot, max_error=run.max_error)
+        if resolved is not None:
+            return resolved
+        return Recordings.of(read_to_fit(train, reading), robot=run.robot, max_error=run.max_error)
 
     for name, options in models.items():
         path = model_path(project, name)
@@ -213,8 +212,15 @@ def fit_models(
             result = fit_recordings(recordings(), options, of_kind, progress=tell)
             save_model(result.model, result.card, path)
 
-        made_from = [hashes, asdict(options), asdict(of_kind)]
+        made_from = [hashes, asdict(options), asdict(of_kind), asdict(reading)]
         project.run(f"fit {name}", made_from, [path, card_path(path)], work)
+
+
+def _hashes(paths: Sequence[Path]) -> list[str]:
+    for path in paths:
+        if not path.is_file():
+            raise InputError(f"{path}: no such recording")
+    return [sha256_of(path) for path in paths]
 
 
 def conclude(
@@ -222,13 +228,14 @@ def conclude(
     models: Mapping[str, FitOptions],
     train: Sequence[Path],
     test: Sequence[Path],
+    deployed: Path | None,
+    reading: Reading,
     run: FitRun,
-    deployed: Path,
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
-    held = held_against(model_path(project, RECOMMENDED), test, accept=run.accept, max_error=run.max_error)
+    held = held_against(model_path(project, RECOMMENDED), test, reading, accept=run.accept, max_error=run.max_error)
     results = {name: held.with_model(model_path(project, name)).evaluate() for name in models}
-    deployment = json.loads(deployed.read_bytes())
+    deployment = None if deployed is None else json.loads(deployed.read_bytes())
     page = project.folder / "report.html"
     best = results[RECOMMENDED]
     concluded = CalibrationResult(
@@ -243,15 +250,16 @@ def conclude(
 
     def work() -> None:
         write(evaluation, concluded.summary())
-        fitted_to, tested_on = recordings_for(best.model, train), held.logs
+        fitted_to, tested_on = recordings_for(best.model, train, reading), held.logs
         write_project_report(
             page, project.settings.connection, best.model, best.card, concluded.evaluations, fitted_to, tested_on,
             deployment, notes=best.notes,
         )  # fmt: skip
 
-    recordings = [[path.name for path in paths] + [sha256_of(path) for path in paths] for paths in (train, test)]
+    recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
     fitted = [sha256_of(model_path(project, name)) for name in models]
-    asked = [run.accept, run.max_error]
-    made_from = [recordings, fitted, deployment, project.settings.connection, __version__, *asked]
+    mended: list[Any] = [asdict(reading)]
+    mended += [[run.accept, run.max_error]] if run.accept or run.max_error else []
+    made_from = [recordings, fitted, deployment, project.settings.connection, __version__, *mended]
     project.run("report", made_from, [evaluation, page], work)
     return concluded

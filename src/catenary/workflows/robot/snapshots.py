@@ -202,7 +202,7 @@ def corrected_rows(log: MotionLog, model: CalibrationModel) -> Corrected:
     places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
     q, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
     inside = np.ones(q.shape, dtype=bool)
-    features, leaping, _ = model.features.rows(log)
+    features, leaping, *_ = model.features.rows(log)
     correction, inside[:, places], interval[:, places] = model.correct(features, q[:, places], leaping)
     q[:, places] += correction
     return Corrected(q, inside, interval)
