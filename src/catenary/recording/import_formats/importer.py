@@ -16,17 +16,8 @@ from catenary.recording.import_formats.column_units import Units, encoder_units,
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock, Series, TopicReport, interpolate
-from catenary.recording.import_formats.registration import TrackedPoses
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import times_among
-from catenary.recording.import_formats.tracked_pose import (
-    joints_from_poses,
-    pose_places,
-    positions_and_rotations,
-    registered,
-    tip_columns,
-    tip_said,
-)
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.topics import SECOND
@@ -55,6 +46,8 @@ class _Columns:
         for key in JOINT_QUANTITIES:
             quantity: Quantity | None = getattr(mapping, key)
             if quantity is not None and quantity.pose is not None:
+                from catenary.recording.import_formats.tracked_pose import pose_places  # brings kinematics
+
                 self._keep("pose", pose_places(quantity.pose, streams))
             elif quantity is not None:
                 self._find(key, quantity.columns, optional=quantity.optional)
@@ -67,7 +60,11 @@ class _Columns:
             if len(self.found[key].places) != len(base):
                 n = len(self.found[key].places)
                 raise InputError(f"{where}: {key} has {n} columns, q_nominal {len(base)}; expected as many")
-        self.tip = None if mapping.robot is None else tip_columns(streams, base[0].stream)
+        self.tip: tuple[str, tuple[str, ...]] | None = None
+        if mapping.robot is not None:
+            from catenary.recording.import_formats.tracked_pose import tip_columns
+
+            self.tip = tip_columns(streams, base[0].stream)
         if self.tip is not None:
             self._want([Place(self.tip[0], column) for column in self.tip[1]])
         for stream in streams:
@@ -170,6 +167,8 @@ def synchronise(
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
             jumped |= set(turns)
     if columns.tip is not None and model is not None and set(names) == set(model.joint_names):
+        from catenary.recording.import_formats.tracked_pose import tip_said
+
         told_by = streams[base[0].stream]
         order = [names.index(name) for name in model.joint_names]
         q = np.column_stack([told_by.columns[base[i].column] * scaled["q_nominal"][i] for i in order])
@@ -415,6 +414,9 @@ def _tracked(
     clock: OneClock, tracked: TrackedPose, model: RobotModel, scale: Floats, names: Sequence[str], notes: list[str]
 ) -> Floats:
     """Return the joints that poses stand for, at the stamps of q_nominal."""
+    from catenary.recording.import_formats.registration import TrackedPoses
+    from catenary.recording.import_formats.tracked_pose import joints_from_poses, positions_and_rotations, registered
+
     poses, q = clock.samples("pose"), clock.samples("q_nominal")
     if poses is None or q is None:
         raise InputError("a pose, and q_nominal beside it, must each be of one topic or table")
