@@ -214,3 +214,13 @@ def test_a_file_with_midlines_is_refused_and_says_to_fit_again(path: Path) -> No
     midlines = [["tau:J1", "q:J1", 0.1, 1.0]]
     with pytest.raises(FileFormatError, match="midlines of torques, which are no longer computed: fit again"):
         load_model(altered(path, restructured(kind="hysteretic", midlines=midlines)))
+
+
+def test_a_file_whose_intervals_have_a_margin_of_their_own_loads(path: Path) -> None:
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        structure = json.loads(str(arrays["structure"]))
+        structure["intervals"]["margin"] = structure["intervals"]["inside"]
+        arrays["structure"] = np.array(json.dumps(structure))
+
+    model, _ = load_model(altered(path, change))
+    assert model.intervals is not None
