@@ -70,7 +70,7 @@ def test_intervals_of_a_drawn_arm_hold_and_are_no_wider_than_the_best_constant_b
     model = fit_logs([each.log for each in arm.training()], FitOptions()).model
     found = evaluate(model, calibration_data([arm.tests()["random"].log], model.features))
     best = np.quantile(np.abs(found.after_model), 0.9, axis=0)
-    # of 90 %; one stretch holds more or less (python -m tests.drawn_arms --intervals tells of many)
+    # of 90 %; one stretch holds more or less
     assert all(0.8 <= joint.coverage <= 0.97 for joint in found.joints)
     assert np.median(found.interval.mean(axis=0) / best) < 1.35
 

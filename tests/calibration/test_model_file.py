@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model_file import load_model, save_model
-from catenary.cards import stored
+from catenary.cards import write_with_card
 from catenary.errors import FileFormatError
 from catenary.files import card_path
 from recordings import fitted, recording
@@ -214,3 +215,18 @@ def test_a_file_with_midlines_is_refused_and_says_to_fit_again(path: Path) -> No
     midlines = [["tau:J1", "q:J1", 0.1, 1.0]]
     with pytest.raises(FileFormatError, match="midlines of torques, which are no longer computed: fit again"):
         load_model(altered(path, restructured(kind="hysteretic", midlines=midlines)))
+
+
+@pytest.mark.parametrize("margin", [None, "intervals.inside"])
+def test_a_file_whose_intervals_have_a_margin_of_their_own_loads(path: Path, margin: str | None) -> None:
+    widths = Intervals(0.9, np.full(3, 0.01), np.full(3, 0.03))
+    save_model(replace(MODEL, intervals=widths), CARD, path)
+    with np.load(path) as content:
+        arrays = dict(content)
+    structure = json.loads(str(arrays["structure"]))
+    structure["intervals"]["margin"] = margin
+    del arrays["card"]
+    write_with_card(path, arrays | {"structure": np.array(json.dumps(structure))}, CARD)
+    model, _ = load_model(path)
+    assert model.intervals is not None
+    np.testing.assert_array_equal(model.intervals.outside, widths.outside)

@@ -61,7 +61,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             raise FileFormatError(
                 f"{path}: model format {shortened(version)}, expected {_FORMAT!r}: another version wrote it; {remedy}"
             )
-        _drop_midlines(found)
+        _drop_retired(found)
         model = parse_settings(found, CalibrationModel, "structure", arrays)
         if model.kind in RETIRED or model.preset == "best":
             name = f"{model.kind} {model.preset or ''}".strip()
@@ -84,8 +84,10 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         ) from error
 
 
-def _drop_midlines(found: dict[str, Any]) -> None:
-    """Take midlines of torques out of a model's structure, where it has none of them: they are no longer computed."""
-    features = found.get("features")
+def _drop_retired(found: dict[str, Any]) -> None:
+    """Take out of a model's structure what is no longer computed: midlines of torques, where it has none of them."""
+    features, intervals = found.get("features"), found.get("intervals")
     if isinstance(features, dict) and features.pop("midlines", None):
         raise InputError("it takes midlines of torques, which are no longer computed: fit again")
+    if isinstance(intervals, dict):
+        intervals.pop("margin", None)
