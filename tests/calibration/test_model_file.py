@@ -13,7 +13,7 @@ import pytest
 
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model_file import load_model, save_model
-from catenary.cards import write_with_card
+from catenary.cards import stored, write_with_card
 from catenary.errors import FileFormatError
 from catenary.files import card_path
 from recordings import fitted, recording
