@@ -14,6 +14,14 @@ MODEL = load_robot("planar_3r")
 PLACES = np.array([6, 7, 8]), np.array([7, 8, 9])
 
 
+def test_drives_act_on_the_rotors_of_elastic_joints():
+    hardware = JointHardware(friction=[1, 2, 3], armature=0.5, stiffness=[np.inf, 10, np.inf])
+    numbers = drive_parameters(MODEL, hardware, *PLACES)
+    assert numbers.drive.tolist() == [0, 3, 2]
+    assert numbers.friction.tolist() == [1, 0, 3, 2]
+    assert numbers.inertia.tolist() == [0.5, 0, 0.5, 0.5]
+
+
 @pytest.mark.parametrize(
     ("hardware", "complaint"),
     [
@@ -21,6 +29,10 @@ PLACES = np.array([6, 7, 8]), np.array([7, 8, 9])
         (JointHardware(friction=[1.0]), "friction"),
         (JointHardware(damping=np.nan), "damping"),
         (JointHardware(armature="heavy"), "armature"),
+        (JointHardware(spring_damping=np.inf), "spring_damping"),
+        (JointHardware(stiffness=100.0), 'link1": stiffness 100 and armature 0.*above zero'),
+        (JointHardware(stiffness=0.0, armature=1.0), "above zero"),
+        (JointHardware(stiffness=np.nan), "stiffness"),
     ],
 )
 def test_numbers_that_no_joint_has_are_refused(hardware, complaint):
@@ -28,13 +40,21 @@ def test_numbers_that_no_joint_has_are_refused(hardware, complaint):
         drive_parameters(MODEL, hardware, *PLACES)
 
 
-def test_dampers_too_stiff_for_the_step_are_refused():
+@pytest.mark.parametrize(
+    "hardware",
+    [
+        JointHardware(damping=1e5),
+        JointHardware(stiffness=1e7, armature=0.1),
+        JointHardware(stiffness=1e3, armature=0.1, spring_damping=1e4),
+    ],
+)
+def test_springs_and_dampers_too_stiff_for_the_step_are_refused(hardware):
     with pytest.raises(InputError, match="as many substeps"):
-        MujocoPlant(load_robot("two_link"), hardware=JointHardware(damping=1e5))
+        MujocoPlant(load_robot("two_link"), hardware=hardware)
 
 
 def test_as_many_substeps_as_the_complaint_says_are_enough():
-    model, stiff = load_robot("two_link"), JointHardware(damping=3e3)
+    model, stiff = load_robot("two_link"), JointHardware(stiffness=1e6, armature=0.1)
     with pytest.raises(InputError) as complaint:
         MujocoPlant(model, hardware=stiff)
     times = int(str(complaint.value).split("at least ")[1].split()[0])
@@ -44,6 +64,7 @@ def test_as_many_substeps_as_the_complaint_says_are_enough():
     for _ in range(500):
         plant.servo_jf(gravity_torque(model, q, [0.0, 0.0, -9.81]))
         plant.wait()
+    # springs wind up by tau / K, and what swings stays that small
     assert_allclose(plant.telemetry()["q_true"], q, atol=1e-4)
 
 
@@ -70,7 +91,7 @@ class Finished:
         factor = np.linalg.cholesky(self.mass)
         self.friction = friction * rng.uniform(0.0, 1.0, 3)
         joints = drive_parameters(RAVEN, JointHardware(friction=self.friction), *WHERE)
-        parts = motion = new_motion(3)
+        parts = motion = new_motion(3, 3)
         motion.factor[0] = factor
         parts.start[:] = MIDDLE + WIDTH * rng.choice([-1.0, 1.0, 0.3, 0.9999], 3)
         parts.start_rate[:] = rng.normal(size=3) * rng.choice([0.0, 1.0], 3)
@@ -110,7 +131,7 @@ def test_friction_stays_within_coulombs_torque_and_stops_only_push_inwards(seed,
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_step_that_is_not_finite_is_not_taken(bad):
-    motion = new_motion(3)
+    motion = new_motion(3, 3)
     motion.start[:], motion.position[:] = MIDDLE, MIDDLE
     motion.rate[1] = bad
     assert not finish_step(drive_parameters(RAVEN, JointHardware(), *WHERE), motion, STEP)

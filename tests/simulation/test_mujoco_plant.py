@@ -159,6 +159,28 @@ def test_an_arm_falls_onto_its_limit_and_lies_there():
     assert on.any()
 
 
+def test_elastic_joints_move_as_two_masses_on_a_spring():
+    model = load_robot("planar_3r")
+    n, q = 3, np.array([0.3, -0.4, 0.5])
+    stiffness, rotor, damping = np.array([400.0, 200.0, 80.0]), np.array([0.5, 0.2, 0.1]), 0.3
+    tau = gravity_torque(model, q, LEVEL) + np.array([1.0, -0.5, 0.2])
+
+    def motion(_, y):
+        q, theta, qd, thetad = y.reshape(4, n)
+        pull = stiffness * (theta - q) + damping * (thetad - qd)
+        h = inverse_dynamics(model, q, qd, np.zeros(n), LEVEL)
+        return np.concatenate([qd, thetad, np.linalg.solve(mass_matrix(model, q), pull - h), (tau - pull) / rotor])
+
+    expected = solve_ivp(motion, (0.0, 0.3), [*q, *q, *np.zeros(6)], method="DOP853", rtol=1e-11, atol=1e-12)
+    hardware = JointHardware(armature=rotor, stiffness=stiffness, spring_damping=damping)
+    plant = enabled(model, start=q, hardware=hardware)
+    ticks(plant, 300, tau)
+    state, links, rotors = plant.measured_js(), expected.y[:3, -1], expected.y[3:6, -1]
+    assert_allclose(plant.telemetry()["q_true"], links, atol=1e-6)
+    assert_allclose(state.q, rotors, atol=1e-6)
+    assert_array_equal(state.q_motor, state.q)
+
+
 def test_torque_beyond_the_effort_limit_does_not_act():
     model = replace(load_robot("two_link"), effort_limit=np.array([5.0, 5.0]))
     plants = [enabled(model, base=FixedBase(roll=np.pi / 2)) for _ in range(2)]
@@ -197,10 +219,10 @@ def test_servo_reaches_its_setpoint_on_any_tree_and_base(random_robots):
         assert_allclose(plant.measured_js().q, 0.2, atol=1e-4)
 
 
-@pytest.mark.parametrize("armature", [0.0, 0.2])
-def test_servo_overcomes_friction_to_a_tenth_of_a_milliradian(armature):
+@pytest.mark.parametrize("spring", [{}, {"armature": 0.2, "stiffness": [np.inf, 500.0, 500.0]}])
+def test_servo_overcomes_friction_to_a_tenth_of_a_milliradian(spring):
     model = load_robot("planar_3r")
-    plant = enabled(model, start=[0.3, 0.2, 0.1], hardware=JointHardware([5.0, 2.0, 1.0], armature=armature))
+    plant = enabled(model, start=[0.3, 0.2, 0.1], hardware=JointHardware(friction=[5.0, 2.0, 1.0], **spring))
     for k in range(600):
         plant.servo_jp(np.array([0.3, 0.2, 0.1]) + 0.1 * min(k / 200, 1.0))
         plant.wait()

@@ -24,37 +24,62 @@ Integers = NDArray[np.int64]
 class JointHardware:
     """The drives of an arm, each number for all joints alike or one a joint (n,); ideal drives when left alone.
 
-    All of it is seen at the joint, that is after the gearbox: a rotor of inertia J behind a ratio N counts N² J.
+    A joint with a finite stiffness is elastic: a rotor, on which torque, friction and damping act, turns the joint
+    through a spring [Spong 1987, Modeling and control of elastic joint robots: rotors turn about their own axes
+    only]. The robot then reports the rotor's position, as one with encoders on its motors does. All of it is seen
+    at the joint, that is after the gearbox: a rotor of inertia J behind a ratio N counts N² J.
     """
 
     friction: ArrayLike = 0.0  # Coulomb friction [Nm|N]
     damping: ArrayLike = 0.0  # viscous [Nms/rad|Ns/m]
     armature: ArrayLike = 0.0  # rotor inertia [kg m2|kg]
+    stiffness: ArrayLike = np.inf  # of the transmission [Nm/rad|N/m]
+    spring_damping: ArrayLike = 0.0  # across it [Nms/rad|Ns/m]
 
 
 class DriveParameters(NamedTuple):
-    """An arm's drives for compiled code."""
+    """An arm's drives for compiled code.
+
+    Its nz moving parts are the robot's n coordinates, then the m rotors of those that are elastic: spring e is between
+    joint elastic[e] and moving part n + e.
+    """
 
     coupling: Floats  # (n_tree, n)
     dof: Integers  # (n_tree,) where MuJoCo keeps a tree coordinate's velocity
     at: Integers  # (n_tree,) and its position
     offset: Floats  # (n_tree,) of a tree coordinate at the robot's zero [rad|m]
+    drive: Integers  # (n,) the moving part on which a joint's motor acts: itself, or its rotor
     lower: Floats  # (n,) [rad|m]
     upper: Floats
-    inertia: Floats  # (n,) of the rotors [kg m2|kg]
-    friction: Floats  # (n,) [Nm|N]
-    damping: Floats  # (n,) [Nms/rad|Ns/m]
+    elastic: Integers  # (m,)
+    stiffness: Floats  # (m,) [Nm/rad|N/m]
+    spring_damping: Floats  # (m,) [Nms/rad|Ns/m]
+    inertia: Floats  # (nz,) of the rotor [kg m2|kg]
+    friction: Floats  # (nz,) [Nm|N]
+    damping: Floats  # (nz,) [Nms/rad|Ns/m]
 
 
 def drive_parameters(model: RobotModel, hardware: JointHardware, dof: Integers, at: Integers) -> DriveParameters:
     """Check an arm's hardware."""
     n = model.n
-    friction, damping, armature = (
-        as_not_negative(name, one_for_all(values, n), (n,)) for name, values in vars(hardware).items()
+    friction, damping, armature, stiffness, spring_damping = (
+        as_not_negative(name, one_for_all(values, n), (n,), finite=name != "stiffness")
+        for name, values in vars(hardware).items()
     )
+    elastic = np.flatnonzero(np.isfinite(stiffness))
+    for j in elastic:
+        if not (stiffness[j] > 0.0 and armature[j] > 0.0):
+            raise InputError(
+                f'joint "{model.joint_names[j]}": stiffness {stiffness[j]:g} and armature {armature[j]:g}: '
+                "an elastic joint needs both above zero"
+            )
+    drive = np.arange(n)
+    drive[elastic] = n + np.arange(len(elastic))
+    parts = np.zeros((3, n + len(elastic)))
+    parts[:, drive] = armature, friction, damping
     return DriveParameters(
-        np.array(model.coupling), dof, at, np.array(model.offset), np.array(model.lower), np.array(model.upper),
-        *np.array([armature, friction, damping]),
+        np.array(model.coupling), dof, at, np.array(model.offset), drive, np.array(model.lower), np.array(model.upper),
+        elastic, stiffness[elastic], spring_damping[elastic], *parts,
     )  # fmt: skip
 
 
@@ -65,7 +90,8 @@ _MIN_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links are given 1e-12 kg
 
 
 def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Sequence[str]) -> None:
-    """Refuse joints that move no mass (n, n), where the arm stands, and a step [s] that is too long."""
+    """Refuse joints that move no mass (nz, nz), where the arm stands, and a step [s] that is too long."""
+    n, nz = len(joints.drive), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < _MIN_INERTIA]
     if bare:
         raise InputError(
@@ -76,10 +102,19 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
         raise InputError(
             "the mass matrix is singular: some joints together move no mass; give them an armature (rotor inertia)"
         )
-    fastest = float(np.abs(np.linalg.eigvals(np.linalg.solve(mass, np.diag(joints.damping)))).max())
+    stiffness, damping = np.zeros((nz, nz)), np.diag(joints.damping)
+    for e, (j, k, d) in enumerate(zip(joints.elastic, joints.stiffness, joints.spring_damping, strict=True)):
+        across = np.zeros(nz)
+        across[n + e], across[j] = 1.0, -1.0
+        stiffness += k * np.outer(across, across)
+        damping += d * np.outer(across, across)
+    motion = np.block(
+        [[np.zeros((nz, nz)), np.eye(nz)], [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]]
+    )
+    fastest = float(np.abs(np.linalg.eigvals(motion)).max())
     if fastest * step > _MAX_EIGENVALUE_STEP:
         raise InputError(
-            f"dampers act within {1e3 / fastest:.3g} ms, too stiff for steps of {1e3 * step:.3g} ms; "
+            f"springs or dampers act within {1e3 / fastest:.3g} ms, too stiff for steps of {1e3 * step:.3g} ms; "
             f"take at least {math.ceil(fastest * step / _MAX_EIGENVALUE_STEP)} times as many substeps"
         )
 
@@ -94,20 +129,20 @@ class TreeTerms(NamedTuple):
 
 
 class StepMotion(NamedTuple):
-    """A step of an arm's n joints."""
+    """A step of an arm's nz moving parts."""
 
-    start: Floats  # (n,) where the step began, and where the joints are between steps [rad|m]
+    start: Floats  # (nz,) where the step began, and where the parts are between steps [rad|m]
     start_rate: Floats
-    position: Floats  # (n,) where a stage looks; where the step ends, after the last one
+    position: Floats  # (nz,) where a stage looks; where the step ends, after the last one
     rate: Floats
-    acceleration: Floats  # (4, n) found by the stages
+    acceleration: Floats  # (4, nz) found by the stages
     factor: Floats  # (4, n, n) Cholesky factors of the stages' mass matrices, in the lower triangles
 
 
-def new_motion(n: int) -> StepMotion:
+def new_motion(n: int, nz: int) -> StepMotion:
     """Return an arm at zero, at rest."""
-    start, start_rate, position, rate = np.zeros((4, n))
-    return StepMotion(start, start_rate, position, rate, np.zeros((4, n)), np.zeros((4, n, n)))
+    start, start_rate, position, rate = np.zeros((4, nz))
+    return StepMotion(start, start_rate, position, rate, np.zeros((4, nz)), np.zeros((4, n, n)))
 
 
 @inlined
@@ -182,17 +217,26 @@ def end_stage(
 def _find_accelerations(
     joints: DriveParameters, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int
 ) -> bool:
-    n = len(joints.inertia)
-    torque, bias = np.empty(n), np.empty(n)
+    n, m = len(joints.drive), len(joints.elastic)
+    torque, bias = np.zeros(n + m), np.empty(n)
     factor = motion.factor[stage]
     along_robot(joints, tree, factor, bias)
     if not factorise(factor):
         return False
     for j in range(n):
-        torque[j] = effort[j] - bias[j] - joints.damping[j] * motion.rate[j]
-    solve_factored(factor, torque)
-    for j in range(n):
-        motion.acceleration[stage, j] = torque[j]
+        torque[j] -= bias[j]
+        torque[joints.drive[j]] += effort[j]
+    for e in range(m):
+        link, rotor = joints.elastic[e], n + e
+        pull = joints.stiffness[e] * (motion.position[rotor] - motion.position[link])
+        pull += joints.spring_damping[e] * (motion.rate[rotor] - motion.rate[link])
+        torque[link] += pull
+        torque[rotor] -= pull
+    for k in range(n + m):
+        torque[k] -= joints.damping[k] * motion.rate[k]
+    solve_factored(factor, torque[:n])
+    for k in range(n + m):
+        motion.acceleration[stage, k] = torque[k] if k < n else torque[k] / joints.inertia[k]
     return True
 
 
@@ -244,13 +288,14 @@ def finish_step(joints: DriveParameters, motion: StepMotion, step: float) -> boo
     does not move at all, and none passes its limit. The motion's end becomes the next step's start; the mass matrix is
     that of the first stage. Returns False, and nothing has moved, where the end is not finite.
     """
-    n = len(motion.start)
-    stop = np.zeros(n)  # 1 at a lower stop, -1 at an upper one
+    n, nz = len(joints.drive), len(motion.start)
+    stop = np.zeros(nz)  # 1 at a lower stop, -1 at an upper one
     acts = False
-    for k in range(n):
+    for k in range(nz):
         if not (math.isfinite(motion.position[k]) and math.isfinite(motion.rate[k])):
             return False
-        stop[k] = _stop_at(joints, k, motion.position[k])
+        if k < n:
+            stop[k] = _stop_at(joints, k, motion.position[k])
         acts = acts or stop[k] != 0.0 or joints.friction[k] > 0.0
     if acts:
         _apply_impulses(joints, motion, stop, step)
@@ -265,22 +310,24 @@ def _stop_at(joints: DriveParameters, j: int, position: float) -> float:
 
 @inlined
 def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, step: float) -> None:
-    n = len(motion.start)
-    response = np.zeros((n, n))  # inverse mass matrix, symmetric
+    n, nz = len(joints.drive), len(motion.start)
+    response = np.zeros((nz, nz))  # inverse mass matrix, symmetric
     for k in range(n):
         response[k, k] = 1.0
-        solve_factored(motion.factor[0], response[k])
+        solve_factored(motion.factor[0], response[k, :n])
+    for k in range(n, nz):
+        response[k, k] = 1.0 / joints.inertia[k]
     rate, free = motion.rate, motion.rate.copy()
-    friction_impulse, stop_impulse = np.zeros(n), np.zeros(n)
+    friction_impulse, stop_impulse = np.zeros(nz), np.zeros(nz)
     for _ in range(_MAX_SWEEPS):
         change = 0.0
-        for k in range(n):
+        for k in range(nz):
             most = joints.friction[k] * step
             if most > 0.0:
                 wanted = min(max(friction_impulse[k] - rate[k] / response[k, k], -most), most)
                 change = max(change, _apply(response, k, wanted - friction_impulse[k], rate))
                 friction_impulse[k] = wanted
-            if stop[k] == 0.0:  # other joints may push it into its stop
+            if stop[k] == 0.0 and k < n:  # other joints may push it into its stop
                 stop[k] = _stop_at(joints, k, motion.position[k] + 0.5 * step * (rate[k] - free[k]))
             if stop[k] != 0.0:
                 wanted = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
@@ -288,7 +335,7 @@ def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, s
                 stop_impulse[k] = wanted
         if change < _SETTLED_CHANGE:
             break
-    for k in range(n):
+    for k in range(nz):
         motion.position[k] += 0.5 * step * (rate[k] - free[k])  # a constant force over the step
         if joints.friction[k] > 0.0 and abs(friction_impulse[k]) < joints.friction[k] * step:
             rate[k] = 0.0

@@ -1,4 +1,4 @@
-"""Any robot on any base, simulated: MuJoCo's rigid bodies, catenary's couplings, friction and stops."""
+"""Any robot on any base, simulated: MuJoCo's rigid bodies, catenary's couplings, friction, springs and stops."""
 
 from collections.abc import Mapping
 from copy import deepcopy
@@ -162,14 +162,24 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
 
     a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the _BANDWIDTH and friction fed
     forward as F clip(error / _STICTION_BAND, -1, 1): within it of where it should be, a joint may stick. The motion is
-    as a step begins, tree its terms there, wanted (n,) positions [rad|m].
+    as a step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
     """
-    dof, rate, error = joints.dof, motion.start_rate, wanted - motion.start
-    mass = joints.coupling.T @ tree.mass[np.ix_(dof, dof)] @ joints.coupling + np.diag(joints.inertia)
-    a = _BANDWIDTH * (_BANDWIDTH * error - 2.0 * rate)
-    torque: Floats = joints.coupling.T @ tree.bias[dof] + mass @ a
-    torque += joints.damping * rate
-    torque += joints.friction * np.clip(error / _STICTION_BAND, -1.0, 1.0)
+    n, dof, drive, elastic = len(joints.drive), joints.dof, joints.drive, joints.elastic
+    position, rate = motion.start, motion.start_rate
+    mass = joints.coupling.T @ tree.mass[np.ix_(dof, dof)] @ joints.coupling + np.diag(joints.inertia[:n])
+    bias = joints.coupling.T @ tree.bias[dof]
+    pull = joints.stiffness * (position[n:] - position[elastic])
+    pull += joints.spring_damping * (rate[n:] - rate[elastic])
+    error = wanted - position[drive]
+    a = np.zeros(len(position))
+    a[drive] = _BANDWIDTH * (_BANDWIDTH * error - 2.0 * rate[drive])
+    # what hangs on springs accelerates as it must, and loads the rigid joints: M_ee a_e = pull - h_e - M_er a_r
+    load = pull - bias[elastic] - mass[elastic] @ a[:n]
+    a[elastic] = np.linalg.solve(mass[np.ix_(elastic, elastic)], load)
+    torque: Floats = bias + mass @ a[:n]
+    torque[elastic] = joints.inertia[n:] * a[n:] + pull
+    torque += joints.damping[drive] * rate[drive]
+    torque += joints.friction[drive] * np.clip(error / _STICTION_BAND, -1.0, 1.0)
     return torque
 
 
@@ -202,9 +212,9 @@ class MujocoPlant(SimulatedPlant):
             base: A level base at rest when None.
             start: (n,) where it stands at power-on [rad|m]; zero when None, the middle of its limits for joints
                 whose limits do not hold zero.
-            hardware: Friction and rotors; ideal drives when None.
-            substeps: Physics steps in a tick of 1 ms; the refusal of dampers that are too stiff says how many they
-                need.
+            hardware: Friction, rotors, springs; ideal drives when None.
+            substeps: Physics steps in a tick of 1 ms; the refusal of springs or dampers that are too stiff says how
+                many they need.
 
         Raises:
             MissingPackageError: MuJoCo is not installed.
@@ -225,18 +235,18 @@ class MujocoPlant(SimulatedPlant):
             Column("jpos_d", "rad|m", n),
             Column("tau", "Nm|N", n),  # as commanded
             Column("effort", "Nm|N", n),  # as it acts, within the effort limits
-            Column("q_true", "rad|m", n),
+            Column("q_true", "rad|m", n),  # of the links, behind their springs
             Column("accelerometer", "m/s2", 3),
             Column("gyroscope", "rad/s", 3),
         )
         q = _start(model, start)
         self.attach(payload)
-        self._motion = new_motion(n)
-        self._motion.start[:] = q
+        self._motion = new_motion(n, len(self._joints.inertia))
+        self._motion.start[:] = np.append(q, q[self._joints.elastic])  # springs relaxed
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
         self._command = np.zeros(n)  # torques that were asked for
         self._effort = np.zeros(n)  # torques that act
-        self._setpoint = self._motion.start.copy()
+        self._setpoint = self._motion.start[self._joints.drive]
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
@@ -262,9 +272,10 @@ class MujocoPlant(SimulatedPlant):
         return np.array(self.model.velocity_limit)
 
     def measured_js(self) -> JointState:
-        """Return the joint state."""
-        q, qd = self._motion.start.copy(), self._motion.start_rate.copy()
-        return self._joint_state(q, qd, self._command.copy(), np.empty(0))
+        """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
+        motion, drive = self._motion, self._joints.drive
+        rotors = motion.start[self.model.n :].copy()
+        return self._joint_state(motion.start[drive], motion.start_rate[drive], self._command.copy(), rotors)
 
     def setpoint_js(self) -> JointState:
         """Return the setpoint of the position servo."""
@@ -272,9 +283,10 @@ class MujocoPlant(SimulatedPlant):
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
-        motion = self._motion
+        motion, drive = self._motion, self._joints.drive
         specific_force, rate = imu_reading(self._base_now())  # of an ideal sensor at the base's origin, in base axes
-        told = motion.start, motion.start_rate, self._setpoint, self._command, self._effort, motion.start
+        link = motion.start[: self.model.n]
+        told = motion.start[drive], motion.start_rate[drive], self._setpoint, self._command, self._effort, link
         sampled = (*told, specific_force[0], rate[0])
         return {column.name: values.copy() for column, values in zip(self.columns, sampled, strict=True)}
 
@@ -300,7 +312,7 @@ class MujocoPlant(SimulatedPlant):
                 self._set_state("FAULT", f"its motion diverged in tick {self._tick}, at {self.time:.3f} s")
         self._tick += 1
         if self._mode == "torque":  # no jump when the servo takes over
-            self._setpoint = self._motion.start.copy()
+            self._setpoint = self._motion.start[self._joints.drive]
 
     # what only a simulator can do
 
@@ -334,11 +346,13 @@ class MujocoPlant(SimulatedPlant):
         self._dynamics.update()
 
     def _mass_matrix(self) -> Floats:
-        """Return the mass matrix with the rotors, (n, n)."""
+        """Return the mass matrix of all moving parts, (nz, nz)."""
         begin_step(self._joints, self._motion, self._dynamics.tree)
         self._update(0)
-        dof, coupling = self._joints.dof, self._joints.coupling
-        return np.diag(self._joints.inertia) + coupling.T @ self._dynamics.tree.mass[np.ix_(dof, dof)] @ coupling
+        dof, coupling, n = self._joints.dof, self._joints.coupling, self.model.n
+        mass = np.diag(self._joints.inertia)
+        mass[:n, :n] += coupling.T @ self._dynamics.tree.mass[np.ix_(dof, dof)] @ coupling
+        return mass
 
     def _advance(self, part: int) -> bool:
         """Make one step; false, and nothing has moved, where it cannot be made."""
@@ -360,7 +374,7 @@ class MujocoPlant(SimulatedPlant):
     def _state_changed(self) -> None:
         self._mode = "position" if self._moves else "brakes"
         self._motion.start_rate[:] = 0.0  # the brakes hold at once
-        self._setpoint = self._motion.start.copy()
+        self._setpoint = self._motion.start[self._joints.drive]
         self._wanted = None
         self._command[:], self._effort[:] = 0.0, 0.0
 
