@@ -88,6 +88,7 @@ def test_payload_anywhere_names_the_link_and_the_others(moving_arm_logs: Path, p
     outcome = catenary("payload", moving_arm_logs / "loaded.npz", "--model", parameters)
     assert "payload on insertion" in outcome.out
     assert "Links that could carry it" in outcome.out
+    assert "carries a body" not in outcome.out + outcome.err  # the estimate tells of it
 
 
 def test_no_payload_is_said(moving_arm_logs: Path, parameters: Path) -> None:

@@ -430,7 +430,7 @@ def payload_of_files(
     Recordings are judged first: torques of another sign or unit than those identified are no payload, unless `accept`
     names the finding (DataError). `at` is its frame and place in it (3,) [m], if known.
     """
-    result, samples, notes = _read_for(model, (*logs, *unloaded), **how)
+    result, samples, notes = _read_for(model, (*logs, *unloaded), of_arm=False, **how)  # of a load the estimate tells
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
     if at is not None:
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
@@ -457,8 +457,12 @@ def _read_for(
     cutoff_hz: float | None = None,
     reading: Reading | None = None,
     accept: Sequence[str] = (),
+    of_arm: bool = True,
 ) -> tuple[Identification, list[Samples], list[str]]:
-    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first."""
+    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first.
+
+    What the arm carries beside its own is among the notes if `of_arm`.
+    """
     result, card = load_identification(model)
     # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
     mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
@@ -475,7 +479,7 @@ def _read_for(
     samples = [prepare(log, result.model, options, within_limits=False) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
     found = [(s.name, each) for s in samples for each in (*findings_against(result, s), *course_findings(result, s))]
-    notes += judge(found, accept, done="weighed")
+    notes += judge([each for each in found if of_arm or each[1].name != "arm"], accept, done="weighed")
     for log in read:
         check_positions(log, result.model)
     return result, samples, notes
