@@ -195,5 +195,7 @@ def test_wrong_arguments_are_refused() -> None:
         locate_load(PLANAR, q, np.zeros((3, 3)), UPRIGHT, noise=NOISE)
     with pytest.raises(InputError, match="noise"):
         locate_load(PLANAR, q, q, UPRIGHT, noise=0.0)
+    with pytest.raises(InputError, match='"base" is on no link that moves'):
+        locate_load(PLANAR, q, q, UPRIGHT, noise=NOISE, frames=("base",))
     with pytest.raises(InputError, match="claw"):
         locate_load(PLANAR, q, q, UPRIGHT, noise=NOISE, frames=("claw",))

@@ -105,7 +105,7 @@ def locate_load(
     A gain or a zero of torque, or a base that is tilted, is no load: each is weighed beside it and without it.
 
     Args:
-        model: The arm without the load; needs inertia.
+        model: The arm without the load; needs masses and their centres.
         q: (n,) or (N, n) poses [rad or m]; tau: torques that hold the arm there [Nm|N].
         gravity: (3,) or (N, 3) [m/s2].
         noise: Standard deviation of torques, one for all or (n,) [Nm|N].
@@ -118,15 +118,18 @@ def locate_load(
         raise InputError(f"tau: expected shape {rows.shape}, that of q, got {torques.shape}")
     spread = as_positive("noise", one_for_all(noise, model.n), (model.n,))
     as_positive("masses", masses)
-    model.require_inertia()
+    model.require_masses()
     named = list(frames) or [link for link in model.link_names if link not in model.massless]
-    on = [model.frame(name) for name in named]
+    on, belief = [model.frame(name) for name in named], belief_of_known(model, masses)
+    for name, frame in zip(named, on, strict=True):
+        if frame.link not in belief.links:
+            raise InputError(f'frames: "{name}" is on no link that moves and has mass: what hangs there is not told')
     down = gravity_rows(gravity, len(rows))
     down = down[0] if len(down) == 1 else down
     known = known_torque(actuation_of(model), rows)
     still, places = np.zeros_like(rows), np.arange(float(len(rows)))
     samples = Samples("", rows, still, still, torques - known, known, places, 1.0, down)
-    evidence = Evidence(model, samples, belief_of_known(model, masses), len(rows), spread)
+    evidence = Evidence(model, samples, belief, len(rows), spread)
     loads = weigh_loads([evidence], [(frame.link, None) for frame in on], tuple(differences(model.joint_names)))
     carriers = []
     for body, k, share in zip(loads.each, loads.order, loads.shares, strict=True):
