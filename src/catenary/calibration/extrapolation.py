@@ -46,7 +46,7 @@ class Leverage(NamedTuple):
 
 
 class TrainedRows(NamedTuple):
-    """TrainedRows of features that a regression is fitted to."""
+    """Rows of features that a regression is fitted to."""
 
     X: Floats  # (N, F)
     columns: Sequence[int]  # (F,) of a set of features

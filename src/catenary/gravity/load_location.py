@@ -136,10 +136,14 @@ def _body(information: Floats, score: Floats) -> tuple[Floats, Floats]:
     """Return the mean (k,) of a load in standard deviations of a large one, and its covariance."""
     _, weights = _over_sizes(information, score)
     covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in _LOAD_OCTAVES])
-    means = covariances @ score
-    mean: Floats = weights @ means
+    return mixed(weights, covariances @ score, covariances)
+
+
+def mixed(shares: Floats, means: Floats, covariances: Floats) -> tuple[Floats, Floats]:
+    """Return mean (k,) and covariance (k, k) of a mixture of Gaussians with shares (N,), means and covariances."""
+    mean: Floats = shares @ means
     spread = means - mean
-    return mean, np.einsum("c,cij->ij", weights, covariances) + np.einsum("c,ci,cj->ij", weights, spread, spread)
+    return mean, np.einsum("n,nij->ij", shares, covariances) + np.einsum("n,ni,nj->ij", shares, spread, spread)
 
 
 def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floats]:

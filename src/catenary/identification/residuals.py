@@ -72,10 +72,8 @@ def rms(values: Floats) -> Floats:
 
 
 _LITTLE_MOTION_SHARE = 0.1  # of the speed, or of the travel, that it was identified with
-_STILL_TRAVEL, _STILL_SHARE = (
-    {"rad": 0.05, "m": 0.005},
-    0.1,
-)  # [rad, m] that a joint moves at least, and of a usual range
+_STILL_TRAVEL = {"rad": 0.05, "m": 0.005}  # [rad, m] that a joint which moves does at least
+_STILL_SHARE = 0.1  # of a usual range, that this is
 _BEYOND_TRAVEL_SHARE = 0.1  # of that travel, outside of which a joint was not identified
 _OUTSIDE_SHARE = 0.5  # of the squared residual on rows outside it
 _EXPLAINED_SHARE = 0.4  # of the squared residual that a shape takes away

@@ -15,7 +15,7 @@ from catenary.arrays import Floats
 from catenary.identification.explanations.arm import load_body
 from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows
-from catenary.identification.explanations.evidence import Evidence, Extra
+from catenary.identification.explanations.evidence import Evidence, Fit
 from catenary.identification.explanations.hypotheses import UNSURE
 from catenary.identification.explanations.search import Cause, ExplainedRecording, explain
 from catenary.identification.explanations.supposed import Supposed
@@ -141,15 +141,16 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
     for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
         shown = belief
         for other in others:
-            shown = posterior(Evidence(model, other, shown))
+            of_other = Evidence(model, other, shown)
+            _, which = of_other.over_spreads(of_other.plain)
+            shown = posterior(of_other, of_other.fit(of_other.plain, which), which)
         found += day_findings(model, own, shown)
     return found
 
 
-def posterior(evidence: Evidence, extra: Sequence[Extra] = ()) -> Belief:
-    """Return what is believed of an arm after a recording, taken as it is but for some columns."""
-    _, which = evidence.over_spreads(evidence.plain)
-    fit, mean, P = evidence.fit(evidence.plain, which, extra), evidence.belief.mean, evidence.belief.covariance(which)
+def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
+    """Return what is believed of an arm after a recording, from its fit under one of the belief's spreads."""
+    mean, P = evidence.belief.mean, evidence.belief.covariance(which)
     onto = evidence.onto
     gain = P @ onto @ evidence.precision(which)
     (size, m), p = onto.shape, evidence.shown + evidence.columns(evidence.plain)[2]

@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.gravity.load_location import load_of_any_size, log_evidence
+from catenary.gravity.load_location import load_of_any_size, log_evidence, mixed
 from catenary.identification.explanations.beliefs import Belief
 from catenary.identification.explanations.evidence import Evidence, Extra, Fit
 from catenary.identification.explanations.findings import posterior
@@ -140,7 +140,10 @@ def weigh_loads(
     """
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
         recordings, empty = ([Recording(part) for part in parts] for parts in (loaded, unloaded))
-        found = [_weighed(recordings, empty, others, *place) for place in places]
+        start = loaded[0].belief
+        # without recordings of the day nothing but the load tells links apart
+        bare = None if empty else [_chain(recordings, start, kind)[0] for kind in others]
+        found = [_weighed(recordings, empty, others, bare, *place) for place in places]
     evidence = np.array([np.logaddexp.reduce(each.logs) for each in found]) - _LOAD_PRICE
     nothing = float(np.logaddexp.reduce([np.logaddexp.reduce(each.without) for each in found]))
     some = float(np.logaddexp.reduce(evidence))
@@ -154,45 +157,40 @@ def _weighed(
     loaded: Sequence[Recording],
     unloaded: Sequence[Recording],
     others: Sequence[Difference],
+    bare: Sequence[float] | None,
     link: int,
     place: Floats | None,
 ) -> Load:
-    """Weigh a load on a link, beside everything that may differ."""
+    """Weigh a load on a link, beside everything that may differ; `bare` is the log evidence of none, if known."""
     start = loaded[0].evidence.belief
     load = start.load if place is None else start.load_mass * point_mass(place)[:, None]
     reach = start.reaches[start.links.index(link)]
-    with_load, without = np.zeros(len(others)), np.zeros(len(others))
+    with_load, without, of_sizes = np.zeros((3, len(others)))
     free, bodies = list[tuple[Floats, Floats]](), list[tuple[Floats, Floats]]()
     for k, kind in enumerate(others):
         before, day = 0.0, start
         if unloaded:
             before, _, day = _chain(unloaded, start.carrying(link, load), kind)
         carrying = day.carrying(link, load)
-        none, _, _ = _chain(loaded, day, kind)
+        none = _chain(loaded, day, kind)[0] if bare is None else bare[k]
         some, fit, _ = _chain(loaded, carrying, kind)
         u, covariance = loaded[0].evidence.believing(carrying).body(link, load, fit)
-        of_sizes, mean, spread = load_of_any_size(u, covariance)
+        of_sizes[k], mean, spread = load_of_any_size(u, covariance)
         free.append((u, covariance))
         bodies.append((load @ mean, load @ spread @ load.T))
-        with_load[k], without[k] = before + some + of_sizes - kind.price, before + none - kind.price
+        with_load[k], without[k] = before + some + of_sizes[k] - kind.price, before + none - kind.price
     if place is None:  # any body, or one that is small beside its distance, each as likely
         with_load -= np.log(2.0)
         for k in map(int, np.flatnonzero(with_load > with_load.max() - _WEIGHED_NATS)):
             value, *point = _point(load, *free[k], reach)
-            value += with_load[k] - load_of_any_size(*free[k])[0]
+            value += with_load[k] - of_sizes[k]
             either = np.logaddexp(with_load[k], value)
-            bodies[k] = _mixed(np.exp(np.array([with_load[k], value]) - either), [bodies[k], (point[0], point[1])])
+            means, covariances = (np.array(pair) for pair in zip(bodies[k], point, strict=True))
+            bodies[k] = mixed(np.exp(np.array([with_load[k], value]) - either), means, covariances)
             with_load[k] = either
     share = np.exp(with_load - np.logaddexp.reduce(with_load))
-    return Load(link, load, with_load, without, *_mixed(share, bodies))
-
-
-def _mixed(shares: Floats, bodies: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-    """Return mean and covariance of a mixture of Gaussians."""
     means, covariances = (np.array(each) for each in zip(*bodies, strict=True))
-    mean = shares @ means
-    spread = means - mean
-    return mean, np.einsum("d,dij->ij", shares, covariances) + np.einsum("d,di,dj->ij", shares, spread, spread)
+    return Load(link, load, with_load, without, *mixed(share, means, covariances))
 
 
 def _point(load: Floats, u: Floats, covariance: Floats, reach: float) -> tuple[float, Floats, Floats]:
@@ -238,5 +236,5 @@ def _chain(recordings: Sequence[Recording], belief: Belief, kind: Difference) ->
         extra = kind.columns(of, evidence.fit(evidence.plain, 0).beta)
         fit = evidence.fit(evidence.plain, 0, extra)
         total += fit.log_evidence
-        belief = posterior(evidence, extra)
+        belief = posterior(evidence, fit)
     return total, fit, belief

@@ -42,8 +42,8 @@ RECOMMENDED = "recommended"
 def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
     """Return options of a linear model, and of the one asked for, which is recommended and deployed.
 
-    They share its memory, target and seed, and its inputs where it has any: else those of a RAVEN-II's positioning
-    joints, of a project's `robot` (None for recordings).
+    They share its memory, target and seed, and its inputs where it has any; else a RAVEN-II's models take those of its
+    positioning joints. `robot` is a project's, None for recordings.
     """
     if asked.inputs is None and robot == "raven2":
         asked = replace(asked, inputs=POSITIONING_INPUTS)
