@@ -45,7 +45,7 @@ _COARSE_DELAYS = 12  # delays on either side that are tried first, at most; whol
 _OUTLIER_SIGMAS = 10.0  # robust deviations of the error beyond which rows are left out
 _BLOCKS = 8
 _NO_CHANGE = 0.0, 0.0, 0.0
-_TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
+TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
 _RESOLUTION_DEG_MM = 1e-3  # [deg, mm] below which nothing is left unexplained
 APART_S, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
 _PAUSE_STEPS = 4.0  # steps between rows across which nothing is read
@@ -108,7 +108,7 @@ def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, abou
     ):  # poses with pauses all along
         return delay_of(replace(log, time=None), place, about / step if step else 0.0)
     unit: Literal["s", "rows"] = "s" if in_time else "rows"
-    tolerance = max(_TOLERANCE_S, _TOLERANCE_ROWS * step) if in_time else 0.5
+    tolerance = max(TOLERANCE_S, _TOLERANCE_ROWS * step) if in_time else 0.5
     scale = scales(log)
     q, m = scale * log.q_nominal, scale * np.where(log.ok[:, None], log.q_encoder, 0.0)
     places = list(range(q.shape[1])) if place is None else [int(k) for k in place]
@@ -205,7 +205,7 @@ class _JointLook:
                 break
         self.rows = rows
 
-    def unexplained(self, rows: Integers, d: float) -> Floats:
+    def unexplained(self, rows: Integers, d: float | Floats) -> Floats:
         """Return what is unexplained of some rows when commands are read a time d earlier; each block has its zero."""
         from scipy.optimize import nnls
 

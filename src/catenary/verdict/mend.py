@@ -15,7 +15,12 @@ from catenary.units import TO_SI
 from catenary.verdict.turns import turned_back
 
 _ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
-_NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time", "clock": "q_encoder"}  # of steps that name no array
+_NEEDS = {
+    "shift": "q_encoder",
+    "delay": "q_encoder",
+    "time_unit": "time",
+    "clock": "q_encoder",
+}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
 MEND_KEYS = r"^(shift|delay|time_unit|(units|swap|sign|scale|offset)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
 AS_TRAINED = "corrected as the model's training data"  # how a note on them opens

@@ -61,7 +61,9 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     change = near.change[0]
     if change:
         ppm, low, high = (1e6 * each / near.span for each in near.change)
-        says = f"the delay grows by {change:+.3g} {near.unit} along the recording, {ppm:.0f} ppm ({low:.0f} to {high:.0f})"
+        says = (
+            f"the delay grows by {change:+.3g} {near.unit} along the recording, {ppm:.0f} ppm ({low:.0f} to {high:.0f})"
+        )
         apart = replace(_clock(says, near), remedy=f"--clock {near.clock}")
         return [apart, *[replace(_delay(near), remedy="")] * (near.sure == "certain")]
     clocks: list[Finding] = []

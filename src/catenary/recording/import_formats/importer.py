@@ -15,7 +15,8 @@ from catenary.recording.import_formats.column_groups import Candidate, joints_me
 from catenary.recording.import_formats.column_units import Units, encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
-from catenary.recording.import_formats.one_clock import OneClock, Series, TopicReport, interpolate
+from catenary.recording.import_formats.one_clock import OneClock
+from catenary.recording.import_formats.series import Series, TopicReport, interpolate
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import times_among
 from catenary.robots.catalog import load_robot
@@ -175,7 +176,9 @@ def synchronise(
         notes += tip_said(model, q, told_by, streams[columns.tip[0]], columns.tip[1])
     places = {key: each.places for key, each in found.items()}
     used = {place.stream for each in places.values() for place in each} | set(mapping.reported)
-    clock = OneClock({name: one for name, one in streams.items() if name in used}, places, mapping, sources.today)
+    clock = OneClock(
+        {name: one for name, one in streams.items() if name in used}, places, mapping, sources.today, scaled, units
+    )
     del streams  # of a long recording as large as all that is made of it
 
     rows = {key: clock.rows(key) * scaled[key] for key in joints}

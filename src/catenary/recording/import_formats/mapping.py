@@ -17,6 +17,7 @@ from catenary.errors import ConfigError
 from catenary.recording.import_formats.table_time import TimeUnit
 from catenary.spatial import Pose, rotation_from_quaternion
 from catenary.units import TO_SI
+from catenary.verdict.mend import clock_of
 
 Unit = Literal["rad", "deg", "m", "cm", "mm", "counts"]
 SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "cm", "mm")}
@@ -130,6 +131,9 @@ class RecordingMapping(Settings):
     time_zero: Literal["first row", "file"] = "first row"  # where the log's time begins; the file's own zero
     unsettled: Texts = ()  # mends that recordings of this layout may still need: "units", "time_unit"
     rate_hz: Annotated[float, Field(gt=0.0)] | None = None  # of a table without time
+    # "0.73,50": by how many seconds the clock of files beside q_nominal's is ahead at first, and how many ppm it gains;
+    # "cam.csv=0.73,50" of one
+    clock: Texts = ()
     max_gap_s: Annotated[float, Field(gt=0.0)] = 0.05  # between samples that are interpolated between
 
     @model_validator(mode="after")
@@ -143,6 +147,12 @@ class RecordingMapping(Settings):
         if self.q_encoder is not None and self.q_encoder.pose is not None and self.robot is None:
             raise ValueError("q_encoder from a pose needs robot, whose inverse kinematics it takes")
         return self
+
+    @property
+    def clocks(self) -> dict[str, tuple[float, float]]:
+        """Return how far the clocks of files are ahead [s] and what they gain, by the file; "" for any other."""
+        parts = [(text.rpartition("=")[0], clock_of(text.rpartition("=")[2])) for text in self.clock]
+        return dict(parts)
 
 
 def layout_mapping(layout: str, **words: Any) -> RecordingMapping:
