@@ -89,10 +89,17 @@ class Delay:
         return size if self.sure == "certain" else f"perhaps {size}; friction could look the same here"
 
 
-def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, about: float = 0.0) -> Delay:
+def delay_of(
+    log: MotionLog,
+    place: Sequence[int] | Integers | None = None,
+    about: float = 0.0,
+    *,
+    change_sigmas: float = _CHANGE_SIGMAS,
+) -> Delay:
     """Estimate a recording's delay near `about` [s, or rows without stamps].
 
-    `place` (n,) says which command each measurement follows; its own when None.
+    `place` (n,) says which command each measurement follows; its own when None. A change along the recording must stand
+    out by `change_sigmas`: less where two clocks are known to have been at work.
     """
     assert log.q_encoder is not None
     in_time = log.time is not None
@@ -137,7 +144,7 @@ def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, abou
     seconds, change = float(grid[best]), _NO_CHANGE
     if in_time and span > 0.0:
         apart_clocks = _Clocks(looks, motion, CERTAIN_SIGMAS**2 / worth)
-        seconds, change = apart_clocks.run_apart(seconds, grid[along], reach)
+        seconds, change = apart_clocks.run_apart(seconds, grid[along], reach, change_sigmas)
         if change[0]:
             low, high = apart_clocks.interval(seconds, change[0])
             sure = "certain" if max(low, -high) > tolerance else "none"
@@ -288,14 +295,16 @@ class _Clocks:
             total += float(np.log(np.mean(left**2) + _RESOLUTION_DEG_MM**2))
         return total
 
-    def run_apart(self, delay: float, along: Floats, reach: float) -> tuple[float, tuple[float, float, float]]:
+    def run_apart(
+        self, delay: float, along: Floats, reach: float, sigmas: float
+    ) -> tuple[float, tuple[float, float, float]]:
         """Return the delay in the middle, and its change with an interval, zero unless it is certain."""
         from scipy.stats import theilslopes
 
         slope, level, *_ = theilslopes(along, np.linspace(-0.5, 0.5, len(along)))
         starts = [(delay, aside) for aside in (*-_STEPS_ASIDE_S, *_STEPS_ASIDE_S)] + [(float(level), float(slope))]
         few = [self.cost(*start, _SCANNED_ROWS) for start in starts]
-        needed = (_CHANGE_SIGMAS / CERTAIN_SIGMAS) ** 2 * self._certain
+        needed = (sigmas / CERTAIN_SIGMAS) ** 2 * self._certain
         if self.cost(delay, 0.0, _SCANNED_ROWS) - min(few) < needed / 3.0:
             return delay, _NO_CHANGE
         one = self.cost(delay, 0.0)

@@ -20,6 +20,7 @@ from catenary.recording.import_formats.series import GAP_INTERVALS, ClockStep, S
 from catenary.recording.import_formats.table_time import TableTime, time_of
 from catenary.recording.import_formats.two_clocks import Clock, clock_by_motion
 from catenary.topics import SECOND
+from catenary.verdict.delay import TOLERANCE_S
 
 DIFFERENT_CLOCKS_S = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
 _FIRST_DATED_NS = 10**9 * SECOND  # [ns] below which stamps count from a zero of their own
@@ -67,16 +68,11 @@ class OneClock:
             found = self._clean(streams, stamps | arrivals)
         elif mapping.stamps == "arrival" and arrivals:
             self.notes.append("arrival times were taken, as asked")
-        if (clocks := self._clocks(streams, found, to_si, units)) != {}:
+        self._take(found)
+        if clocks := self._clocks(streams, to_si, units):
             origin = int(found[self.base, ""].stamp[0])
             found = self._clean(streams, stamps | {n: clocks[n].onto_base(stamps[n], origin) for n in clocks})
-        self._series = found
-        # the part that each column of a quantity is of, and its place in it
-        self._where: dict[str, list[tuple[tuple[str, str], int]]] = {}
-        for key, places in quantities.items():
-            parts = [(place.stream, key if (place.stream, key) in found else "") for place in places]
-            columns = [self._columns[part].index(place.column) for part, place in zip(parts, places, strict=True)]
-            self._where[key] = list(zip(parts, columns, strict=True))
+            self._take(found)
         series = found[self.base, ""]
         self.repeated = series.report.repeated
         table = self._tables.get(self.base)
@@ -106,54 +102,49 @@ class OneClock:
                     "how much its clock is ahead, and gains"
                 )
 
+    def _take(self, found: dict[tuple[str, str], Series]) -> None:
+        """Keep series, and of which part each column of a quantity is, with its place in it."""
+        self._series = found
+        self._where: dict[str, list[tuple[tuple[str, str], int]]] = {}
+        for key, places in self._quantities.items():
+            parts = [(place.stream, key if (place.stream, key) in found else "") for place in places]
+            columns = [self._columns[part].index(place.column) for part, place in zip(parts, places, strict=True)]
+            self._where[key] = list(zip(parts, columns, strict=True))
+
     def _clocks(
-        self,
-        streams: Mapping[str, Stream],
-        found: Mapping[tuple[str, str], Series],
-        to_si: Mapping[str, Floats],
-        units: tuple[str, ...],
+        self, streams: Mapping[str, Stream], to_si: Mapping[str, Floats], units: tuple[str, ...]
     ) -> dict[str, Clock]:
-        """Return the clocks of streams of other files than q_nominal's, given, or certain by the motion; say them."""
-
-        def file_of(name: str) -> str:  # topics of bags share a clock
-            return name if streams[name].type == "table" else ""
-
-        def samples(key: str) -> Series | None:
-            (first, *others) = {
-                (place.stream, key if (place.stream, key) in found else "") for place in self._quantities[key]
-            }
-            if others or first not in found:
-                return None
-            columns = [self._columns[first].index(place.column) for place in self._quantities[key]]
-            return replace(found[first], values=found[first].values[:, columns] * to_si[key])
-
+        """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them."""
+        # topics of bags share a clock
+        file_of = {name: name if stream.type == "table" else "" for name, stream in streams.items()}
         of: dict[str, Clock] = {}
-        base, given = samples(_BASE) if to_si else None, dict(self._mapping.clocks)
-        for name in streams:
-            file = file_of(name)
-            if file == file_of(self.base) or file in of or base is None:
-                continue
-            if (told := given.get(file, given.get(""))) is not None:
-                of[file] = Clock(*told)
-                self.notes.append(f"{file or name}: {of[file]}")
-                continue
-            for key in (key for key in ("q_encoder", "q_reported") if key in to_si):
-                its = samples(key)
-                if its is None or file_of(self._quantities[key][0].stream) != file:
-                    continue
-                apart = its.stamp[-1] < base.stamp[0] or its.stamp[0] > base.stamp[-1]
-                try:
-                    clock = clock_by_motion(base, its, units, file or name)
-                except InputError as error:
-                    if apart:
-                        raise
-                    self.notes.append(f"{error}; taken to be one with q_nominal's")
-                    continue
-                if clock.is_certain:
-                    of[file] = clock
-                    self.notes.append(f"{file or name}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
-                break
-        return {name: of[file_of(name)] for name in streams if file_of(name) in of}
+        for file in {file_of[name]: None for name in streams if file_of[name] != file_of[self.base]}:
+            given = self._mapping.clocks.get(file, self._mapping.clocks.get(""))
+            keys = [k for k in ("q_encoder", "q_reported") if k in to_si and file_of[self._where[k][0][0][0]] == file]
+            if given is not None:
+                of[file] = Clock(*given)
+                self.notes.append(f"{file or 'bag'}: {of[file]}")
+            elif keys and (clock := self._by_motion(keys[0], file or "bag", to_si, units)) is not None:
+                of[file] = clock
+                self.notes.append(f"{file or 'bag'}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
+        return {name: of[file_of[name]] for name in streams if file_of[name] in of}
+
+    def _by_motion(self, key: str, file: str, to_si: Mapping[str, Floats], units: tuple[str, ...]) -> Clock | None:
+        """Return the clock of a file that saw the joints; None where it may well be that of q_nominal's."""
+        base, its = self.samples(_BASE), self.samples(key)
+        if base is None or its is None:
+            return None
+        base, its = (replace(one, values=one.values * to_si[k]) for one, k in ((base, _BASE), (its, key)))
+        try:
+            clock = clock_by_motion(base, its, units, file)
+        except InputError as error:
+            if its.stamp[-1] < base.stamp[0] or its.stamp[0] > base.stamp[-1]:
+                raise
+            self.notes.append(f"{error}; taken to be one with q_nominal's")
+            return None
+        # two that count from zeros of their own are hardly one; of dated ones the motion must say so
+        is_dated = min(base.stamp[0], its.stamp[0]) >= _FIRST_DATED_NS
+        return clock if clock.is_certain or (not is_dated and abs(clock.ahead) > TOLERANCE_S) else None
 
     @property
     def arrivals(self) -> dict[str, tuple[float, float]]:

@@ -29,6 +29,7 @@ _MAX_DRIFT = 2e-3  # of one clock beside another
 _MAX_ROWS = 200_000  # that the delay is found by
 _GAP_S = 1.0  # [s] beyond which nothing is read between two samples
 _ROUNDS = 3
+_CHANGE_SIGMAS = 2.0  # by which the rate of a clock must differ: no two are the same
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def _refined(clock: Clock, base: Series, other: Series, units: tuple[str, ...], 
         seen = interpolate(replace(other, stamp=clock.onto_base(other.stamp, origin)), rows, gap)
         ok = np.asarray(np.isfinite(seen).all(axis=1) & np.isfinite(q).all(axis=1))
         log = MotionLog(where, nameless(n), units, np.where(ok[:, None], q, 0.0), ok, q_encoder=seen, time=time)
-        left = delay_of(log)
+        left = delay_of(log, change_sigmas=_CHANGE_SIGMAS)
         if left.sure == "unknown":
             return clock
         grows = left.change[0] / max(left.span, 1e-9)
