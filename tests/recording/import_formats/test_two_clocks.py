@@ -103,6 +103,18 @@ def test_files_of_two_computers_become_one_recording(robot: MotionLog, tmp_path:
     assert "--clock" not in " ".join(each for each in done.err.splitlines() if "refuse" in each)
 
 
+def test_tables_with_the_same_names_are_told_apart_by_their_files(robot: MotionLog, tmp_path: Path) -> None:
+    paths, out = written(tmp_path, robot, 12.0, 0.0), tmp_path / "both.parquet"
+    assert catenary("import", *paths, "--units", "rad", "--yes", "--out", out).code == 0
+    assert off(read_log(out), robot) < 0.003
+    other = paths[1].rename(tmp_path / "second.csv")  # whose name says nothing
+    asked = refusal("import", paths[0], other, "--units", "rad", "--yes", "--out", tmp_path / "asked.parquet")
+    assert "--answer q_nominal=robot:J1" in asked
+    answered = ("--answer", "q_nominal=robot:J1", "--out", tmp_path / "answered.parquet")
+    assert catenary("import", paths[0], other, "--units", "rad", *answered).code == 0
+    assert off(read_log(tmp_path / "answered.parquet"), robot) < 0.003
+
+
 def test_a_clock_that_is_given_is_taken_and_stamps_stay_as_they_are_if_it_is_none(
     robot: MotionLog, tmp_path: Path
 ) -> None:

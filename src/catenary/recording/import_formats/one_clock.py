@@ -18,7 +18,7 @@ from catenary.recording.import_formats.columns import Place, Stream
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.import_formats.series import GAP_INTERVALS, ClockStep, Series, clean_series, interpolate
 from catenary.recording.import_formats.table_time import TableTime, time_of
-from catenary.recording.import_formats.two_clocks import Clock, clock_by_motion
+from catenary.recording.import_formats.two_clocks import Clock, NothingInCommonError, clock_by_motion
 from catenary.topics import SECOND
 from catenary.verdict.delay import TOLERANCE_S
 
@@ -135,15 +135,16 @@ class OneClock:
         if base is None or its is None:
             return None
         base, its = (replace(one, values=one.values * to_si[k]) for one, k in ((base, _BASE), (its, key)))
+        # two that count from zeros of their own are hardly one; of dated ones the motion must say so
+        is_dated = min(base.stamp[0], its.stamp[0]) >= _FIRST_DATED_NS
         try:
             clock = clock_by_motion(base, its, units, file)
         except InputError as error:
-            if its.stamp[-1] < base.stamp[0] or its.stamp[0] > base.stamp[-1]:
+            apart = its.stamp[-1] < base.stamp[0] or its.stamp[0] > base.stamp[-1]
+            if apart or (isinstance(error, NothingInCommonError) and not is_dated):
                 raise
             self.notes.append(f"{error}; taken to be one with q_nominal's")
             return None
-        # two that count from zeros of their own are hardly one; of dated ones the motion must say so
-        is_dated = min(base.stamp[0], its.stamp[0]) >= _FIRST_DATED_NS
         return clock if clock.is_certain or (not is_dated and abs(clock.ahead) > TOLERANCE_S) else None
 
     @property

@@ -14,7 +14,9 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
 from catenary.recording.import_formats.series import Series, interpolate
 from catenary.topics import SECOND
+from catenary.units import DISPLAY
 from catenary.verdict.delay import CERTAIN_SIGMAS, LOOKS, TOLERANCE_S, Delay, delay_of
+from catenary.verdict.pairs import MOVED_DEG_MM
 
 _STEP_S = 0.1  # [s] of the grid on which speeds are correlated
 _SMOOTH_STEPS = 9  # of the grid, over which speeds are averaged
@@ -29,7 +31,12 @@ _MAX_DRIFT = 2e-3  # of one clock beside another
 _MAX_ROWS = 200_000  # that the delay is found by
 _GAP_S = 1.0  # [s] beyond which nothing is read between two samples
 _ROUNDS = 3
+_GIVEN = "--clock SECONDS,PPM gives its offset and rate, 0,0 where it is one with q_nominal's"
 _CHANGE_SIGMAS = 2.0  # by which the rate of a clock must differ: no two are the same
+
+
+class NothingInCommonError(InputError):
+    """Two files that both saw motion saw no motion that both have."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +82,16 @@ def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: 
     """Return the clock of `other` beside that of `base`, both of the joints' positions (M, n) [rad|m].
 
     Raises:
-        InputError: They have no motion in common, or one that repeats itself.
+        NothingInCommonError: No motion is in both.
+        InputError: Too little moves, or motion repeats itself.
     """
-    rivals = [_refined(clock, base, other, units, where) for clock in _by_speeds(base, other, where)]
+    moved = np.nanpercentile(base.values, 98.0, axis=0) - np.nanpercentile(base.values, 2.0, axis=0)
+    joints = moved * [DISPLAY[unit][1] for unit in units] > MOVED_DEG_MM
+    lasts = min(float(np.ptp(one.stamp)) / SECOND for one in (base, other))
+    if not joints.any() or lasts < _MIN_OVERLAP_S:
+        raise InputError(f"{where}: too little moves to tell its clock; {_GIVEN}")
+    ours, its = (replace(one, values=one.values[:, joints]) for one in (base, other))
+    rivals = [_refined(clock, base, other, units, where) for clock in _by_speeds(ours, its, where)]
     best, *others = sorted(rivals, key=lambda clock: np.inf if clock.delay is None else clock.delay.cost)
     if best.delay is not None:
         others = [
@@ -86,7 +100,7 @@ def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: 
     if others:
         raise InputError(
             f"{where}: the motion repeats itself: its clock may be {best.ahead:+.3f} s ahead of q_nominal's, or "
-            f"{', '.join(f'{each.ahead:+.3f}' for each in others)} s; --clock SECONDS,PPM gives its offset and rate"
+            f"{', '.join(f'{each.ahead:+.3f}' for each in others)} s; {_GIVEN}"
         )
     return best
 
@@ -125,9 +139,9 @@ def _by_speeds(base: Series, other: Series, where: str) -> list[Clock]:
     correlations, at, aheads = max(found, key=lambda each: float(each[0][0]))
     best = float(correlations[0])
     if best < _MIN_CORRELATION:
-        raise InputError(
+        raise NothingInCommonError(
             f"{where}: no motion in common with q_nominal's (speeds correlate by {best:.2f} at best): are the columns "
-            "those of the same joints, of the same recording? --clock SECONDS,PPM gives the clock's offset and rate"
+            f"those of the same joints, in this order, of the same recording? {_GIVEN}"
         )
     clocks = []
     for ahead in aheads[1.0 - correlations < _RIVAL_RATIO * (1.0 - best) + 1e-9]:
@@ -153,7 +167,7 @@ def _speeds(series: Series) -> tuple[Floats, Floats]:
     box = np.ones(_SMOOTH_STEPS) / _SMOOTH_STEPS
     speed = np.column_stack([np.gradient(np.convolve(np.interp(grid, t, c), box, "same")) for c in q.T])
     speed[:_SMOOTH_STEPS] = speed[-_SMOOTH_STEPS:] = 0.0
-    most = 5.0 * np.median(np.abs(speed[known > 0.0]), axis=0) + 1e-12  # wild rows are no motion
+    most = 2.0 * np.percentile(np.abs(speed[known > 0.0]), 99.0, axis=0) + 1e-12  # wild rows are no motion
     speed = np.clip(speed, -most, most) * known[:, None]
     return speed / np.maximum(np.sqrt((speed**2).mean(axis=0)), 1e-12), known
 
