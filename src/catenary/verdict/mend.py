@@ -22,7 +22,9 @@ _NEEDS = {
     "clock": "q_encoder",
 }  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
-MEND_KEYS = r"^(shift|delay|time_unit|(units|swap|sign|scale|offset)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
+MEND_KEYS = (
+    r"^(shift|delay|time_unit|(units|swap|sign|scale|offset|couple)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
+)
 AS_TRAINED = "corrected as the model's training data"  # how a note on them opens
 _MAX_PPM = 1e5  # of one clock beside another: no oscillator is that far off
 _TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
@@ -40,6 +42,9 @@ class Mend:
     scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
     offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add that to the column [rad, m, Nm or N]
     delay: float = 0.0  # by which the measurement lies behind the command [s]
+    # "J2/J1=0.145" each: the column of J2 becomes itself and 0.145 times that of J1 as recorded; "tau:J1/J2=-0.145"; of
+    # q_nominal, qd and q_reported go with it
+    couple: tuple[str, ...] = ()
     # "0.73,50": by which it does at the first row [s], and by how much that grows [ppm]: the sensor's clock is fast
     clock: tuple[str, ...] = ()
     shift: int = 0  # rows by which it does, of a recording without stamps
@@ -119,7 +124,7 @@ def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
     array, words = units_of(text)
     if step == "units":
         words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
-    elif step in ("swap", "sign", "scale", "offset"):
+    elif step in ("swap", "sign", "scale", "offset", "couple"):
         array = array or _default(log)
     return (f"{step}:{array}", f"{array}:{','.join(words)}") if array else (step, ",".join(words))
 
@@ -202,6 +207,18 @@ def _offset(log: MotionLog, text: str) -> MotionLog:
     for name, number in added.items():
         values[:, _joint(log, name, "--offset")] += number
     return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
+
+
+def _couple(log: MotionLog, text: str) -> MotionLog:
+    array, entries = _numbers(text, "--couple", "JOINT/JOINT=NUMBER such as J2/J1=0.145")
+    key, _ = _array(log, array, "--couple")
+    matrix = np.eye(len(log.joint_names))
+    for pair, number in entries.items():
+        row, _, column = pair.partition("/")
+        matrix[_joint(log, row, "--couple"), _joint(log, column, "--couple")] += number
+    with_it = [key] + ["q_reported", "qd"] * (key == "q_nominal")
+    coupled = {each: getattr(log, each) @ matrix.T for each in with_it if getattr(log, each) is not None}
+    return replace(log, **coupled)
 
 
 def _numbers(text: str, option: str, expected: str) -> tuple[str | None, dict[str, float]]:
@@ -324,5 +341,5 @@ def left_out_rows(log: MotionLog) -> Flags:
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
 # that stand still are told among measurements that were brought into time
-_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _offset, _clock, _delay, _shift, _leave_out)
+_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
 _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}

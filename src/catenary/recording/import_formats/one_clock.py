@@ -5,9 +5,8 @@ and read on the straight line between their two neighbours in time. Steps of the
 clocks of their own are brought onto that of q_nominal's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,9 @@ _LOST = np.iinfo(np.int64).min  # stamp of a row without time
 _BETWEEN_RECORDINGS_S = 10 * 24 * 3600  # [s] between recordings that stand one behind the other in a table
 
 
+InSi = Callable[[Floats], Floats]  # makes of a quantity's columns (N, n) joints in rad, m, Nm and N
+
+
 class OneClock:
     """Quantities of a recording at the stamps of q_nominal.
 
@@ -45,8 +47,8 @@ class OneClock:
         quantities: Mapping[str, Sequence[Place]],
         mapping: RecordingMapping,
         today: float,
-        to_si: Mapping[str, Floats] = MappingProxyType({}),  # of joints' columns, by quantity; all of them have it
-        units: tuple[str, ...] = (),  # of the joints then
+        in_si: Mapping[str, InSi],  # of joints' quantities
+        units: tuple[str, ...],  # of the joints then
     ) -> None:
         """Clean the streams, by name; those that no quantity has columns of are only reported on."""
         self._quantities, self._mapping, self._today = quantities, mapping, today
@@ -69,7 +71,7 @@ class OneClock:
         elif mapping.stamps == "arrival" and arrivals:
             self.notes.append("arrival times were taken, as asked")
         self._take(found)
-        if clocks := self._clocks(streams, to_si, units):
+        if clocks := self._clocks(streams, in_si, units):
             origin = int(found[self.base, ""].stamp[0])
             found = self._clean(streams, stamps | {n: clocks[n].onto_base(stamps[n], origin) for n in clocks})
             self._take(found)
@@ -112,7 +114,7 @@ class OneClock:
             self._where[key] = list(zip(parts, columns, strict=True))
 
     def _clocks(
-        self, streams: Mapping[str, Stream], to_si: Mapping[str, Floats], units: tuple[str, ...]
+        self, streams: Mapping[str, Stream], in_si: Mapping[str, InSi], units: tuple[str, ...]
     ) -> dict[str, Clock]:
         """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them."""
         # topics of bags share a clock
@@ -120,21 +122,21 @@ class OneClock:
         of: dict[str, Clock] = {}
         for file in {file_of[name]: None for name in streams if file_of[name] != file_of[self.base]}:
             given = self._mapping.clocks.get(file, self._mapping.clocks.get(""))
-            keys = [k for k in ("q_encoder", "q_reported") if k in to_si and file_of[self._where[k][0][0][0]] == file]
+            keys = [k for k in ("q_encoder", "q_reported") if k in in_si and file_of[self._where[k][0][0][0]] == file]
             if given is not None:
                 of[file] = Clock(*given)
                 self.notes.append(f"{file or 'bag'}: {of[file]}")
-            elif keys and (clock := self._by_motion(keys[0], file or "bag", to_si, units)) is not None:
+            elif keys and (clock := self._by_motion(keys[0], file or "bag", in_si, units)) is not None:
                 of[file] = clock
                 self.notes.append(f"{file or 'bag'}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
 
-    def _by_motion(self, key: str, file: str, to_si: Mapping[str, Floats], units: tuple[str, ...]) -> Clock | None:
+    def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> Clock | None:
         """Return the clock of a file that saw the joints; None where it may well be that of q_nominal's."""
         base, its = self.samples(_BASE), self.samples(key)
         if base is None or its is None:
             return None
-        base, its = (replace(one, values=one.values * to_si[k]) for one, k in ((base, _BASE), (its, key)))
+        base, its = (replace(one, values=in_si[k](one.values)) for one, k in ((base, _BASE), (its, key)))
         # two that count from zeros of their own are hardly one; of dated ones the motion must say so
         is_dated = min(base.stamp[0], its.stamp[0]) >= _FIRST_DATED_NS
         try:
