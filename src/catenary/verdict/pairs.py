@@ -143,6 +143,7 @@ def reversals_of(command: Floats) -> int:
 # radii of plays, as shares of a joint's range: few where they are tried again and again, as for each delay
 PLAY_RADII = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
 FINE_RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)
+_ROUNDING_DEG_MM, _WIDER_RATIO = 1e-6, 1.5
 _FOLLOWS_SHARE = 0.5  # share of a joint's full motion from which on it counts as following its command
 TRIM_SIGMAS = 6.0  # robust deviations of what is unexplained, beyond which rows are left out
 MAX_EXPLAINED_ROWS, MIN_EXPLAINED_ROWS = 1000, 80
@@ -223,4 +224,7 @@ def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats)
         return np.nan, np.nan
     late = int(np.argmax(follows >= _FOLLOWS_SHARE * follows[-1]))
     slack = 0.0 if alone >= _FOLLOWS_SHARE * follows[-1] else 2.0 * FINE_RADII[late] * size
-    return float(2.0 * np.array(FINE_RADII) @ weights), slack
+    loop = float(2.0 * np.array(FINE_RADII) @ weights)
+    spread = float(np.ptp((seen - q[rows, own])[keep]))
+    # no loop is wider than all errors together: what looks far wider is no hysteresis
+    return (min(loop, spread), slack) if loop <= _WIDER_RATIO * spread + _ROUNDING_DEG_MM else (np.nan, np.nan)
