@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from catenary.calibration.intervals import Intervals
+from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model, save_model
 from catenary.cards import stored, write_with_card
 from catenary.errors import FileFormatError
@@ -62,7 +63,7 @@ TEXTS = [(key, text) for key in ("structure", "card") for text in ("", "[1, 2]",
 GROUP = "groups.0."
 RANGE = ("valid_range.lower", "valid_range.axes", "valid_range.axis_upper")
 SHAPED = ("offset", *(f"{GROUP}{each}" for each in ("columns", "predictor.weights", *RANGE)))
-FEATURES = ("signals", "units", "play", "steps", "period", "midlines")
+FEATURES = ("signals", "units", "play", "steps", "period")
 PARTS = ("format", "signals", "groups", "target", "features", "joint_names")
 
 
@@ -211,22 +212,31 @@ def test_a_file_of_a_kind_that_is_no_longer_fitted_loads_and_says_to_fit_again(
     assert model.calibrate(LOG).tobytes() == MODEL.calibrate(LOG).tobytes()
 
 
-def test_a_file_with_midlines_is_refused_and_says_to_fit_again(path: Path) -> None:
-    midlines = [["tau:J1", "q:J1", 0.1, 1.0]]
-    with pytest.raises(FileFormatError, match="midlines of torques, which are no longer computed: fit again"):
-        load_model(altered(path, restructured(kind="hysteretic", midlines=midlines)))
-
-
-@pytest.mark.parametrize("margin", [None, "intervals.inside"])
-def test_a_file_whose_intervals_have_a_margin_of_their_own_loads(path: Path, margin: str | None) -> None:
-    widths = Intervals(0.9, np.full(3, 0.01), np.full(3, 0.03))
-    save_model(replace(MODEL, intervals=widths), CARD, path)
+def of_the_format_before(model: CalibrationModel, path: Path, **features: Any) -> Path:
+    """A file as versions before wrote it: a linear function by its own name, intervals with a margin."""
+    save_model(model, CARD, path)
     with np.load(path) as content:
         arrays = dict(content)
-    structure = json.loads(str(arrays["structure"]))
-    structure["intervals"]["margin"] = margin
-    del arrays["card"]
+    structure = json.loads(str(arrays.pop("structure")))
+    structure["format"] = "catenary.calibration.5"
+    structure["features"] |= features
+    for group in structure["groups"]:
+        group["predictor"] = {"kind": "linear", **{key: group["predictor"][key] for key in ("weights", "bias")}}
+    if structure["intervals"]:
+        structure["intervals"]["margin"] = "intervals.inside"
+    del arrays["card"], structure["adjustment"]
     write_with_card(path, arrays | {"structure": np.array(json.dumps(structure))}, CARD)
-    model, _ = load_model(path)
+    return path
+
+
+def test_a_file_with_midlines_is_refused_and_says_to_fit_again(path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"midlines of torques.* which are gone: fit again"):
+        load_model(of_the_format_before(MODEL, path, midlines=[["tau:J1", "q:J1", 0.1, 1.0]]))
+
+
+def test_a_file_of_the_format_before_loads(path: Path) -> None:
+    widths = Intervals(0.9, np.full(3, 0.01), np.full(3, 0.03))
+    model, _ = load_model(of_the_format_before(replace(MODEL, intervals=widths), path))
+    assert model.calibrate(LOG).tobytes() == MODEL.calibrate(LOG).tobytes()
     assert model.intervals is not None
     np.testing.assert_array_equal(model.intervals.outside, widths.outside)

@@ -15,7 +15,7 @@ MARGIN = 0.1
 def inside(valid: ValidRange, X: np.ndarray) -> np.ndarray:
     """Whether each row lies within both boxes."""
     flags = np.ones(len(X), dtype=bool)
-    run(valid.steps(X, flags))
+    run(valid.steps(X, flags, np.empty((len(X), 1))))
     return flags
 
 

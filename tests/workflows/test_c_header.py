@@ -476,7 +476,7 @@ def test_what_cannot_be_exported_is_refused_with_a_reason(tmp_path: Path) -> Non
     class Forest(type(group.predictor)):
         """A predictor that somebody added."""
 
-        def steps(self, X, Y):
+        def steps(self, X, Y, beyond=None):
             return [Step(trees, (X,), (Y,))]
 
     other = replace(model, groups=(replace(group, predictor=Forest(**vars(group.predictor))),))

@@ -94,20 +94,6 @@ def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
                     Y[row, k] += X[row, i] * weights[i, k]
 
 
-@compiled
-def monomials(Z: Floats, P: Floats) -> None:
-    """Write z_i, then z_i z_j with i <= j, row by row: (0, 0), (0, 1), ..., (1, 1), ..."""
-    inputs = Z.shape[1]
-    for row in range(len(Z)):
-        for i in range(inputs):
-            P[row, i] = Z[row, i]
-        at = inputs
-        for i in range(inputs):
-            for j in range(i, inputs):
-                P[row, at] = Z[row, i] * Z[row, j]
-                at += 1
-
-
 @inlined
 def exp_minus_1(v: float) -> float:
     """Return exp(v) - 1 for |v| <= 40, to a few units in the last place.
@@ -183,21 +169,14 @@ def between(X: Floats, lower: Floats, upper: Floats, inside: Flags) -> None:
 
 
 @compiled
-def errors_of_positions(q: Floats, joints: Integers, prediction: Floats) -> None:
-    """Turn predicted positions (N, m) of some joints into errors: subtract the reported ones, q (N, n)."""
-    for row in range(len(q)):
-        for k in range(len(joints)):
-            prediction[row, k] -= q[row, joints[k]]
-
-
-@compiled
 def choose(
-    prediction: Floats,  # (N, m) errors of `joints`; one that is not finite is not to be trusted
+    prediction: Floats,  # (N, m) what is predicted of `joints`; one that is not finite is not to be trusted
     known: Flags,  # (N,) whether the features are inside the valid range
     q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
     joints: Integers,  # (m,) which of the n joints
     far: Floats,  # (N, 1) see `intervals.distance`
     fade: Floats,  # (2,) from where to where on the way out a prediction becomes the fixed offset
+    adjustment: Floats,  # (4, n) share of q in a prediction; factors of its error and of q, and what is added
     offset: Floats,  # (n,) fixed offsets
     reach: Floats,  # (n,) largest errors that are believed
     lower: Floats,  # (n,) calibrated positions that are believed
@@ -208,12 +187,13 @@ def choose(
     """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted."""
     for row in range(len(q)):
         for k in range(len(joints)):
-            joint = joints[k]
-            error, position = prediction[row, k], q[row, joint] + prediction[row, k]
-            trusted = known[row] and np.isfinite(q[row, joint]) and abs(error) <= reach[joint]
-            trusted = trusted and lower[joint] <= position <= upper[joint]
-            correction[row, joint] = prediction[row, k] if trusted else offset[joint]
+            joint, position = joints[k], q[row, joints[k]]
+            error = adjustment[1, joint] * (prediction[row, k] - adjustment[0, joint] * position)
+            error += adjustment[2, joint] * position + adjustment[3, joint]
+            trusted = known[row] and np.isfinite(position) and abs(error) <= reach[joint]
+            trusted = trusted and lower[joint] <= position + error <= upper[joint]
+            correction[row, joint] = error if trusted else offset[joint]
             if trusted and far[row, 0] > fade[0]:
                 share = (far[row, 0] - fade[0]) / (fade[1] - fade[0])
-                correction[row, joint] += (share if share < 1.0 else 1.0) * (offset[joint] - prediction[row, k])
+                correction[row, joint] += (share if share < 1.0 else 1.0) * (offset[joint] - error)
             inside[row, joint] = trusted

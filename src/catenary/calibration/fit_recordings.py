@@ -17,9 +17,9 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
-from catenary.calibration.friction_states import FoundFriction
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
+from catenary.calibration.predictors import fit_linear, fit_polynomial
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -159,12 +159,15 @@ def _concluded(
     off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
     intervals, growth = None, np.ones(1)
     if validation is not None:
-        growth = model.growth(data.X)
+        plain = Intervals(run.coverage, np.ones_like(model.offset), np.ones_like(model.offset))
+        growth = replace(model, intervals=plain).correct(data.X, data.q_nominal)[2]
         intervals = estimate_intervals(validation, level=run.coverage, off_path=off_path, growth=growth)
     limits = _limits(recordings.robot, data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
-        notes = (*notes, *friction_notes(logs, options.friction))
+        coupled = ", ".join(position.removeprefix("q:") for position in model.features.friction.positions)
+        gain = f"{options.friction.gain:.0%} of their error on blocks of time is explained by it"
+        notes = (*notes, f"friction couples {coupled}: {gain}")
     if model.features.paths:
         followed = ", ".join(name.replace("q:", "") for name, *_ in model.features.paths)
         notes = (*notes, f"cables run over another joint's drum: play follows {followed}")
@@ -225,7 +228,7 @@ def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, F
         return nothing, nothing
     data = data.rows(np.isin(np.arange(len(data)), spread(len(data), _SAMPLED_ROWS)))
     linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
-    lines = [group for group in model.groups if isinstance(group.predictor, Linear)]
+    lines = [group for group in model.groups if model.kind == "linear"]
     bent = [
         fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=_PRODUCTS_RIDGE * len(data.X))
         for group in lines
@@ -261,18 +264,6 @@ def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
     upper = np.maximum(robot.upper[places], q.max(axis=0))
     limits: Floats = np.clip([lower, upper], -FARTHEST, FARTHEST)  # a joint may have none
     return limits
-
-
-def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]:
-    """Return in a sentence which joints friction couples, and the level of each of several recordings."""
-    names = [position.removeprefix("q:") for position in found.states.positions]
-    notes = [
-        f"friction couples {', '.join(names)}: {found.gain:.0%} of their error on blocks of time is explained by it"
-    ]
-    for log, logarithms in zip(logs, found.levels if len(logs) > 1 else (), strict=False):
-        levels = ", ".join(f"{name} {level:.2f}" for name, level in zip(names, np.exp(logarithms), strict=True))
-        notes.append(f"{log.name}: friction, over the recordings' mean: {levels}")
-    return notes
 
 
 # times their share of the rows, from which on rows left out carry more than their share of the error

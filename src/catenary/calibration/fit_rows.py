@@ -8,12 +8,12 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.expansion import Expansion
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, FoundCables
 from catenary.calibration.learned import BLOCKS
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.model_kinds import LEARNED, ModelKind
+from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range

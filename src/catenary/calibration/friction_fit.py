@@ -15,8 +15,7 @@ from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
-from catenary.calibration.friction_level import best_level, levels_tried
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.friction_states import FoundFriction, FrictionStates
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.searched_rows import (
@@ -27,7 +26,6 @@ from catenary.calibration.searched_rows import (
     searched_rows,
     sums_over_blocks,
 )
-from catenary.calibration.valid_range import standardisation
 from catenary.errors import InputError
 from catenary.transmission.cable_friction import CoupledFriction, coupled_friction
 
@@ -68,9 +66,6 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
         before = min(without, uncoupled, key=lambda errors: float(np.log(errors).mean()))
         if options.coupled is None and not is_gain(before, after, _MIN_COUPLING_LOG_GAIN):
             return None
-        levels = _levels(rows, joints, found) if len(recordings.logs) > 1 else np.zeros((1, len(found.directions)))
-        found = found._replace(thresholds=found.thresholds * np.exp(levels.mean(axis=0)))
-        levels -= levels.mean(axis=0)
     unit = rows.ranges[list(joints)]
     states = coupled_friction(
         unit[:, None] * found.lever * unit, found.directions / unit, found.thresholds, found.longest * unit
@@ -78,7 +73,6 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
     names = tuple(rows.joint_names[j] for j in joints)
     return FoundFriction(
         FrictionStates.of(tuple(f"q:{name}" for name in names), states),
-        tuple(map(tuple, levels.tolist())),
         float(1.0 - np.exp(np.log(after / before).mean())),
     )
 
@@ -132,7 +126,7 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
 
 def _move_together(rows: SearchedRows, joints: tuple[int, int]) -> bool:
     """Return whether both of two joints move in enough of the steps in which one does."""
-    steps = np.concatenate([np.abs(np.diff(path[:, joints], axis=0)) for path, _, _ in rows.paths])
+    steps = np.concatenate([np.abs(np.diff(path[:, joints], axis=0)) for path, _ in rows.paths])
     larger = steps.max(axis=1)
     moved = larger > 0.0
     together = steps.min(axis=1)[moved] >= _TOGETHER_RATIO * larger[moved]
@@ -162,35 +156,14 @@ def _searched(rows: SearchedRows, joints: Sequence[int]) -> tuple[CoupledFrictio
     return _friction(coupled, n), _friction(alone, n)
 
 
-def _levels(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
-    """Return the logarithm of each recording's friction, (R, m), with springs and a ridge regression shared by all.
-
-    A model is fitted at their mean: at each recording's own level it predicted the fourth of a real wrist no better.
-    """
-    recordings, tried = int(rows.recording.max()) + 1, levels_tried(len(friction.directions))
-    fixed, Y = rows.fixed[:, rows.columns(joints)], rows.error[:, list(joints)]
-    X = np.hstack([fixed, _lags(rows, joints, friction), np.eye(recordings)[rows.recording]])  # a zero of each
-    mean, scale = standardisation(X)
-    Z = (X - mean) / scale
-    W = np.linalg.solve(Z.T @ Z + MEMORY_RIDGE * np.eye(Z.shape[1]), Z.T @ (Y - Y.mean(axis=0))) / scale[:, None]
-    of_fixed, of_lags = W[: fixed.shape[1]], W[fixed.shape[1] : -recordings]
-    levels = np.zeros((recordings, tried.shape[1]))
-    for r in np.unique(rows.recording):
-        here = rows.recording == r
-        at_levels = (friction._replace(thresholds=friction.thresholds * factors) for factors in np.exp(tried))
-        left = [Y[here] - fixed[here] @ of_fixed - _lags(rows, joints, each, only=r) @ of_lags for each in at_levels]
-        levels[r] = tried[best_level(np.array(left), tried)]
-    return levels
-
-
-def _lags(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction, only: int | None = None) -> Floats:
-    """Return friction states of joints at the rows, (N, S n), of all recordings or of one."""
+def _lags(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
+    """Return friction states of joints at the rows, (N, S n)."""
 
     def states(path: Floats) -> Floats:
         lag = friction.lag(path[:, list(joints)])
         return lag.reshape(len(lag), lag.shape[1] * lag.shape[2])
 
-    return rows.of_paths(states, only)
+    return rows.of_paths(states)
 
 
 def _errors(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction | None) -> Floats:

@@ -69,7 +69,6 @@ class FoundFriction:
     """What was found of joints that friction couples."""
 
     states: FrictionStates
-    levels: Matrix  # (R, m) logarithm of each recording's friction over that of `states`, the mean of all
     gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'
 
 

@@ -19,10 +19,11 @@ from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration.expansion import DROPPED, Expansion, Terms, term_owners
-from catenary.calibration.extrapolation import Leverage, TrainedRows, leverage
+from catenary.calibration.extrapolation import TrainedRows, leverage
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.predictors import Expansion
 from catenary.calibration.spike_filter import ANY_SIZE
+from catenary.calibration.terms import DROPPED, Terms, term_owners
 from catenary.calibration.valid_range import standardisation
 
 GROUPS = (
@@ -129,7 +130,7 @@ def fit_learned(
         total = sums.of_blocks.sum(axis=0)
         of_terms = np.array([_by_term(penalties[k], groups[k]) for k in range(Y.shape[1])])
         solved = np.array([_solved(total, of_terms[k], k) for k in range(Y.shape[1])]).T
-        grown = Leverage.none(len(terms), len(joints))
+        grown = None
         if chosen:
             wanted = (Y - sums.middle) / sums.spread - zeros @ solved[len(terms) : -1]
             means = sums.mean, sums.scale
@@ -138,12 +139,7 @@ def fit_learned(
     of_zeros = zeros.mean(axis=0) @ solved[len(terms) : -1]
     weights = solved[: len(terms)] * sums.spread / sums.scale[:, None]
     bias = (solved[-1] + of_zeros) * sums.spread + sums.middle - sums.mean @ weights
-    sketch = grown.sketch[:-1] / sums.scale[:, None]
-    constants = grown.sketch[-1] - sums.mean @ sketch
-    return Expansion(
-        terms, np.ascontiguousarray(weights), bias, penalties, grown.widening, np.ascontiguousarray(sketch), constants,
-        grown.usual, grown.factor,
-    )  # fmt: skip
+    return Expansion(terms, np.ascontiguousarray(weights), bias, penalties, grown)
 
 
 def _by_term(penalties: Floats, group: Integers) -> Floats:

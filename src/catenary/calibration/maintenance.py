@@ -14,16 +14,8 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.card import sizes_of, valid_inputs
 from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
-from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_refresh import (
-    MIN_REFRESH_ROWS,
-    REFRESH_BLOCKS,
-    UNCHANGED,
-    JointChange,
-    Refreshed,
-    refresh_model,
-)
+from catenary.calibration.model_refresh import UNCHANGED, JointChange, Refreshed, refresh_model
 from catenary.calibration.recordings import Recordings
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
@@ -120,8 +112,7 @@ def refresh_with(
             )
     found = judge_recordings(model, recordings, accept=accept, learning=True, done="refreshed")
     data = usable_rows(recordings, model.features)
-    day = find_level(model, recordings, REFRESH_BLOCKS) if len(data) >= MIN_REFRESH_ROWS else None
-    refreshed = refresh_model(model, data, day)
+    refreshed = refresh_model(model, data, recordings)
     notes = (*data_notes(recordings.logs, data), *found, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)
 

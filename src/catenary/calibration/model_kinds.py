@@ -9,7 +9,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:  # help reads these records, and starts without NumPy
     from catenary.arrays import Floats
-    from catenary.calibration.model import AnyPredictor
+    from catenary.calibration.predictors import AnyPredictor
 
 
 @dataclass(frozen=True)

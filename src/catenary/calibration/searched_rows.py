@@ -34,9 +34,8 @@ class SearchedRows(NamedTuple):
     fixed: Floats  # (N, F) positions and play states, and what else the model takes
     error: Floats  # (N, n)
     block: Integers  # (N,)
-    recording: Integers  # (N,)
-    # positions (L, n) of each motion as shares of ranges, which of its rows these are, and the number of its recording
-    paths: list[tuple[Floats, Integers, int]]
+    # positions (L, n) of each motion as shares of ranges, and which of its rows these are
+    paths: list[tuple[Floats, Integers]]
     ranges: Floats  # (n,)
     joint_names: tuple[str, ...]
 
@@ -46,10 +45,9 @@ class SearchedRows(NamedTuple):
         plays = [column for column, (along, _) in self.signals.play_columns.items() if along in own]
         return np.setdiff1d(np.arange(len(self.signals.names)), plays)
 
-    def of_paths(self, state: Callable[[Floats], Floats], only: int | None = None) -> Floats:
-        """Return states (N, S) at the rows, of all recordings or one; `state` gives them for paths (L, n)."""
-        parts = [state(path)[rows] for path, rows, number in self.paths if only in (None, number)]
-        return np.concatenate(parts)
+    def of_paths(self, state: Callable[[Floats], Floats]) -> Floats:
+        """Return states (N, S) at the rows; `state` gives them for paths (L, n)."""
+        return np.concatenate([state(path)[rows] for path, rows in self.paths])
 
 
 def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) -> SearchedRows:
@@ -58,10 +56,10 @@ def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) 
     taken = joint_inputs(logs[0]) if options.inputs is None else options.inputs
     plain = FitOptions("linear", inputs=taken, play=PLAY_SHARES, cables=options.cables)
     inputs = choose_inputs(recordings, plain, held_out=held_out)
-    fixed, errors, blocks, recording, paths = [], [], [], [], []
+    fixed, errors, blocks, paths = [], [], [], []
     ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)
     scale = np.where(ranges > 0.0, ranges, 1.0)
-    for which, log in enumerate(logs):
+    for log in logs:
         if log.q_encoder is None:
             raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
         period = 0.0 if log.time is None else float(np.median(np.diff(log.time)))
@@ -78,18 +76,16 @@ def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) 
             for begin, end in zip(part.starts, [*part.starts[1:], len(part)], strict=True):
                 sampled[begin:end:every] = True
                 at = np.flatnonzero(usable[begin:end:every])
-                paths.append((part.q_nominal[begin:end:every] / scale, at, which))
+                paths.append((part.q_nominal[begin:end:every] / scale, at))
             at = np.flatnonzero(usable & sampled)
             fixed.append(X[at])
             errors.append(error[at])
-            recording.append(np.full(len(at), which))
             whole = first == 0 and last == _seen(log, held_out)
             blocks.append(
                 np.arange(len(at)) * _BLOCKS // max(1, len(at)) if whole else np.full(len(at), number % _BLOCKS)
             )
-    numbers = (np.concatenate(blocks), np.concatenate(recording))
     X, error = np.vstack(fixed), np.vstack(errors)
-    return SearchedRows(inputs.features, X, _held(X, error), *numbers, paths, scale, logs[0].joint_names)
+    return SearchedRows(inputs.features, X, _held(X, error), np.concatenate(blocks), paths, scale, logs[0].joint_names)
 
 
 def _held(X: Floats, error: Floats) -> Floats:

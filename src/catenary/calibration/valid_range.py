@@ -35,29 +35,24 @@ class ValidRange:
                 shape = (width, width) if name == "axes" else (width,)
                 object.__setattr__(self, name, as_array(name, values, shape))
 
-    def steps(self, X: Floats, inside: Flags, far: Floats | None = None, *, to_edges: bool = False) -> list[Step]:
+    def steps(self, X: Floats, inside: Flags, far: Floats, *, to_edges: bool = False) -> list[Step]:
         """Return steps that clear flags (N,) of rows of X (N, F) outside; `far` (N, 1) is for intervals.py.
 
         It is 1 at the edges with `to_edges`; else it says of both boxes alike how far training rows reach.
         """
         centred, projection = np.empty_like(X), np.empty_like(X)
         ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
-        distances: list[Step] = []
-        if far is not None:
-            middle, half = 0.5 * (self.axis_lower + self.axis_upper), 0.5 * (self.axis_upper - self.axis_lower)
-            half *= 1.0 if to_edges else self.axes_seen / self.seen
-            distances = [
-                Step(repeat, (np.zeros(1),), (far,)),
-                # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
-                Step(distance, (projection, middle - half, middle + half, np.ones(1)), (far,)),
-                Step(distance, (X, self.lower, self.upper, np.array([MAX_HALF_RANGES])), (far,)),
-            ]
+        middle, half = 0.5 * (self.axis_lower + self.axis_upper), 0.5 * (self.axis_upper - self.axis_lower)
+        half *= 1.0 if to_edges else self.axes_seen / self.seen
         return [
             Step(between, (X, self.lower, self.upper), (inside,)),
             Step(standardise, (X, self.mean, ones), (centred,)),
             Step(dense, (centred, self.axes, zeros), (projection,)),
             Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
-            *distances,
+            Step(repeat, (np.zeros(1),), (far,)),
+            # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
+            Step(distance, (projection, middle - half, middle + half, np.ones(1)), (far,)),
+            Step(distance, (X, self.lower, self.upper, np.array([MAX_HALF_RANGES])), (far,)),
         ]
 
 
