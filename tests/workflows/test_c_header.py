@@ -438,7 +438,7 @@ def test_c_carries_friction_states_bit_for_bit(tmp_path: Path) -> None:
         expected.append(memory.friction.ravel().copy())
     body = (
         "  double out[3];\n  int inside[3];\n  arm_state state;\n  arm_reset(&state);\n"
-        "LOOP  arm_correct(&state, r, r, out, inside);\n  for (i = 0; i < 36; ++i) PUT(state.friction[i]);\n"
+        "LOOP  arm_correct(&state, r, r, out, inside);\n  for (i = 0; i < 24; ++i) PUT(state.friction[i]);\n"
     )
     header = f"#include <math.h>\n{header}"
     assert_array_equal(output_of(header, body, rows, tmp_path, "C99"), np.array(expected))

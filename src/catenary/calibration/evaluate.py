@@ -160,13 +160,12 @@ def cross_validate(
     fit: Callable[[CalibrationData, Progress], CalibrationModel],
     *,
     folds: int,  # at least 2
-    recordings: bool = False,  # leave out whole recordings where there are several
     progress: Progress = silent,
 ) -> CrossValidation:
     """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled."""
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
-    block = data.blocks(folds, recordings=recordings)
+    block = data.blocks(folds)
     present = [k for k in range(folds) if (block == k).any()]
     if len(present) < 2:
         raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")

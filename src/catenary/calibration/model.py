@@ -230,7 +230,7 @@ class CalibrationModel:
     def half_widths(self, log: MotionLog) -> Floats:
         """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none."""
         log = self.matched(log)
-        X, leaping, *_ = self.features.rows(log)
+        X, leaping, _ = self.features.rows(log)
         return self.correct(X, log.q_nominal, leaping)[2]
 
     def matched(self, log: MotionLog) -> MotionLog:
