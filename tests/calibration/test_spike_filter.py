@@ -85,7 +85,7 @@ def sparse(rng: np.random.Generator, rows: int = 200) -> Floats:
 def test_play_states_soon_follow_random_targets_as_without_limits(rng: np.random.Generator) -> None:
     log = log_of(sparse(rng), None)
     X, leaping, _ = LIMITED.rows(log)
-    assert not leaping[20:].any()
+    assert leaping.mean() > 0.5  # intervals are wider
     assert_array_equal(X[50:], PLAIN.matrix(log)[50:])  # they have swept the range
 
 

@@ -68,8 +68,9 @@ def find_leaps(
             step = abs(positions[row, j] - seen[j, 0])  # NaN of the first, which is no leap
             if step > limits[j] * seen[j, 2]:
                 seen[j, 1] += 1.0
-                if seen[j, 1] < _CONFIRM_ROWS and not believed:
-                    leaping[row] = True
+                doubted = seen[j, 1] < _CONFIRM_ROWS
+                leaping[row] = leaping[row] or doubted
+                if doubted and not believed:
                     continue
             else:
                 rejected[j] += seen[j, 1]
