@@ -40,19 +40,14 @@ Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
 
 def estimate_intervals(
-    errors: CrossValidation, *, level: float = 0.9, off_path: Floats | float = 0.0, growth: Floats | float = 1.0
+    errors: CrossValidation, *, level: float = 0.9, growth: Floats | float = 1.0
 ) -> Intervals | None:
     """Return half-widths for a model from the errors of its cross-validation; None where there are too few rows.
 
     Inside the valid range they are of rows inside the ranges of the folds' models; outside, and where hardly a block
     has rows inside, of the fixed offset on all rows. Errors count over the `growth` (N, n) of the model's intervals.
-    What a model may be wrong by off its path, RMS `off_path` (n,) [rad|m], widens them, as an error of normal
-    distribution that depends on no other.
     """
-    from scipy.stats import norm
-
     check_level(level)
-    more = float(norm.ppf(0.5 + 0.5 * level)) * np.broadcast_to(off_path, errors.after_model.shape[1])
     block = time_blocks(errors.recording, level=level)
     inside, outside = [], []
     grown = np.abs(errors.after_model) / growth
@@ -64,7 +59,7 @@ def estimate_intervals(
             return None
         near = near if math.isfinite(near) else far
         outside.append(max(near, far))
-        inside.append(min(math.hypot(near, more[j]), outside[-1]))
+        inside.append(near)
     return Intervals(level, np.array(inside), np.array(outside))
 
 
@@ -75,8 +70,7 @@ def expected(
     fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
     intervals: Intervals | None,  # whose coverage is to be stated; none without
     widening: Floats | float = 1.0,  # (n,) times as large as on the blocks is an error where joints meet otherwise
-    off_path: Floats | float = 0.0,  # (n,) as for `estimate_intervals`, in the unit of the spread
-    growth: Floats | float = 1.0,  # (N, n) the same
+    growth: Floats | float = 1.0,  # (N, n) as for `estimate_intervals`
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
@@ -95,7 +89,7 @@ def expected(
     times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
-    high = np.hypot(mean * times * widening, off_path)
+    high = mean * times * widening
     stated: dict[str, Floats] = {
         "rmse_low": mean * np.minimum(1.0 / times, _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT),
         "rmse_high": high,

@@ -7,7 +7,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from catenary.arrays import Floats, spread
+from catenary.arrays import Floats
 from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
@@ -19,7 +19,6 @@ from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.predictors import fit_linear, fit_polynomial
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -34,7 +33,6 @@ from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
 
 # of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
 _MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
-_PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
 _MAX_FAR_SHARE = 0.03  # of rows, that failed measurements are
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
@@ -97,7 +95,6 @@ def fit_recordings(
     data = rows[0]
     halves = [part_of(progress, k, 2) for k in range(2)]
     model = fit(data, inputs, options, progress=halves[0])
-    notes = () if model.widening is None else _far_notes(data, model)
     validation: CrossValidation | None = None
     if run.folds:
 
@@ -105,7 +102,7 @@ def fit_recordings(
             return fit(part, inputs, options, like=model, progress=tell)
 
         validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
-    found = found._replace(notes=[*found.notes, *notes])
+    found = found._replace(notes=[*found.notes, *_far_notes(data, model)])
     return _concluded(recordings, options, run, (model, validation), found, rows)
 
 
@@ -156,12 +153,11 @@ def _concluded(
     """Return a fitted model with its intervals, errors and card."""
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
     notes = (*data_notes(logs, everything), *found.notes)
-    off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
     intervals, growth = None, np.ones(1)
     if validation is not None:
         plain = Intervals(run.coverage, np.ones_like(model.offset), np.ones_like(model.offset))
         growth = replace(model, intervals=plain).correct(data.X, data.q_nominal)[2]
-        intervals = estimate_intervals(validation, level=run.coverage, off_path=off_path, growth=growth)
+        intervals = estimate_intervals(validation, level=run.coverage, growth=growth)
     limits = _limits(recordings.robot, data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
@@ -183,20 +179,8 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
-        scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
         widening = 1.0 if model.widening is None else model.widening
-        spread = expected(
-            validation.spread, validation, data.blocks(run.folds), left, intervals, widening, scale * off_path, growth
-        )
-        doubted = [
-            f"{joint.joint} {far:.3g} {joint.unit}"
-            for joint, far in zip(spread, (scale * apart).tolist(), strict=True)
-            if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)  # which holds it: more than the rest of that
-        ]
-        if doubted:
-            told = "where joints meet that its training has apart, models that are as good on it differ by more than"
-            remedy = "record random motion" + ", or take --model linear" * options.record.is_power
-            notes = (*notes, f"{told} they err: {', '.join(doubted)}; {remedy}")
+        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, widening, growth)
         vague = [
             f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
             for joint in spread
@@ -214,43 +198,6 @@ def _concluded(
     ]
     card["left_out"] = [asdict(each) for each in left_out]
     return FitResult(model, card, data, spread, held_out, notes, left_out, logs)
-
-
-def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, Floats]:
-    """Return how much more a model may be wrong off the path that it learnt from, within its valid range, (n,) [rad|m].
-
-    A linear model of the same rows is nearly as good on the path; as one that is linear itself, one with products of
-    its inputs. How far the two lie apart where joints meet as they stood in different rows is what neither knows. The
-    first is what widens intervals, without products, which off the path bend more than joints do; then all.
-    """
-    nothing = np.zeros_like(model.offset)
-    if model.kind == "offset" or model.widening is not None:  # which says so itself
-        return nothing, nothing
-    data = data.rows(np.isin(np.arange(len(data)), spread(len(data), _SAMPLED_ROWS)))
-    linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
-    lines = [group for group in model.groups if model.kind == "linear"]
-    bent = [
-        fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=_PRODUCTS_RIDGE * len(data.X))
-        for group in lines
-    ]
-
-    def apart_on(X: Floats) -> Floats:
-        other = linear.predict(X)
-        for group, predictor in zip(lines, bent, strict=True):
-            other[:, list(group.joints)] = predictor.predict(np.ascontiguousarray(X[:, group.columns]))
-        squares: Floats = np.mean((model.correction(X, data.q_nominal[: len(X)]) - other) ** 2, axis=0)
-        return squares
-
-    owners = model.features.owners  # whose position, torque and memory go together
-    rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(owners)}
-    met = np.column_stack([column[rows[joint]] for column, joint in zip(data.X.T, owners, strict=True)])
-    met = met[model.inside(met).all(axis=1)]
-    if len(met) == 0:
-        return nothing, nothing
-    apart = np.sqrt(np.maximum(apart_on(met) - apart_on(data.X), 0.0))
-    widening = apart.copy()
-    widening[[joint for group in lines for joint in group.joints]] = 0.0
-    return widening, apart
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
