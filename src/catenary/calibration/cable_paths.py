@@ -47,7 +47,7 @@ class _Search:
         own = rows.fixed[:, rows.signals.names.index(f"q:{rows.joint_names[joint]}")]
         z = (own - own.mean()) / own.std()
         beside = np.column_stack([rows.fixed[:, rows.columns([joint])], *(z**power for power in _POWERS)])
-        self._sums = SumsBeside(beside, rows.error[:, joint], rows.block)
+        self._sums = SumsBeside(beside, rows.error[:, [joint]], rows.block)
         self._before = self._errors(0, 0.0, PLAY_SHARES)
 
     def found(self) -> FoundCables:

@@ -18,14 +18,7 @@ from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.friction_states import FoundFriction, FrictionStates
 from catenary.calibration.recordings import Recordings
-from catenary.calibration.searched_rows import (
-    MIN_ROWS,
-    SearchedRows,
-    errors_on_blocks,
-    is_gain,
-    searched_rows,
-    sums_over_blocks,
-)
+from catenary.calibration.searched_rows import MIN_ROWS, SearchedRows, SumsBeside, is_gain, searched_rows
 from catenary.errors import InputError
 from catenary.transmission.cable_friction import CoupledFriction, coupled_friction
 
@@ -41,6 +34,24 @@ _MIN_COUPLING_LOG_GAIN = 0.08  # in the logarithm of the error: pairs of drawn a
 _TOGETHER_RATIO, _MIN_TOGETHER_SHARE = 0.2, 0.1
 _MIN_START_LOG_GAIN = 0.02  # where the search begins: pairs that gain less are not searched
 _COUPLING_RIDGE = 1e-4  # weight on squared couplings
+
+
+class _Errors:
+    """Errors of joints with friction states, or with play states in their place."""
+
+    def __init__(self, rows: SearchedRows, joints: Sequence[int]) -> None:
+        self._rows, self._joints, Y = rows, list(joints), rows.error[:, list(joints)]
+        self._beside = SumsBeside(rows.fixed[:, rows.columns(joints)], Y, rows.block)
+        self.of_play = SumsBeside(rows.fixed, Y, rows.block).errors(rows.fixed[:, :0])  # (K, n)
+
+    def __call__(self, friction: CoupledFriction) -> Floats:
+        """Return RMSE of joints on each block by a ridge regression on the others, (K, n)."""
+
+        def states(path: Floats) -> Floats:
+            lag = friction.lag(path[:, self._joints])
+            return lag.reshape(len(lag), lag.shape[1] * lag.shape[2])
+
+        return self._beside.errors(self._rows.of_paths(states))
 
 
 def find_friction(recordings: Recordings, options: FitOptions, *, held_out: float = 0.0) -> FoundFriction | None:
@@ -61,9 +72,10 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
             joints = _best_pair(rows)
         if not joints:
             return None
-        found, alone = _searched(rows, joints)
-        without, uncoupled, after = (_errors(rows, joints, each) for each in (None, alone, found))
-        before = min(without, uncoupled, key=lambda errors: float(np.log(errors).mean()))
+        errors_of = _Errors(rows, joints)
+        found, alone = _searched(errors_of, len(joints))
+        after = errors_of(found)
+        before = min(errors_of.of_play, errors_of(alone), key=lambda errors: float(np.log(errors).mean()))
         if options.coupled is None and not is_gain(before, after, _MIN_COUPLING_LOG_GAIN):
             return None
     unit = rows.ranges[list(joints)]
@@ -115,10 +127,10 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
     for joints in combinations(moving, 2):
         if not _move_together(rows, joints):
             continue
-        alone = (None, _friction(_start(2, 0.0), 2))
-        before = min(np.log(_errors(rows, joints, each)).mean() for each in alone)
+        errors_of = _Errors(rows, joints)
+        before = min(np.log(each).mean() for each in (errors_of.of_play, errors_of(_friction(_start(2, 0.0), 2))))
         for coupling in (_START_COUPLING, -_START_COUPLING):
-            gain = before - np.log(_errors(rows, joints, _friction(_start(2, coupling), 2))).mean()
+            gain = before - np.log(errors_of(_friction(_start(2, coupling), 2))).mean()
             if gain > best:
                 best, pair = gain, joints
     return pair
@@ -133,13 +145,12 @@ def _move_together(rows: SearchedRows, joints: tuple[int, int]) -> bool:
     return bool(together.any()) and float(together.mean()) >= _MIN_TOGETHER_SHARE
 
 
-def _searched(rows: SearchedRows, joints: Sequence[int]) -> tuple[CoupledFriction, CoupledFriction]:
-    """Return the friction that predicts joints best, and the same without what couples them."""
-    n = len(joints)
+def _searched(errors_of: _Errors, n: int) -> tuple[CoupledFriction, CoupledFriction]:
+    """Return the friction that predicts n joints best, and the same without what couples them."""
     springs = n * (n + 1) // 2 - 1
 
     def loss(parameters: Floats) -> float:
-        errors = _errors(rows, joints, _friction(np.clip(parameters, -5.0, 5.0), n))
+        errors = errors_of(_friction(np.clip(parameters, -5.0, 5.0), n))
         return float(
             0.5 * np.log(np.square(errors).mean(axis=0)).mean()
             + _COUPLING_RIDGE * np.square(parameters[:springs]).sum()
@@ -154,21 +165,3 @@ def _searched(rows: SearchedRows, joints: Sequence[int]) -> tuple[CoupledFrictio
     alone = coupled.copy()
     alone[:springs][(first != second)[1:]] = 0.0
     return _friction(coupled, n), _friction(alone, n)
-
-
-def _lags(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
-    """Return friction states of joints at the rows, (N, S n)."""
-
-    def states(path: Floats) -> Floats:
-        lag = friction.lag(path[:, list(joints)])
-        return lag.reshape(len(lag), lag.shape[1] * lag.shape[2])
-
-    return rows.of_paths(states)
-
-
-def _errors(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction | None) -> Floats:
-    """Return RMSE of joints on each block by a ridge regression on the others, (K, n); with friction or without."""
-    X = rows.fixed
-    if friction is not None:
-        X = np.hstack([X[:, rows.columns(joints)], _lags(rows, joints, friction)])
-    return errors_on_blocks(*sums_over_blocks(X, rows.error[:, list(joints)], rows.block))

@@ -116,40 +116,24 @@ def _windows(rows: int, recordings: int, every: int) -> list[tuple[int, int, int
 
 
 class SumsBeside:
-    """Sums of products over each block of some columns (N, F) and an output (N,), to which others are added."""
+    """Sums of products over each block of some columns (N, F) and outputs (N, m), to which others are added."""
 
-    def __init__(self, X: Floats, y: Floats, block: Integers) -> None:
+    def __init__(self, X: Floats, Y: Floats, block: Integers) -> None:
+        mean, scale = standardisation(X)
+        columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
         self._rows = [np.flatnonzero(block == k) for k in np.unique(block)]
-        self._parts = _parts(X, y[:, None], block)
-        self._sums = [part.T @ part for part in self._parts]
+        self._parts = [columns[rows] for rows in self._rows]
+        self._sums, self._own = [part.T @ part for part in self._parts], X.shape[1]
 
     def errors(self, P: Floats) -> Floats:
-        """Return RMSE on each block (K, 1) of a regression on all others, with columns P (N, C) added."""
+        """Return RMSE on each block (K, m) of a regression on all others, with columns P (N, C) added."""
         mean, scale = standardisation(P)
-        P = (P - mean) / scale
-        sums = []
+        P, sums = (P - mean) / scale, []
         for rows, part, own in zip(self._rows, self._parts, self._sums, strict=True):
             across = P[rows].T @ part
             sums.append(np.block([[P[rows].T @ P[rows], across], [across.T, own]]))
-        return errors_on_blocks(np.array(sums), 1)
-
-
-def sums_over_blocks(X: Floats, Y: Floats, block: Integers) -> tuple[Floats, int]:
-    """Return sums of products of standardised columns, a one and Y over each block, (K, F + 1 + m, ...), and m."""
-    return np.array([part.T @ part for part in _parts(X, Y, block)]), Y.shape[1]
-
-
-def _parts(X: Floats, Y: Floats, block: Integers) -> list[Floats]:
-    """Return standardised columns, a one and Y of each block's rows."""
-    mean, scale = standardisation(X)
-    columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
-    return [columns[block == k] for k in np.unique(block)]
-
-
-def errors_on_blocks(sums: Floats, m: int) -> Floats:
-    """Return RMSE on each block of a regression on all others, (K, m), from `sums_over_blocks`."""
-    squares = squares_left_out(sums, np.full(sums.shape[1] - m - 1, MEMORY_RIDGE))
-    return np.sqrt(np.maximum(squares, 1e-30))
+        squares = squares_left_out(np.array(sums), np.full(P.shape[1] + self._own, MEMORY_RIDGE))
+        return np.sqrt(np.maximum(squares, 1e-30))
 
 
 def is_gain(before: Floats, after: Floats, least: float = MIN_LOG_GAIN) -> bool:
