@@ -43,7 +43,7 @@ _SWEEPS = 2
 _LARGER_UP_TO, _SMALLER_BELOW = 1.02, 0.98  # times the least mean square: more ridge may cost this, less must gain it
 BLOCKS = 6
 _FAR_DEVIATIONS = 8.0  # robust deviations of a joint's errors, beyond which a row weighs less
-_REWEIGHTINGS = 3
+_REWEIGHTINGS, _COLUMNS = 3, 64
 _POSITION_LIMIT, _LOAD_LIMIT = 1.15, 4.0  # half ranges; standard deviations
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: of fewer, each has a zero of its own by chance
@@ -148,14 +148,17 @@ def _by_term(penalties: Floats, group: Integers) -> Floats:
 
 
 def _weighted_sums(Z: Floats, zeros: Floats, Y: Floats, block: Integers, groups: Integers) -> _Sums:
-    """Return sums over blocks, of rows that weigh less the farther they are from a first fit."""
-    mean, scale = standardisation(Z)
+    """Return sums over blocks, of rows that weigh less the farther from a first fit; terms Z (N, C) are spent."""
+    # some columns at a time: all take as much memory again
+    parts = [standardisation(Z[:, k : k + _COLUMNS]) for k in range(0, Z.shape[1], _COLUMNS)]
+    mean, scale = np.concatenate(parts, axis=1)
     middle = np.median(Y, axis=0)
     spread = np.maximum(1.4826 * np.median(np.abs(Y - middle), axis=0), _RESOLUTION_SI)
-    Z = np.hstack([(Z - mean) / scale, zeros, np.ones((len(Z), 1)), (Y - middle) / spread])
+    Z -= mean
+    Z /= scale
+    Z = np.hstack([Z, zeros, np.ones((len(Z), 1)), (Y - middle) / spread])
     m, names = Y.shape[1], np.unique(block)
-    parts = [Z[block == k] for k in names]
-    of_blocks = np.array([part.T @ part for part in parts])
+    of_blocks = np.array([part.T @ part for part in (Z[block == k] for k in names)])
     weight = np.ones(len(Z))
     for _ in range(_REWEIGHTINGS):
         total = of_blocks.sum(axis=0)

@@ -209,12 +209,17 @@ def _columns(log: MotionLog) -> dict[str, tuple[NDArray[Any], str]]:
 
 def read_parquet(path: Path) -> MotionLog:
     """Read a log that `write_parquet` wrote."""
+    from pyarrow import default_memory_pool
+
     from catenary.recording.parquet_files import open_parquet
 
     try:
         file = open_parquet(path)
         stated = _stated(path, file.metadata.metadata or {})
         columns = _read_columns(path, file)
+        units = {field.name: (field.metadata or {}).get(b"unit", b"") for field in file.schema_arrow}
+        del file
+        default_memory_pool().release_unused()
     except FileFormatError as error:
         if "cannot be read as Parquet" not in str(error):
             raise
@@ -241,10 +246,7 @@ def read_parquet(path: Path) -> MotionLog:
         time=columns.pop("time", None),
         **joints,
         signals=columns,
-        signal_units={
-            name: (file.schema_arrow.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
-            for name in columns
-        },
+        signal_units={name: units[name].decode(errors="replace") for name in columns},
         sha256=sha256_of(path),
         settled={"units": (), "time_unit": (), **stated.settled},
         **{key: getattr(stated, key) for key in _Stated.model_fields if key not in ("format", "settled")},
@@ -253,7 +255,7 @@ def read_parquet(path: Path) -> MotionLog:
 
 def _read_columns(path: Path, file: Any) -> dict[str, NDArray[Any]]:
     """Return the columns of an open Parquet file, read in pieces: Arrow keeps as much memory as it reads at once."""
-    from pyarrow import default_memory_pool, types
+    from pyarrow import types
 
     from catenary.recording.parquet_files import ARROW
 
@@ -275,7 +277,6 @@ def _read_columns(path: Path, file: Any) -> dict[str, NDArray[Any]]:
                     raise FileFormatError(f"{path}: column {cut(field.name)} lacks {values.null_count} of its numbers")
                 columns[field.name][first : first + len(piece)] = values.to_numpy(zero_copy_only=False)
             first += len(piece)
-    default_memory_pool().release_unused()
     return columns
 
 

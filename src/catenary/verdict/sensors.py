@@ -103,10 +103,10 @@ def filled_findings(log: MotionLog) -> list[Finding]:
     rows = np.flatnonzero(log.ok)
     if log.q_encoder is None or len(rows) < _WINDOW_ROWS[0]:
         return []
-    q, m = log.q_nominal[rows], log.q_encoder[rows]
+    q, m = (x if len(rows) == len(x) else x[rows] for x in (log.q_nominal, log.q_encoder))
     fine = [j for j, x in enumerate(m.T) if _step_of(x) is None]  # on a grid, three rows lie on lines often
     stamps = [rows.astype(float), *([] if log.time is None else [log.time[rows]])]
-    m = m[:, fine]
+    m = m[:, fine] if len(fine) < m.shape[1] else m
     moves = _largest((x[2:] - x[:-2] for x in m.T), len(m) - 2)
     ways = [("are on straight lines between others", _off_lines(m, at), _off_lines(q, at)) for at in stamps]
     off = _largest(((x - q[:, j])[1:-1] for x, j in zip(m.T, fine, strict=True)), len(m) - 2)
@@ -257,13 +257,15 @@ def _told_apart(score: Floats, missing: Flags) -> float:
 def _every_row(log: MotionLog) -> tuple[Floats, Flags]:
     """Return commands of all rows, those that stamps show to be absent included, and which have no measurement."""
     steps = np.diff([] if log.time is None else log.time)
-    q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
-    off, way = np.diff(q, n=2, axis=0) / 2.0, np.diff(q, axis=0)  # of a row that lay halfway between its neighbours
-    if not (steps > 0.0).any() or np.linalg.norm(off) > _SMOOTH_SHARE * np.linalg.norm(way):
-        return log.q_nominal, ~log.ok
-    counted = steps / np.median(steps[steps > 0.0])
+    counted = steps / np.median(steps[steps > 0.0]) if (steps > 0.0).any() else np.zeros(0)
     # steps of untouched recordings go up to 1.7 usual ones; across longer gaps commands are not known
     absent = np.where((counted > _ABSENT_STEPS) & (counted < GAP_STEPS), np.rint(counted) - 1.0, 0.0).astype(int)
+    if not absent.any():
+        return log.q_nominal, ~log.ok
+    q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
+    off, way = np.diff(q, n=2, axis=0) / 2.0, np.diff(q, axis=0)  # of a row that lay halfway between its neighbours
+    if np.linalg.norm(off) > _SMOOTH_SHARE * np.linalg.norm(way):
+        return log.q_nominal, ~log.ok
     after = np.repeat(np.arange(len(steps)), absent + 1)  # the row that each one follows, or is
     share = (np.arange(len(after)) - np.searchsorted(after, after)) / (absent + 1)[after]
     between = (1.0 - share)[:, None] * log.q_nominal[after] + share[:, None] * log.q_nominal[after + 1]
