@@ -12,7 +12,6 @@ from sklearn.neural_network import MLPRegressor
 from catenary.calibration import neural
 from catenary.calibration.neural import (
     PAPER,
-    PAPER_LARGER,
     NetworkSettings,
     Penalties,
     TrainedNetwork,
@@ -21,6 +20,7 @@ from catenary.calibration.neural import (
     tanh_units,
 )
 from catenary.calibration.predictors import Network
+from papers.calibration.figure_8 import PAPER_LARGER
 
 SMALL = NetworkSettings((8,), "tanh", 1e-4, 1e-2, 64, 20)
 SHORT = pytest.mark.parametrize("settings", [replace(PAPER, epochs=5)], ids=["paper"])

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.arithmetic import run
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.valid_range import ValidRange, fit_valid_range
+from catenary.kernels.bind import run
 from recordings import fitted
 from tests.truth.recordings import raven
 

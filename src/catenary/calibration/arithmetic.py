@@ -5,48 +5,10 @@ was evaluated with: every output is summed in the order of its inputs, however m
 Only +, -, *, / and comparisons occur, each rounded as IEEE 754 says, so the bits do not depend on the machine either.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers
-from catenary.kernels.bind import bind
 from catenary.kernels.compiled import compiled, inlined
-
-_BLOCK_NUMBERS = 100_000  # of an array between two steps: more would not stay in the cache
-
-
-class Step(NamedTuple):
-    """A compiled function and the arrays that it runs on: `function(*inputs, *outputs)`."""
-
-    function: Callable[..., None]
-    inputs: tuple[NDArray[Any], ...]  # read only
-    outputs: tuple[NDArray[Any], ...]  # written, or read and written
-
-
-def run(steps: Sequence[Step]) -> None:
-    """Run steps one after the other."""
-    for step in steps:
-        step.function(*step.inputs, *step.outputs)
-
-
-def bound(steps: Sequence[Step]) -> Callable[[], None]:
-    """Return a call without arguments that runs steps on their arrays, which are checked once, now."""
-    calls = [bind(*step) for step in steps]
-
-    def tick() -> None:
-        for call in calls:
-            call()
-
-    return tick
-
-
-def blocks(rows: int, width: int) -> list[slice]:
-    """Return consecutive slices of rows, short enough that arrays of `width` columns stay in the processor's cache."""
-    at_once = max(1, _BLOCK_NUMBERS // max(1, width))
-    return [slice(first, min(first + at_once, rows)) for first in range(0, rows, at_once)]
 
 
 @compiled

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Flags, Floats
-from catenary.calibration.arithmetic import bound
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
+from catenary.kernels.bind import bound
 from catenary.plant import UNUSED_CHANNEL, Joints, JointState, places_of
 
 _STATE_GROUPS = ("q", "qd", "tau")  # of a joint state, one after the other

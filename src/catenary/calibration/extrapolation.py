@@ -20,6 +20,7 @@ from catenary.arrays import Floats, Integers, spread
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.predictors import Leverage
 from catenary.calibration.terms import DROPPED, Terms
+from catenary.calibration.valid_range import standardisation
 
 _NORMAL_90 = 1.6449  # standard deviations about the mean that hold 90 % of a normal distribution
 _SKETCHES = 32
@@ -28,7 +29,7 @@ _ROWS, _ASKED_EVERY = 6_000, 5  # rows that are left out, and one in so many tha
 _LARGEST_SHARE, _MIN_LEFT_OUT = 0.6, 50  # of the rows, that a part may hold; rows
 _MET_ROWS = 1000
 _STANDING_SHARE, _LEAST_MOVING = 0.02, 0.05  # of the fastest steps; share of rows
-_EPSILON = 1e-6  # rows: a constant is hardly held
+_EPSILON, _LEAST_RIDGE = 1e-6, 1.0  # rows: a constant is hardly held
 _BEYOND, _LEAST, _MOST = 2.0, 8.0, 20.0  # of the factor; set on simulated RAVEN-IIs and drawn arms of even seeds
 
 
@@ -120,6 +121,13 @@ def leverage(
     of_terms = np.ascontiguousarray(sketch[:-1] / means[1][:, None])
     widening = np.maximum(np.sqrt(met / fitted_to), 1.0)
     return Leverage(of_terms, sketch[-1] - means[0] @ of_terms, usual, factor, widening)
+
+
+def leverage_of(rows: TrainedRows, terms: Terms, Y: Floats, ridge: float, block: Integers) -> Leverage:
+    """Return the leverage of a regression of outputs Y (N, m) whose rows weigh alike, as all its terms do."""
+    Z, (middle, scale) = terms.of(rows.X), standardisation(Y)
+    penalties = np.full((Y.shape[1], Z.shape[1]), max(ridge, _LEAST_RIDGE))
+    return leverage(rows, terms, standardisation(Z), (Y - middle) / scale, np.ones(len(Y)), penalties, block)
 
 
 class _Regression:

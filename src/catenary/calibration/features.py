@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Flags, Floats, Integers
-from catenary.calibration.arithmetic import Step, run
 from catenary.calibration.friction_states import FrictionStates, rub
 from catenary.calibration.spike_filter import ANY_SIZE, find_leaps, room_of
 from catenary.config import IN_FILES
 from catenary.errors import InputError
+from catenary.kernels.bind import Step, run
 from catenary.kernels.compiled import compiled, inlined
 from catenary.plant import MotionLog
 from catenary.units import TORQUE_UNIT

@@ -8,7 +8,7 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.extrapolation import TrainedRows, leverage
+from catenary.calibration.extrapolation import TrainedRows, leverage_of
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, FoundCables
 from catenary.calibration.learned import BLOCKS
@@ -17,7 +17,7 @@ from catenary.calibration.model_kinds import LEARNED, ModelKind
 from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
-from catenary.calibration.valid_range import fit_valid_range, standardisation
+from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.side_by_side import Progress, part_of, silent
@@ -118,14 +118,8 @@ def fit(
             penalties=chosen.penalties if isinstance(chosen, Expansion) else None,
         )  # fmt: skip
         if isinstance(predictor, Expansion) and predictor.leverage is None and like is None and kind.name != "offset":
-            Z = predictor.terms.of(X)
-            middle, scale = standardisation(Y[:, joints])
-            names = [data.joint_names[j] for j in joints]
-            ridge = np.full((len(joints), Z.shape[1]), max(options.ridge_used or 0.0, 1.0))
-            known = leverage(
-                TrainedRows(X, [*columns.tolist()], inputs.features, names), predictor.terms, standardisation(Z),
-                (Y[:, joints] - middle) / scale, np.ones(len(X)), ridge, data.blocks(BLOCKS),
-            )  # fmt: skip
+            trained = TrainedRows(X, columns.tolist(), inputs.features, [data.joint_names[j] for j in joints])
+            known = leverage_of(trained, predictor.terms, Y[:, joints], options.ridge_used or 0.0, data.blocks(BLOCKS))
             predictor = replace(predictor, leverage=known)
         watched = columns[~inputs.features.bounded[columns]]
         margin = extrapolation(kind, inputs.features, columns)

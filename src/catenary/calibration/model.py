@@ -9,7 +9,6 @@ from pydantic import Field
 
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Step
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
 from catenary.calibration.model_kinds import LEARNED
@@ -19,6 +18,7 @@ from catenary.calibration.valid_range import ValidRange
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.config import IN_FILES
 from catenary.errors import InputError
+from catenary.kernels.bind import Step, blocks, run
 from catenary.plant import MotionLog
 from catenary.verdict.mend import MEND_KEYS
 
@@ -162,9 +162,9 @@ class CalibrationModel:
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         width = max(X.shape[1], *(group.predictor.width for group in self.groups))
-        for rows in arithmetic.blocks(len(X), width):
+        for rows in blocks(len(X), width):
             outputs = (correction[rows], inside[rows], interval[rows])
-            arithmetic.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
+            run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
 
     def steps(

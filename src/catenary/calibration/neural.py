@@ -5,7 +5,7 @@ schedule of the learning rate for Adam.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -202,14 +202,7 @@ class NetworkSettings:
 # Peng et al., section IV-B: two hidden layers of 100 sigmoid units, mean squared error, L2 5e-4 on the kernels,
 # Adam 1e-3 (0.9, 0.999), batch 1024, 200 epochs. Not stated, and as in the first author's public code of a companion
 # study (RAVEN-2-Feature-Ablation): inputs and outputs are standardised, penalties are on hidden layers alone.
-_HIDDEN_ONLY = Penalties(output=False)
-PAPER = NetworkSettings((100, 100), "logistic", 5e-4, 1e-3, 1024, 200, penalties=_HIDDEN_ONLY)
-# Section II-H, for all 138 columns of the robot's state: kernel L1 1e-5 and L2 1e-4, bias L2 1e-4, activity L2 1e-5. It
-# is not stated of which layers: here of the hidden ones.
-PAPER_LARGER = NetworkSettings(
-    (600, 500, 400), "logistic", 1e-4, 1e-3, 1024, 200,
-    penalties=replace(_HIDDEN_ONLY, l1=1e-5, bias_l2=1e-4, activity_l2=1e-5),
-)  # fmt: skip
+PAPER = NetworkSettings((100, 100), "logistic", 5e-4, 1e-3, 1024, 200, penalties=Penalties(output=False))
 
 
 def fit_neural(X: Floats, Y: Floats, settings: NetworkSettings, *, seed: int, progress: Progress = silent) -> Network:

@@ -15,11 +15,11 @@ from pydantic import Field
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Step
 from catenary.calibration.terms import Terms
 from catenary.calibration.valid_range import standardisation
 from catenary.cards import StoredFloats
 from catenary.errors import InputError
+from catenary.kernels.bind import Step, blocks, run
 from catenary.kernels.compiled import compiled
 
 Activation = Literal["logistic", "tanh"]
@@ -60,8 +60,8 @@ class Predictor(ABC):
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))
-        for rows in arithmetic.blocks(len(X), self.width):
-            arithmetic.run(self.steps(X[rows], Y[rows]))
+        for rows in blocks(len(X), self.width):
+            run(self.steps(X[rows], Y[rows]))
         return Y
 
     def _keep(self, shapes: Mapping[str, tuple[int | None, ...]]) -> None:

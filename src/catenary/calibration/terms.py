@@ -13,11 +13,11 @@ from typing import Self
 import numpy as np
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Step, exp_minus_1, within
+from catenary.calibration.arithmetic import exp_minus_1, within
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.errors import InputError
+from catenary.kernels.bind import Step, run
 from catenary.kernels.compiled import compiled, inlined
 
 TURNS = 3  # multiples of an angle
@@ -70,7 +70,7 @@ class Terms:
     def of(self, X: Floats) -> Floats:
         """Return the terms (N, C) of features X (N, F)."""
         Z = np.empty((len(X), len(self)))
-        arithmetic.run([self.step(np.ascontiguousarray(X), Z)])
+        run([self.step(np.ascontiguousarray(X), Z)])
         return Z
 
 

@@ -7,9 +7,10 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Flags, Floats, as_array
-from catenary.calibration.arithmetic import Step, between, dense, repeat, standardise
+from catenary.calibration.arithmetic import between, dense, repeat, standardise
 from catenary.calibration.intervals import MAX_HALF_RANGES, distance
 from catenary.cards import StoredFloats
+from catenary.kernels.bind import Step
 
 MIN_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
