@@ -8,16 +8,16 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Flags, Floats, as_array
-from catenary.calibration import arithmetic
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
 from catenary.calibration.model_kinds import LEARNED
 from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.spike_filter import ANY_SIZE
-from catenary.calibration.valid_range import ValidRange
+from catenary.calibration.valid_range import ValidRange, choose
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.config import IN_FILES
 from catenary.errors import InputError
+from catenary.kernels import rows as arithmetic
 from catenary.kernels.bind import Step, blocks, run
 from catenary.plant import MotionLog
 from catenary.verdict.mend import MEND_KEYS
@@ -192,7 +192,7 @@ class CalibrationModel:
             steps += group.steps(X, known, prediction, far, beyond, fades)
             fade = np.array([_FADES_FROM, 1.0] if fades else [ANY_SIZE, 2.0 * ANY_SIZE])
             chosen_from = (prediction, known, q, joints, far, fade, adjustment, self.offset, *believed)
-            steps.append(Step(arithmetic.choose, chosen_from, (correction, inside)))
+            steps.append(Step(choose, chosen_from, (correction, inside)))
             if interval is not None and self.intervals is not None:
                 seen, factor = group.valid_range.seen, np.zeros(len(joints)) if leverage is None else leverage.factor
                 reach = fade if fades else np.array([seen, 0.5 * (seen + 1.0)])

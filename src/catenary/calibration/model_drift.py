@@ -121,7 +121,8 @@ def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor:
             CardStretch(name, 0, last_date(card), card["rows"], tuple(errors.tolist()), None, beyond, *of_arm)
         )
     judged = f"RMSE beyond {factor:g} times that of the first card, {cards[0][0]}"
-    return DriftFound(*zip(*joints[0], strict=True), tuple(stretches), judged)
+    names, units = zip(*joints[0], strict=True)
+    return DriftFound(names, units, tuple(stretches), judged)
 
 
 def since_in_words(found: DriftFound) -> list[str]:

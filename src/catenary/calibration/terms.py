@@ -13,12 +13,12 @@ from typing import Self
 import numpy as np
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration.arithmetic import exp_minus_1, within
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.errors import InputError
 from catenary.kernels.bind import Step, run
 from catenary.kernels.compiled import compiled, inlined
+from catenary.kernels.rows import exp_minus_1, within
 
 TURNS = 3  # multiples of an angle
 _FIRST_WAVE, LAST_WAVE = 4, 12  # half periods over the range: longer waves are as good as powers

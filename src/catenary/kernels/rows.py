@@ -1,4 +1,4 @@
-"""The arithmetic of calibration models: small compiled functions of rows of numbers.
+"""Arithmetic of rows of numbers: small compiled functions, such as models in a loop take one after the other.
 
 A tick of the control loop is a batch of one row. Both run these functions, so a deployed model gives the bits that it
 was evaluated with: every output is summed in the order of its inputs, however many rows or columns lie beside it.
@@ -128,34 +128,3 @@ def between(X: Floats, lower: Floats, upper: Floats, inside: Flags) -> None:
     for row in range(len(X)):
         for k in range(len(lower)):
             inside[row] &= (X[row, k] >= lower[k]) & (X[row, k] <= upper[k])
-
-
-@compiled
-def choose(
-    prediction: Floats,  # (N, m) what is predicted of `joints`; one that is not finite is not to be trusted
-    known: Flags,  # (N,) whether the features are inside the valid range
-    q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
-    joints: Integers,  # (m,) which of the n joints
-    far: Floats,  # (N, 1) see `intervals.distance`
-    fade: Floats,  # (2,) from where to where on the way out a prediction becomes the fixed offset
-    adjustment: Floats,  # (4, n) share of q in a prediction; factors of its error and of q, and what is added
-    offset: Floats,  # (n,) fixed offsets
-    reach: Floats,  # (n,) largest errors that are believed
-    lower: Floats,  # (n,) calibrated positions that are believed
-    upper: Floats,  # (n,)
-    correction: Floats,  # (N, n) receives them
-    inside: Flags,  # (N, n) receives whether each is a prediction
-) -> None:
-    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted."""
-    for row in range(len(q)):
-        for k in range(len(joints)):
-            joint, position = joints[k], q[row, joints[k]]
-            error = adjustment[1, joint] * (prediction[row, k] - adjustment[0, joint] * position)
-            error += adjustment[2, joint] * position + adjustment[3, joint]
-            trusted = known[row] and np.isfinite(position) and abs(error) <= reach[joint]
-            trusted = trusted and lower[joint] <= position + error <= upper[joint]
-            correction[row, joint] = error if trusted else offset[joint]
-            if trusted and far[row, 0] > fade[0]:
-                share = (far[row, 0] - fade[0]) / (fade[1] - fade[0])
-                correction[row, joint] += (share if share < 1.0 else 1.0) * (offset[joint] - error)
-            inside[row, joint] = trusted
