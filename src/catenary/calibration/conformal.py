@@ -7,10 +7,9 @@ blocks nearly are. The half-width is that of hierarchical conformal prediction (
 2306.06342; Dunn, Wasserman and Ramdas, JASA 118, 2023): the quantile of the scores in which each of K blocks weighs
 1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
 
-Were blocks exchangeable and the model that of the scores, a row of a new block would lie within the half-width with at
-least the stated probability. But arms drift, blocks must be long beside their memory (Oliveira et al., JMLR 25, 2024,
-bound what dependence costs), the final model is fitted to all blocks, and it is a statement on all rows together, not
-on each pose. One stretch holds more or less: `expected` states between what, as blocks of the cross-validation vary.
+A row of a new block would lie within it with at least the stated probability, were blocks exchangeable: but arms drift,
+blocks must be long beside their memory (Oliveira et al., JMLR 25, 2024), and the final model is fitted to all. It is a
+statement on all rows together, not on each pose. One stretch holds more or less: `expected` states between what.
 """
 
 import math
@@ -89,20 +88,18 @@ def expected(
     times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
-    high = mean * times * widening
-    stated: dict[str, Floats] = {
-        "rmse_low": mean * np.minimum(1.0 / times, _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT),
-        "rmse_high": high,
-        "rmse_margin": np.maximum(high, offset),
-    }
+    fitted_share = _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT
+    low, high = mean * np.minimum(1.0 / times, fitted_share), mean * times * widening
+    names = ["rmse_low", "rmse_high", "rmse_margin"]
+    stated: list[Floats] = [low, high, np.maximum(high, offset)]
     if intervals is not None:
         held = np.abs(errors.after_model) <= np.where(errors.inside, growth * intervals.inside, intervals.outside)
         shares = np.array([held[part].mean(axis=0) for part in parts])
-        off = apart * math.sqrt(shares.var(axis=0, ddof=1).mean())
-        stated["held_low"] = np.maximum(shares.mean(axis=0) - off, 0.0)
-        stated["held_high"] = np.minimum(shares.mean(axis=0) + off, 1.0)
-    of_joints: list[dict[str, Any]] = [{name: float(v[j]) for name, v in stated.items()} for j in range(len(spread))]
-    return tuple(replace(joint, **found) for joint, found in zip(spread, of_joints, strict=True))
+        off, share = apart * math.sqrt(shares.var(axis=0, ddof=1).mean()), shares.mean(axis=0)
+        names += ["held_low", "held_high"]
+        stated += [np.maximum(share - off, 0.0), np.minimum(share + off, 1.0)]
+    of_joints: list[list[Any]] = np.array(stated).T.tolist()
+    return tuple(replace(s, **dict(zip(names, found, strict=True))) for s, found in zip(spread, of_joints, strict=True))
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
@@ -165,10 +162,8 @@ def time_blocks(recording: Integers, *, level: float) -> Integers:
 
 def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
     """Return in words, per joint, whether a model's intervals hold; none for a model without."""
-    if evaluation.level is None:
-        return ()
     recording, level = evaluation.data.recording, evaluation.level
-    return tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
+    return () if level is None else tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
 
 
 def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:

@@ -162,11 +162,6 @@ def _usable_rows(
     return tuple(each[ok & inside] for each in (X, q, error, leaping, index / len(log), time)), source
 
 
-def counted(counts: Mapping[str, int]) -> str:
-    """Return names and their counts in words."""
-    return ", ".join(f"{name} {count}" for name, count in counts.items())
-
-
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     """Return what readers of recordings noted, and what rows were left out."""
     notes = [note for log in logs for note in log.named_notes]
@@ -174,10 +169,11 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         count = sum(len(log) for log in logs)
         notes.append(f"of {count:,} rows one in {data.every} is learnt from; memory follows them all")
     for source in data.sources:
-        beyond = f"beyond the error limit ({counted(source.beyond)})"
+        beyond, leaps = (", ".join(map("{0[0]} {0[1]}".format, each.items())) for each in (source.beyond, source.leaps))
+        beyond = f"beyond the error limit ({beyond})"
         left_out = {"without measurement": source.without_truth, beyond: source.dropped}
         if text := ", ".join(f"{count} {why}" for why, count in left_out.items() if count):
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.leaps:
-            notes.append(f"{source.name}: play states did not follow leaps of {counted(source.leaps)}")
+            notes.append(f"{source.name}: play states did not follow leaps of {leaps}")
     return notes

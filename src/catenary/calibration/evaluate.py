@@ -194,15 +194,15 @@ def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | 
         rows = np.flatnonzero(data.recording == number)
         # where a recording's clock went back, another one begins
         parts = np.split(rows, np.flatnonzero(np.diff(data.time[rows]) < 0.0) + 1)
-        several = len(parts) > 1
-        spans += [(f"{source.name} ({k + 1})" if several else source.name, p) for k, p in enumerate(parts) if len(p)]
-    # n rows take n steps, but n - 1 intervals of time, whose last window holds its end too
-    durations = [float(data.time[rows[-1]] - data.time[rows[0]]) + (0.0 if data.has_time else 1.0) for _, rows in spans]
+        names = [f"{source.name} ({k + 1})" if len(parts) > 1 else source.name for k in range(len(parts))]
+        # n rows take n steps, but n - 1 intervals of time, whose last window holds its end too
+        of_rows = 0.0 if data.has_time else 1.0
+        spans += [(n, p, float(np.ptp(data.time[p])) + of_rows) for n, p in zip(names, parts, strict=True) if len(p)]
+    everything = max(sum(duration for *_, duration in spans), 1e-12)
     windows = []
-    for (name, rows), duration in zip(spans, durations, strict=True):
-        length = window
-        if length is None:  # about ten windows in all, equally long within a recording
-            length = duration / max(1, round(10.0 * duration / max(sum(durations), 1e-12))) or 1.0
+    for name, rows, duration in spans:
+        # about ten windows in all, equally long within a recording
+        length = window or duration / max(1, round(10.0 * duration / everything)) or 1.0
         start = float(data.time[rows[0]])
         index = np.floor((data.time[rows] - start) / length).astype(int)
         index = np.minimum(index, max(0, math.ceil(duration / length - 1e-9) - 1))

@@ -3,11 +3,10 @@
 The variance of a prediction at terms z is in proportion to its leverage, z (Z'Z + penalties)^-1 z' [Bishop 2006,
 section 3.3.2], by what the noise of a row is: but neighbouring rows err alike, and terms lack what moves a joint. So
 the factor is measured: fifths of the joint's own range, regions of the joints' middles, and directions of motion are
-left out in turn, as no block of time does, and the factor is that with which nine of ten errors there lie within, the
-median of the three. What is left out so is still nearer to the rest than another motion would be: the factor counts
-_BEYOND times; and rows in which a joint stands tell of it what one of them does. The leverage that half of the rows
-have in blocks of time widens nothing. In a loop the leverage is that of a sketch: a few random combinations of what is
-uncertain, in place of all.
+left out in turn, as no block of time does, and the factor is that with which nine of ten errors lie within, the median
+of the three. Another motion is farther away: the factor counts _BEYOND times; and rows in which a joint stands tell of
+it what one of them does. The leverage that half of the rows have in blocks of time widens nothing. In a loop the
+leverage is that of a sketch: a few random combinations of what is uncertain, in place of all.
 """
 
 from collections.abc import Iterator, Sequence

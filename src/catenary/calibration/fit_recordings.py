@@ -35,6 +35,7 @@ _MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
 _MAX_FAR_SHARE = 0.03  # of rows, that failed measurements are
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _LEFT_OUT_RATIO = 1.05  # times the RMSE without rows left out, that is worth a word
+_DOUBTED_RATIO = 1.5  # times as large as on blocks may an error be elsewhere, that is worth a word
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
@@ -164,8 +165,11 @@ def _concluded(
     notes += _left_out_notes(model, recordings, everything, unseen)
     spread: tuple[Spread, ...] = ()
     if validation is not None:
-        widening = 1.0 if model.widening is None else model.widening
+        widening = np.ones_like(model.offset) if model.widening is None else model.widening
         spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, widening, growth)
+        if wide := [f"{s.joint} {w:.2g}" for s, w in zip(spread, widening, strict=True) if w > _DOUBTED_RATIO]:
+            told = f"where joints meet that its training has apart, errors may be {', '.join(wide)} times as large, or more"
+            notes.append(f"{told}; record random motion" + ", or take --model linear" * options.record.is_power)
         ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
         if vague := [f"{s.joint} {a:.3g} to {b:.3g} {s.unit}" for s, a, b in ranges if b > _VAGUE_RATIO * a]:
             notes.append(f"other minutes may err by {', '.join(vague)}, which says little: record longer")

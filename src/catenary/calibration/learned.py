@@ -30,12 +30,8 @@ GROUPS = (
     "signals", "own smooth", "own memory", "own ripple", "other smooth", "other memory", "other ripple", "products",
     "path memory",
 )  # fmt: skip
-_OF_KIND = {
-    "smooth": (4, 1),
-    "memory": (5, 2),
-    "ripple": (6, 3),
-    "path": (5, 8),
-}  # groups of a term of others, and of one's own
+# groups of a term of others, and of one's own
+_OF_KIND = {"smooth": (4, 1), "memory": (5, 2), "ripple": (6, 3), "path": (5, 8)}
 _LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, DROPPED)
 _START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, DROPPED, 100.0, 10.0)
 _WALK = (7, 5, 4, 2, 8, 6, 3, 1, 0)  # groups in the order in which penalties are tried

@@ -88,12 +88,8 @@ class NewDay:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in deg and mm."""
-        return {
-            "moved": self.moved,
-            "rows": len(self.data),
-            "joints": [asdict(change) for change in self.refreshed.changes],
-            "notes": list(self.notes),
-        }
+        joints = [asdict(change) for change in self.refreshed.changes]
+        return {"moved": self.moved, "rows": len(self.data), "joints": joints, "notes": list(self.notes)}
 
 
 def refresh_with(
@@ -132,20 +128,17 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
     new["data"] += [asdict(source) for source in data.sources]
     new["rows"] += len(data)
     since = last_date(card)
-    new["refreshed"] = [
-        *new.get("refreshed", []),
-        {
-            "model_sha256": sha256,
-            "recordings": [{"name": s.name, "sha256": s.sha256} for s in data.sources],
-            "rows": len(data),
-            "recorded": data.dates[1],
-            "since": since,
-            "moved": moved_in_words(refreshed.changes, since),
-            "joints": [asdict(change) for change in refreshed.changes],
-            "notes": list(refreshed.notes),
-        },
-    ]
-    return new
+    this = {
+        "model_sha256": sha256,
+        "recordings": [{"name": s.name, "sha256": s.sha256} for s in data.sources],
+        "rows": len(data),
+        "recorded": data.dates[1],
+        "since": since,
+        "moved": moved_in_words(refreshed.changes, since),
+        "joints": [asdict(change) for change in refreshed.changes],
+        "notes": list(refreshed.notes),
+    }
+    return new | {"refreshed": [*new.get("refreshed", []), this]}
 
 
 def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
@@ -162,8 +155,6 @@ def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
 
 def last_date(card: Card) -> str | None:
     """Return the date of the last recording that a model was fitted to or refreshed with (ISO 8601); None unknown."""
-    entries = card.get("refreshed", [])
-    if entries and entries[-1].get("recorded"):
-        return str(entries[-1]["recorded"])
-    found = card.get("recorded")
+    days = [day["recorded"] for day in card.get("refreshed", [])[-1:] if day.get("recorded")]
+    found = days[0] if days else card.get("recorded")
     return None if found is None else str(found)

@@ -17,10 +17,9 @@ class ModelKind:
     """A kind of model.
 
     How far beyond the training data a model may go is a share of their range. Zig-zag data leave nearly half of the
-    shoulder's range out; half a range beyond, models without memory still correct most of the error there. Most
-    principal axes are narrow, as joints move together in training: of simulated arms and a real dVRK, models that do
-    not grow as powers err up to a range beyond as they do within. A polynomial doubles its error there; one with memory
-    has hundreds of terms, and its error grows fast.
+    shoulder's range out; half a range beyond, models without memory still correct most of the error there, and a range
+    along principal axes, most of which are narrow. A polynomial doubles its error there; one with memory has hundreds
+    of terms, and its error grows fast.
 
     Args:
         name: As it is typed.
