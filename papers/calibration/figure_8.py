@@ -56,7 +56,7 @@ LARGEST_SHOWN = 30.0  # [deg, mm] in the picture
 # Section II-H, for all 138 columns of the robot's state: kernel L1 1e-5 and L2 1e-4, bias L2 1e-4, activity L2 1e-5. It
 # is not stated of which layers: here of the hidden ones.
 PAPER_LARGER = NetworkSettings(
-    (600, 500, 400), "logistic", 1e-4, 1e-3, 1024, 200,
+    (600, 500, 400), 1e-4, 1e-3, 1024, 200,
     penalties=replace(PAPER.penalties, l1=1e-5, bias_l2=1e-4, activity_l2=1e-5),
 )  # fmt: skip
 
@@ -120,7 +120,7 @@ def sizes() -> Result:
             np.ones(inputs),
             tuple(np.zeros(shape) for shape in layers),
             tuple(np.zeros(width) for _, width in layers),
-            settings.activation,
+            "logistic",
             np.zeros(len(JOINTS)),
             np.ones(len(JOINTS)),
         )

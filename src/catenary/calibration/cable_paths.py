@@ -33,9 +33,7 @@ def find_cables(recordings: Recordings, options: FitOptions, *, held_out: float 
         moving = {name for name, _ in rows.signals.play}
         joints = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in moving]
         found = [_Search(rows, j, joints).found() for j in joints]
-    return FoundCables(
-        tuple(path for each in found for path in each.paths), tuple(slack for each in found for slack in each.slacks)
-    )
+    return FoundCables(sum((each.paths for each in found), ()), sum((each.slacks for each in found), ()))
 
 
 class _Search:

@@ -23,14 +23,12 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
 
-# blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
-_BLOCKS_OUTSIDE = 5
+_BLOCKS_OUTSIDE = 5  # worth of errors that may lie outside: the block to come then adds a fifth to what is free
 _MIN_BLOCKS = 10
 _MIN_BLOCK_ROWS = 4  # of a block
 _CHANCE_PROBABILITY = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
 _STRETCH_PROBABILITY = 0.9  # share of stretches whose error and coverage lie between what is stated
-# of other minutes, whose RMSE lies in what is stated; a day varies more than some minutes of it show
-_PROMISE_PROBABILITY = 0.95
+_PROMISE_PROBABILITY = 0.95  # of other minutes of a day, whose RMSE lies in what is stated
 _MAX_LOG_ERROR = math.log(10.0)  # of a promise: nothing is known
 _FITTED_WEIGHT = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
 COVERAGE_LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %

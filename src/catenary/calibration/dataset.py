@@ -126,11 +126,9 @@ def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1)
         recording=recording, sources=sources, has_time=has_time, robot=robot, every=every, began=began,
     )  # fmt: skip
     if not len(data):
-        told = [
-            f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.dropped} beyond the error limit)'
-            for s in sources
-        ]
-        raise InputError(f"data: no usable row in {'; '.join(told)}")
+        what = "rows, {0.without_truth} without measurement, {0.dropped} beyond the error limit)"
+        told = "; ".join(f'"{{0.name}}" ({{0.rows}} {what}'.format(source) for source in sources)
+        raise InputError(f"data: no usable row in {told}")
     return data
 
 

@@ -109,8 +109,7 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     rmse = np.array([_rmse_per_joint(each) for each in shown])
     largest = np.array([np.abs(each).max(axis=0) for each in shown])
     percent = 100.0 * np.divide(rmse[2], rmse[1], where=rmse[1] > 0.0, out=np.full(len(scale), np.nan))
-    without = model.intervals is None
-    coverage = np.where(without, np.nan, np.mean(np.abs(corrected) <= interval, axis=0))
+    coverage = np.where(model.intervals is None, np.nan, np.mean(np.abs(corrected) <= interval, axis=0))
     half_width = scale * np.median(interval, axis=0)
     columns = np.vstack([rmse, largest, percent, np.mean(~inside, axis=0), coverage, half_width]).T.tolist()
     joints = tuple(

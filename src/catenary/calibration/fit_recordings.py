@@ -30,8 +30,7 @@ from catenary.verdict.check import Passed
 from catenary.verdict.mend import left_out_rows, mends_of
 from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
 
-# of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
-_MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
+_MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000  # of more rows than the first a fit learns from a sample
 _MAX_FAR_SHARE = 0.03  # of rows, that failed measurements are
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _LEFT_OUT_RATIO = 1.05  # times the RMSE without rows left out, that is worth a word
@@ -168,7 +167,7 @@ def _concluded(
         widening = np.ones_like(model.offset) if model.widening is None else model.widening
         spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, widening, growth)
         if wide := [f"{s.joint} {w:.2g}" for s, w in zip(spread, widening, strict=True) if w > _DOUBTED_RATIO]:
-            told = f"where joints meet that its training has apart, errors may be {', '.join(wide)} times as large, or more"
+            told = f"where joints meet that its training has apart, errors may be more: {', '.join(wide)} times"
             notes.append(f"{told}; record random motion" + ", or take --model linear" * options.record.is_power)
         ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
         if vague := [f"{s.joint} {a:.3g} to {b:.3g} {s.unit}" for s, a, b in ranges if b > _VAGUE_RATIO * a]:

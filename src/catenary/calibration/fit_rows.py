@@ -24,8 +24,7 @@ from catenary.side_by_side import Progress, part_of, silent
 
 MIN_ROWS = 10  # rows
 _BEYOND_AXES = 1.0  # of the range along a principal axis, how far a model may go; see `ModelKind`
-# share of training errors that count for the largest correction: the others may be failed measurements
-_SHOWN_QUANTILE = 0.99
+_SHOWN_QUANTILE = 0.99  # of training errors, for the largest correction: others may be failed measurements
 _RESOLUTION_SI = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
 

@@ -64,12 +64,8 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
         return None
     with threadpool_limits(limits=1):
         rows = searched_rows(recordings, options, held_out)
-        if options.coupled is not None:
-            joints = _told(rows, options.coupled)
-        elif len(rows.fixed) < MIN_ROWS:
-            return None
-        else:
-            joints = _best_pair(rows)
+        few = len(rows.fixed) < MIN_ROWS
+        joints = _told(rows, options.coupled) if options.coupled else () if few else _best_pair(rows)
         if not joints:
             return None
         errors_of = _Errors(rows, joints)

@@ -80,7 +80,7 @@ class CalibrationModel:
 
     __pydantic_config__ = IN_FILES
 
-    kind: str  # of `MODEL_KINDS`, or one that is no longer fitted
+    kind: str  # of `MODEL_KINDS`
     preset: str | None
     joint_names: Many[str]
     joint_units: Many[Unit]

@@ -77,7 +77,8 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Re
         raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {_MIN_ROWS}")
     block = np.arange(len(data)) * _BLOCKS // len(data)
     old, seen = model.correction(data.X, data.q_nominal), _swept(model, data)
-    day, notes, names = _Day(model, data), list[str](), list(model.joint_names)
+    nothing = np.zeros((*data.error.shape, 0))
+    day, notes, names = _Day(model, data, np.zeros(0), nothing), list[str](), list(model.joint_names)
     found = day.mean(block, seen)
     how = [""] * len(names)
     if recordings is not None and model.features.friction is not None:
@@ -148,16 +149,9 @@ class _Mean(NamedTuple):
 class _Day:
     """The rows of a day, and a model at a level of friction."""
 
-    def __init__(
-        self,
-        model: CalibrationModel,
-        data: CalibrationData,
-        level: Floats | None = None,
-        by_level: Floats | None = None,
-    ) -> None:
+    def __init__(self, model: CalibrationModel, data: CalibrationData, level: Floats, by_level: Floats) -> None:
         self.model, self.data = model, data
-        self.level = np.zeros(0) if level is None else level  # (m,) in logarithms
-        self.by_level = np.zeros((*data.error.shape, 0)) if by_level is None else by_level  # (N, n, m) of corrections
+        self.level, self.by_level = level, by_level  # (m,) in logarithms; (N, n, m) slopes of corrections
         self.correction, self.inside, _ = model.correct(data.X, data.q_nominal)
         self.residual = data.error - self.correction
 
