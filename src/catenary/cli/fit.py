@@ -234,13 +234,12 @@ def drift(
 
 
 def _print_fit(out: Path, result: "FitResult") -> None:
-    from catenary.reports.joint_errors import coverage_table, error_table, left_out_table, spread_table
+    from catenary.reports.joint_errors import coverage_table, error_table, spread_table
     from catenary.workflows.calibration_model import interval_summary, warnings_of
 
     held_out, card = result.held_out, card_path(out)
     notes = [*result.notes, *([] if held_out is None else warnings_of(held_out))]
     parts: list[Any] = [spread_table(result.spread)] if result.spread else []
-    parts += [left_out_table(result.left_out)] if result.left_out else []
     if held_out is not None:
         parts.append(error_table(held_out, title="RMSE and largest error on the held-out part"))
         parts.append(coverage_table(held_out))
@@ -253,7 +252,6 @@ def _print_fit(out: Path, result: "FitResult") -> None:
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
-        "left_out": [asdict(joint) for joint in result.left_out],
         "intervals": None if held_out is None else interval_summary(held_out),
         "notes": notes,
     }
@@ -263,13 +261,11 @@ def _print_fit(out: Path, result: "FitResult") -> None:
 def _write_fit_report(path: Path, result: "FitResult", robot: "catenary.RobotModel | None") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
     from catenary.reports.calibration import write_calibration_report
-    from catenary.reports.joint_errors import CAPTION, left_out_table, overlay
+    from catenary.reports.joint_errors import CAPTION, overlay
     from catenary.verdict.mend import retimed_by
 
     overlays = (picture(overlay(log, retimed_by(log)), f"{log.name}. {CAPTION}") for log in result.logs)
     further: list[Block] = [Heading("Delay"), *overlays]
-    if result.left_out:
-        further += [Heading("Rows left out"), left_out_table(result.left_out)]
     tested_on, evaluation = "the held-out part of each recording", result.held_out
     if evaluation is None:
         tested_on = "the data that it was fitted to; the cross-validation below is the honest error"

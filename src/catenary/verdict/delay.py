@@ -21,6 +21,7 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.plant import MotionLog
@@ -117,19 +118,19 @@ def delay_of(
     unit: Literal["s", "rows"] = "s" if in_time else "rows"
     tolerance = max(TOLERANCE_S, _TOLERANCE_ROWS * step) if in_time else 0.5
     scale = scales(log)
-    q, m = scale * log.q_nominal, scale * np.where(log.ok[:, None], log.q_encoder, 0.0)
+    q, measured = scale * log.q_nominal, log.q_encoder
     places = list(range(q.shape[1])) if place is None else [int(k) for k in place]
     moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED_DEG_MM]
     joints = [i for i, k in enumerate(places) if k in moved]
     if not joints or inside.sum() < MIN_EXPLAINED_ROWS:
         return Delay(0.0, -np.inf, np.inf, "unknown", _NO_CHANGE, unit)
-    block = np.zeros(len(t), dtype=np.int64)
+    block = np.zeros(len(t), dtype=np.int8)
     block[inside] = np.arange(inside.sum()) * _BLOCKS // inside.sum()
     between = max(step, reach / _COARSE_DELAYS)
     count = int(np.floor(reach / between + 1e-9))
     coarse: Floats = np.float64(about) + between * np.arange(-count, count + 1, dtype=np.float64)
     motion = _Motion(q, t, moved, inside, block, in_time)
-    looks = [_JointLook(motion, m[:, i], places[i], coarse) for i in joints]
+    looks = [_JointLook(motion, scale[i] * np.where(log.ok, measured[:, i], 0.0), places[i], coarse) for i in joints]
     grid, costs = _scan(looks, coarse, between)
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
@@ -186,7 +187,7 @@ class _Motion(NamedTuple):
     t: Floats  # (N,) rising [s], or rows
     moved: list[int]  # joints
     inside: Flags  # (N,) rows that are read
-    block: Integers  # (N,)
+    block: NDArray[np.int8]  # (N,)
     in_time: bool
 
 
@@ -199,8 +200,12 @@ class _JointLook:
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= _OUTLIER_SIGMAS * max(1.4826 * float(np.median(away[inside])), 1.0)))
         rows = in_stretches(rows, MAX_EXPLAINED_ROWS, q[:, own], motion.t if motion.in_time else None)
-        explanation = Explanation(q, own, motion.moved, len(rows))
-        few_rows = len(q) <= _TABLED_ROWS
+        few_rows, asked = len(q) <= _TABLED_ROWS, None
+        if not few_rows:
+            farthest = 2.0 * coarse[0] - coarse[1], 2.0 * coarse[-1] - coarse[-2]  # finer ones go beyond
+            last, first = (np.searchsorted(self.t, self.t[rows] - d) for d in farthest)
+            asked = [*zip(np.maximum(first - 2, 0).tolist(), (last + 2).tolist(), strict=True)]
+        explanation = Explanation(q, own, motion.moved, len(rows), asked=asked)
         self.columns_at = explanation.at(np.arange(len(q))).__getitem__ if few_rows else explanation.at
         few = rows[spread(len(rows), _SCANNED_ROWS)]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
