@@ -39,7 +39,7 @@ class IdentificationRecord:
     training: tuple[LogResidual, ...]
     tests: tuple[LogResidual, ...]
     friction: tuple[FrictionPart, ...]
-    prior_weight: float | None
+    prior: bool
     moved_base: bool
     seen: MovedRange | None
     bodies: tuple[CarriedBody, ...] = ()

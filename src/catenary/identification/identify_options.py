@@ -33,7 +33,7 @@ class IdentifyOptions:
     weighting: Weighting | None = None
     consistent: bool = True  # only parameters that bodies and friction can have
     friction: tuple[str, ...] = FRICTION_PARTS  # parts that held-out blocks may add to that of the robot's file
-    find_rotors: bool = True  # one a joint, where held-out blocks show them; those of the robot's file in any case
+    find_rotors: bool = True  # one a joint, beside those of the robot's file
     rotors: tuple[float, ...] | None = None  # (n,) [kg m2 or kg] as known, in place of those
     prior: bool = True  # towards the masses of the robot's file, where it has any and the fit is consistent
     blocks: float | None = None  # [s, or rows at rest] hold out every second block of this length

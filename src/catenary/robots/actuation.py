@@ -166,7 +166,7 @@ class Actuation:
     filter: SignalFilter = SignalFilter(order=4, cutoff_hz=10.0)
     weighting: Weighting = "range"
     coulomb_velocity: Annotated[float, Field(ge=0.0)] = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); sign at 0
-    find_rotors: bool = False  # beside those here: one on each joint without, where held-out blocks show it
+    find_rotors: bool = False  # beside those here: one on each joint without
     effort_scale: Row | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
     # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
     values: Row | None = None

@@ -26,7 +26,7 @@ from catenary.identification.explanations.arm import arm_as_found
 from catenary.identification.explanations.findings import GAINS, day_findings, explained_torques, findings_against
 from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, rotors_beside
+from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
@@ -244,7 +244,7 @@ class IdentifyResult:
             "rank",
             "robot",
             "physically_consistent",
-            "prior_weight",
+            "prior",
             "friction",
             "bodies",
             "training",
@@ -388,19 +388,9 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
             "friction: each recording has its own, masses are those of all: held-out blocks are predicted better; the "
             f"robot, and what was not fitted, has that of {last}"
         )
-    if (weight := result.prior_weight) is not None:
-        yield f"masses are drawn to those of the robot's file with weight {weight:g}, chosen on held-out blocks"
-    beside = rotors_beside(model) if options.find_rotors and options.rotors is None and not static else ()
-    tried = ", ".join(rotor.name for rotor in beside if rotor.name not in result.unshown)
-    if tried and result.rotors:
-        yield f"rotors: a reflected inertia of {tried}: held-out blocks are predicted better"
-    elif tried:
-        yield f"rotors: none of {tried}: held-out blocks are predicted no better with a reflected inertia"
-    hidden = [rotor.name for rotor in beside if rotor.name in result.unshown]
-    of_days = [name for name in result.unshown if name not in hidden]
-    for what, names in (("rotors", hidden), ("friction of each recording", of_days)):
-        if names:
-            yield f"{what}: not shown by the motion: {', '.join(names)}; move each joint by itself and faster"
+    if result.unshown:
+        hidden = ", ".join(result.unshown)
+        yield f"rotors: not shown by the motion: {hidden}; move each joint by itself and faster"
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.identification.explanations.supposed import Supposed
+from catenary.identification.identification import ROTOR_SHARE
 from catenary.identification.identify_options import actuation_of
 from catenary.identification.parameters import Parameters, recorded_load
 from catenary.identification.samples import Samples
@@ -25,7 +26,7 @@ from catenary.spatial import STANDARD_GRAVITY
 _SLOW = {"rad": 0.02, "m": 0.005}  # [rad/s, m/s] speed of tanh(v / slow) in Coulomb friction: velocities have noise
 _STRIBECK_RATIO = 5.0  # of Stribeck's speed to that
 # standard deviations beforehand, of the RMS of the joint's torque
-_COULOMB_SHARE, _TERM_SHARE, _ROTOR_SHARE = 0.3, 0.5, 0.4
+_COULOMB_SHARE, _TERM_SHARE = 0.3, 0.5
 _STRIBECK_SHARE, _LOADED_SHARE, _QUADRATIC_SHARE = 0.1, 0.07, 0.1
 _SHARED_SHARE, _SHARED_ROTOR_SHARE = 0.3, 0.2
 _SHIFT_SHARE = 1.0
@@ -146,7 +147,7 @@ class Rows:
         if not self.still:
             for i in range(n):
                 if i not in geared and not self.identified:
-                    add(qdd[:, i], eye[i], _ROTOR_SHARE / _spread(qdd[:, i]))
+                    add(qdd[:, i], eye[i], ROTOR_SHARE / _spread(qdd[:, i]))
             slow = np.array([_SLOW[unit] for unit in self.model.joint_units])
             direction = np.tanh(qd / slow)
             for i in range(n):
