@@ -1,6 +1,6 @@
 """Weighted least squares over all axes, from one triangle per axis."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,24 +99,6 @@ def scaled_solution(X: Floats, y: Floats, visible: float) -> Floats:
     scale = np.linalg.norm(X, axis=0)
     scale[scale <= 1e-9 * max(float(scale.max()), 1e-300)] = np.inf
     return np.linalg.lstsq(X / scale, y, rcond=visible)[0] / scale
-
-
-def flattened(columns: Floats, weights: Floats) -> Floats:
-    """Return columns (N n, k) of (N, n, k), each axis times its weight (n,)."""
-    return (columns * weights[:, None]).reshape(columns.shape[0] * len(weights), columns.shape[2])
-
-
-def left_beside(onto: Floats) -> Callable[[Floats], Floats]:
-    """Return what takes out of columns (N, k) or (N,) all that those of a fit (N, b) give."""
-    U, sizes, _ = np.linalg.svd(onto / np.maximum(np.linalg.norm(onto, axis=0), 1e-300), full_matrices=False)
-    U = U[:, sizes > SINGULAR_RATIO * sizes[0]]
-    return lambda columns: columns - U @ (U.T @ columns)
-
-
-def log_squares(left: Floats, least: Floats) -> Floats:
-    """Return the sum over axes of the logarithms of the squares of columns (N n, k), `least` (n,) at least, (k,)."""
-    squares = np.square(left.reshape(-1, len(least), left.shape[1])).sum(axis=0)
-    return np.asarray(np.log(np.maximum(squares, least[:, None])).sum(axis=0), dtype=np.float64)
 
 
 def solve(R: Floats) -> Floats:

@@ -20,7 +20,6 @@ from catenary.errors import InputError
 from catenary.file_formats import format_of
 from catenary.files import write_atomically
 from catenary.gravity.mass_doubts import mass_doubts
-from catenary.identification.course import course_findings
 from catenary.identification.drive_gains import DriveGains
 from catenary.identification.explanations.arm import arm_as_found
 from catenary.identification.explanations.findings import GAINS, day_findings, explained_torques, findings_against
@@ -339,7 +338,6 @@ def identify_files(
             f"stated {gains.load:g}",
         ]
     notes += judge([*stamps, *day_findings(model, training)], accept)
-    notes += judge([(part.name, each) for part in whole for each in course_findings(result, part)], accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
@@ -468,7 +466,7 @@ def _read_for(
     notes += [note for log in read for note in log.named_notes]
     samples = [prepare(log, result.model, options, within_limits=False) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
-    found = [(s.name, each) for s in samples for each in (*findings_against(result, s), *course_findings(result, s))]
+    found = [(s.name, each) for s in samples for each in findings_against(result, s)]
     notes += judge([each for each in found if of_arm or each[1].name != "arm"], accept, done="weighed")
     for log in read:
         check_positions(log, result.model)

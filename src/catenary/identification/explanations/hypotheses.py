@@ -5,7 +5,7 @@ on a grid, then by parabolas, and the evidence integrated about its best (Laplac
 which it is less likely beforehand.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
@@ -14,8 +14,9 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.identification.explanations.evidence import Evidence, Extra
-from catenary.identification.explanations.supposed import Supposed
+from catenary.identification.explanations.supposed import Added, Supposed
 from catenary.spatial import STANDARD_GRAVITY, angle_between
+from catenary.units import TORQUE_UNIT
 
 _Density = Callable[[float], float]
 
@@ -86,7 +87,7 @@ class Hypothesis:
 
 UNSURE = 0.1  # relative error of a number, from which on it is no advice
 _LEAST_MOTION = 1e-3  # [rad, m] deviation of positions, below which a joint stands still
-_SEARCH_STEPS, _SEARCH_SHRINK, _SEARCH_TOLERANCE = 4, 2.5, 0.02
+_SEARCH_STEPS, _SEARCH_SHRINK, _SEARCH_TOLERANCE = 8, 2.5, 0.02
 
 
 def _normal(std: float, mean: float = 0.0) -> _Density:
@@ -118,7 +119,7 @@ def _integrated(log: _Density, grid: Floats, prior: _Density) -> tuple[float, fl
             else np.copysign(h, right - left)
         )
         best, x = max((best, x), (left, x - h), (right, x + h), (f(x + step), x + step))
-        if h < _SEARCH_TOLERANCE:
+        if h < _SEARCH_TOLERANCE and -1.0 < bend < 0.0:  # as fine as what the evidence tells
             break
     precision = max(-curvature, 1e-9)
     return x, best + 0.5 * float(np.log(2.0 * np.pi / precision)), precision**-0.5
@@ -205,13 +206,84 @@ def _zero(trial: Trial) -> Iterator[PossibleCause]:
         )
 
 
+_FRICTION_SHARE = 0.3  # of a joint's torque: deviation beforehand of a change of friction
+_CHANGE_SHARES = np.linspace(0.15, 0.85, 15)  # of the recording, at which a change is tried
+_MEAN = ": what is printed is a mean of before and after"
+
+
+def _added(trial: Trial, one: Added, says: str) -> PossibleCause:
+    """Return something that is added to torques as a cause, told by joint, amount and time."""
+    supposed = replace(trial.supposed, added=(*trial.supposed.added, one))
+    fit, i = trial.evidence.fit(supposed, trial.which), one.joint
+    if i >= 0:
+        torque = trial.evidence.added(fit, one)[:, i]
+        if one.shape == "friction":
+            torque = torque * np.sign(trial.evidence.rows.motion(supposed)[1][:, i])
+        amount = torque[-1] if one.shape == "drift" else torque[torque != 0.0].mean()
+        unit = TORQUE_UNIT[trial.evidence.model.joint_units[i]]
+        says = says.format(name=trial.names[i], amount=f"{amount:+.2g} {unit}", after=one.after)
+    return PossibleCause(supposed, fit.log_evidence, says.format(after=one.after), (i,) if i >= 0 else ())
+
+
 def _torque_zero(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        if i not in trial.supposed.shifted:
-            supposed = replace(trial.supposed, shifted=(*trial.supposed.shifted, i))
-            yield PossibleCause(
-                supposed, trial.log(supposed), f"the zero of the torque of {name} is not the one identified", (i,)
-            )
+    for i, size in enumerate(trial.evidence.rows.size):
+        if (one := Added("zero", i, (float(size),))) not in trial.supposed.added:
+            yield _added(trial, one, "the constant of {name} is {amount} from the one identified")
+
+
+def _friction(trial: Trial) -> Iterator[PossibleCause]:
+    speed = np.sqrt(np.mean(trial.evidence.rows.motion(trial.supposed)[1] ** 2, axis=0))
+    for i, size in enumerate(_FRICTION_SHARE * trial.evidence.rows.size):
+        one = Added("friction", i, (float(size), float(size / max(speed[i], 1e-9))))
+        if speed[i] > 0.0 and one not in trial.supposed.added:
+            yield _added(trial, one, "friction of {name} differs by {amount} in the mean from the one identified")
+
+
+def _changes(trial: Trial, shape: str, sizes: Sequence[tuple[float, ...]], says: str) -> Iterator[PossibleCause]:
+    """Yield the change along a recording that looks best by one fit without it; sizes are joints', or the load's."""
+    evidence, time = trial.evidence, trial.evidence.rows.samples.time
+    if evidence.rows.still or any(one.shape == shape for one in trial.supposed.added):
+        return
+    times = [None] if shape == "drift" else [float(time[0] + share * np.ptp(time)) for share in _CHANGE_SHARES]
+    joints = [-1] if shape == "load" else range(trial.n)
+    tried = [Added(shape, i, size, after) for i, size in zip(joints, sizes, strict=True) for after in times]
+    look = evidence.looked(trial.supposed, trial.which)
+    cause = _added(trial, max(tried, key=look), f"{says}{_MEAN}")
+    yield cause._replace(log_evidence=cause.log_evidence - float(np.log(len(tried))))
+
+
+def _leap(trial: Trial) -> Iterator[PossibleCause]:
+    sizes = [(float(size),) for size in trial.evidence.rows.size]
+    return _changes(trial, "zero", sizes, "the zero of the torque of {name} leaps by {amount} at about {after:.3g} s")
+
+
+def _drift(trial: Trial) -> Iterator[PossibleCause]:
+    sizes = [(float(size),) for size in trial.evidence.rows.size]
+    return _changes(trial, "drift", sizes, "the zero of the torque of {name} drifts by {amount} along the recording")
+
+
+def _turn(trial: Trial) -> Iterator[PossibleCause]:
+    time = trial.evidence.rows.samples.time
+
+    def best(joints: Iterable[int], shares: Floats) -> tuple[float, int, float]:
+        """Return the largest log evidence, the joint that turns, and at which share of the recording."""
+        tried = ((i, share, (i, float(time[0] + share * np.ptp(time)))) for i in joints for share in shares)
+        return max((trial.log(replace(trial.supposed, turned=(at,))), i, float(share)) for i, share, at in tried)
+
+    if not trial.evidence.rows.still and not trial.supposed.turned:
+        _, joint, share = best(range(trial.n), _CHANGE_SHARES[1::3])
+        value, _, share = best([joint], share + _CHANGE_SHARES[5:10] - 0.5)
+        after = float(time[0] + share * np.ptp(time))
+        says = f"the sign of the torque of {trial.names[joint]} turns at about {after:.3g} s{_MEAN}"
+        supposed = replace(trial.supposed, turned=((joint, after),))
+        yield PossibleCause(supposed, value - float(np.log(trial.n * len(_CHANGE_SHARES))), says, (joint,))
+
+
+def _taken_up(trial: Trial) -> Iterator[PossibleCause]:
+    belief, model = trial.evidence.belief, trial.evidence.model
+    if model.frame().link in belief.links:
+        size = tuple(np.diag(belief.load).tolist())
+        yield from _changes(trial, "load", [size], f"the load on {model.tip} changes at about {{after:.3g}} s")
 
 
 def _all_signs(trial: Trial) -> Iterator[PossibleCause]:
@@ -409,6 +481,11 @@ _ALL = (
     Hypothesis("backwards", "sign", _of_joint, _backwards),
     Hypothesis("zero", "offset", _of_joint, _zero),
     Hypothesis("torque zero", "offset", _of_joint, _torque_zero, by_identification=True, mended=False),
+    Hypothesis("friction", "friction", _of_joint, _friction, by_identification=True, mended=False),
+    Hypothesis("zero leaps", "jump", lambda n: 1.0, _leap, mended=False),
+    Hypothesis("sign turns", "jump", lambda n: 1.0, _turn, mended=False),
+    Hypothesis("load changes", "jump", lambda n: 1.0, _taken_up, mended=False),
+    Hypothesis("zero drifts", "drift", lambda n: 1.0, _drift, mended=False),
     Hypothesis("all signs", "sign", lambda n: 2.5, _all_signs),
     Hypothesis("common gain", "torques", lambda n: 1.5, _common_gain, by_masses=True),
     Hypothesis("currents", "torques", lambda n: 2.5, _currents, by_masses=True),

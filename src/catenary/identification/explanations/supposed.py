@@ -2,7 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
+
+
+class Added(NamedTuple):
+    """What torques have beside what the arm asks, linear in one number or several."""
+
+    shape: str  # zero, drift, friction or load
+    joint: int  # whose torque has it; of a load -1, as it is on the tip
+    sizes: tuple[float, ...]  # standard deviations of its numbers beforehand
+    after: float | None = None  # [s] from when on; all along when None
 
 
 @dataclass(frozen=True)
@@ -18,7 +27,8 @@ class Supposed:
     late_s: float = 0.0  # [s] that torques lie behind positions
     loads: tuple[int, ...] = ()  # links that carry a body which the prior of masses lacks
     shared: tuple[tuple[int, int, float], ...] = ()  # joints on one drive, and the sign of the second
-    shifted: tuple[int, ...] = ()  # joints whose torque has another zero than was identified
+    added: tuple[Added, ...] = ()
+    turned: tuple[tuple[int, float], ...] = ()  # joints whose torque has the other sign, and from when on [s]
 
     @property
     def motion(self) -> tuple[Any, ...]:
