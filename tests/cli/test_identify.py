@@ -32,7 +32,7 @@ def identified(log: Path, out: Path, *options: object) -> Any:
 
 def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, tmp_path: Path) -> None:
     test_log = moving_arm_logs / "run1.npz"
-    options = ("--test", test_log, "--period", 1000, *QUICK)
+    options = ("--test", test_log, *QUICK)
     content = identified(moving_arm_logs / "run0.npz", tmp_path / "a.npz", *options)
     assert {"n_base", "condition", "rank", "training", "tests"} <= set(content)
     assert content["n_base"] == content["rank"]

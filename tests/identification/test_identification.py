@@ -163,7 +163,6 @@ def test_base_parameters_alone_make_no_robot():
         ({"cutoff_hz": -1.0}, "cutoff_hz: expected a number above zero"),
         ({"blocks": float("nan")}, "blocks: expected a number above zero"),
         ({"friction": ("sticky",)}, 'friction "sticky": expected some of asymmetric'),
-        ({"order": 0}, "order: expected 1 or more"),
     ],
 )
 def test_options_that_cannot_be_meant_are_refused(options, said):

@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch, as_positive, one_for_all
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.load_location import JOINT_STEPS, CarrierBelief, LoadBeliefs, likely, location_text, telling_joint
+from catenary.gravity.load_location import CarrierBelief, LoadBeliefs, likely, location_text, telling_joint
 from catenary.identification.explanations.beliefs import belief_of, belief_of_known
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.loads import Load, differences, weigh_loads
@@ -29,7 +28,6 @@ _SURE = 0.997  # probability of a load from which on one is named
 _TOLD_DEVIATION = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
 _HIDDEN_SHARE = 0.7  # of what was thought beforehand of a moment: a larger deviation, and recordings do not show it
 _RIVAL_MARGIN = 5.0  # [nats] within which something else explains torques as well as a load, and more than nothing
-_TELLING_DEVIATIONS = 3.0  # of a joint's usual residual, by which its motion changes a load's torque
 
 
 @dataclass(frozen=True)
@@ -163,22 +161,22 @@ def _candidates(
     """Return what each link may carry, likeliest first; a point mass at its place where places are given."""
     model, belief, others = result.model, belief_of(result), tuple(differences(result.model.joint_names))
     of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
-    anywhere = places is None
     loads = weigh_loads(of_loaded, places or [(link, None) for link in belief.links], others, unloaded=of_unloaded)
-    best, joint = loads.each[0], None
-    names = likely([model.link_names[each.link] for each in loads.each], loads.shares)
-    if len(names) > 1:
-        pair = [(model.link_names[each.link], each.mean[:4]) for each in loads.each[:2]]
-        joint = telling_joint(compact_regressor(model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9)
-    found = [_estimate(model, each, loads.sure, anywhere) for each in loads.each]
-    beside = others[int(np.argmax(best.logs if found[0].detected else best.without))].says
-    rival = int(np.argmax(best.without))
+    found = [_estimate(model, each, loads.sure, places is None) for each in loads.each]
+    best, links = loads.each[0], [each.link for each in found]
+    names, detected, rival = likely(links, loads.shares), found[0].detected, int(np.argmax(best.without))
+
+    def telling(count: int) -> str | None:
+        pair = [(link, each.mean[:4]) for link, each in zip(links[:count], loads.each, strict=False)]
+        return telling_joint(compact_regressor(model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9)
+
     told = ""
-    alike = min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN
-    if rival > 0 and alike and not found[0].detected:
-        name = _separating_joint(result, loaded[0].q[-1], best)
+    if rival > 0 and not detected and min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN:
+        name = telling(1)
         how = f"move {name}" if name else "no joint would tell, moved by itself"
         told = f"{others[rival].says}: {how}"
+    beside = others[int(np.argmax(best.logs if detected else best.without))].says
+    joint = telling(2) if len(names) > 1 else None
     return tuple(
         replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=told)
         for each, share in zip(found, loads.shares, strict=True)
@@ -202,19 +200,3 @@ def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> Paylo
         bool(sure >= _SURE and mean[0] > 0.0),
         sure if mean[0] > 0.0 else 0.0,
     )
-
-
-def _separating_joint(result: Identification, q: Floats, of: Load) -> str | None:
-    """Return the joint whose motion from q (n,) changes a load's torque most beside the usual residual; or None."""
-    model, own = result.model, slice(PER_LINK * of.link, PER_LINK * (of.link + 1))
-    steps = np.array([0.0, *JOINT_STEPS])
-    changes = []
-    for joint, unit in enumerate(model.joint_units):
-        poses = np.tile(q, (len(steps), 1))
-        poses[:, joint] += steps * (1.0 if unit == "rad" else 0.2)
-        poses = np.clip(poses, model.lower, model.upper)
-        still = np.zeros_like(poses)
-        torque = torque_regressor(model, poses, still, still, result.gravity)[:, :, own] @ of.mean
-        changes.append(float(np.abs((torque - torque[0]) / (result.usual + 1e-9)).max()))
-    best = int(np.argmax(changes))
-    return model.joint_names[best] if changes[best] > _TELLING_DEVIATIONS else None

@@ -143,7 +143,6 @@ class SignalFilter:
 
     order: Annotated[int, Field(ge=1, le=10)]  # of one pass; the filter goes forth and back
     cutoff_hz: Positive
-    period_samples: Annotated[int, Field(ge=1)] | None = None  # of the excitation; its first is reported too
     cut_time_constants: Annotated[float, Field(ge=0.0)] = 5.0  # mirrored beyond either end, and left out within it
 
     @property

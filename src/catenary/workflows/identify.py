@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation_loads import known_loads
-from catenary.dynamics.external_torque import IN_95_PERCENT, ExternalTorque, MomentumObserver, external_wrench
+from catenary.dynamics.external_torque import IN_95_PERCENT, ExternalTorque, external_wrench
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.file_formats import format_of
@@ -98,7 +97,6 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
 
 
 STEADY = 0.7  # of the RMS, and of the interval, from which on a mean is a torque that was there all along
-PAUSE = 3.0  # usual steps of time: after a longer one the observer begins anew
 WRENCH = (*(f"force:{axis} [N]" for axis in "xyz"), *(f"moment:{axis} [Nm]" for axis in "xyz"))
 
 
@@ -111,7 +109,6 @@ class ExternalTorques:
     time: Floats  # (N,) [s]
     torque: Floats  # (N, n) [Nm or N] by inverse dynamics
     half_width: Floats  # (n,) within which 95 of 100 lie where nothing touches the arm
-    observed: Floats | None  # (N, n) by the momentum observer
     wrench: Floats  # (N, 6) force [N], moment [Nm]; NaN of what the joints do not feel
     wrench_half_width: Floats  # (N, 6)
     notes: tuple[str, ...]
@@ -156,8 +153,6 @@ class ExternalTorques:
         named = [f"{name} [{TORQUE_UNIT[unit]}]" for name, unit in joints]
         within = np.tile(self.half_width, (len(self.time), 1))
         parts: list[tuple[str, Sequence[str], Floats]] = [("external", named, self.torque), ("within", named, within)]
-        if self.observed is not None:
-            parts.append(("momentum", named, self.observed))
         parts += [("tip", WRENCH, self.wrench), ("within:tip", WRENCH, self.wrench_half_width)]
         header = ["t [s]", *(f"{kind}:{name}" for kind, names, _ in parts for name in names)]
         rows = np.column_stack([self.time, *(values for _, _, values in parts)])
@@ -169,7 +164,7 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     """Return what identified parameters leave of a recording's torques: M qdd + C qd + g + friction - tau.
 
     The interval is 1.96 times the RMS that they leave of recordings that were not fitted: of `unloaded` ones, else of
-    the tests of the identification. A second opinion comes from momentum, which needs no acceleration.
+    the tests of the identification.
     """
     torque = result.predict_samples(pushed) - pushed.tau
     notes = list[str]()
@@ -194,30 +189,8 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
                 f"{name}: {mean:+.3g} {unit} all along: a zero of its torque that shifted looks like a steady push; "
                 "begin the recording untouched"
             )
-    observed, why = _observed(result, pushed)
-    notes += [] if why is None else [f"no momentum observer: {why}"]
-    found = torque, half_width, observed, wrench, width, tuple(notes)
+    found = torque, half_width, wrench, width, tuple(notes)
     return ExternalTorques(pushed.name, result.model, pushed.time, *found)
-
-
-def _observed(result: Identification, pushed: Samples) -> tuple[Floats | None, str | None]:
-    """Return external torques (N, n) by momentum, or why there are none."""
-    if result.phi is None or result.options.terms == "static" or pushed.base is not None:
-        return None, "it needs masses and a motion on a base at rest (not --free, not --terms static)"
-    robot = result.robot()
-    loads = known_loads(robot)
-    if loads is not None and loads.depends_on_load:
-        return None, "friction grows with the load, and so with accelerations"
-    observer = MomentumObserver(robot, cutoff_hz=filter_of(robot, result.options).cutoff_hz, loads=loads)
-    steps = np.diff(pushed.time, prepend=pushed.time[0])
-    usual = float(np.median(steps[1:]))
-    down = np.broadcast_to(pushed.motion()[3], (len(pushed), 3))
-    measured, shown = pushed.tau + pushed.known, np.empty_like(pushed.q)
-    for k, step in enumerate(steps):
-        if not 0.0 < step <= PAUSE * usual:
-            observer.reset()
-        shown[k] = observer.update(pushed.q[k], pushed.qd[k], measured[k], down[k], max(step, 1e-9))
-    return shown, None
 
 
 POOR = 0.6  # relative residual from which on it is asked whether two axes are swapped

@@ -32,6 +32,16 @@ class Trial(NamedTuple):
         """Return the log evidence of another supposition."""
         return self.evidence.log(supposed, self.which, extra)
 
+    def cause(
+        self, supposed: Supposed, says: str, joints: tuple[int, ...] = (), remedy: str = "", price: float = 0.0
+    ) -> "PossibleCause":
+        """Return a supposition without a number as a cause, less likely beforehand by a price [nats]."""
+        return PossibleCause(supposed, self.log(supposed) - price, says, joints, remedy)
+
+    def scaled(self, factors: Floats) -> Supposed:
+        """Return that recorded torques are factors (n,) times what they are taken for so far."""
+        return replace(self.supposed, gains=tuple(np.array(self.supposed.gains) * factors))
+
     @property
     def names(self) -> tuple[str, ...]:
         """The joints' names."""
@@ -126,8 +136,13 @@ def _integrated(log: _Density, grid: Floats, prior: _Density) -> tuple[float, fl
 
 
 def _scales(trial: Trial, factors: Floats) -> str:
-    """Return the option that multiplies torques by factors (n,)."""
-    return " ".join(f"--scale tau:{n}={f:.4g}" for n, f in zip(trial.names, factors, strict=True) if f != 1.0)
+    """Return the option that divides torques by factors (n,)."""
+    pairs = zip(trial.names, factors, strict=True)
+    return " ".join(f"--scale tau:{name}={1.0 / factor:.4g}" for name, factor in pairs if factor != 1.0)
+
+
+_OTHER_LINK_PRICE = 3.0  # log of it times the number of links, for a load that is not on the tip's link
+_LOG_GAINS = np.array([-2.4, -1.2, -0.6, -0.2, 0.0, 0.2, 0.6, 1.2, 2.4])
 
 
 def _load(trial: Trial) -> Iterator[PossibleCause]:
@@ -137,52 +152,39 @@ def _load(trial: Trial) -> Iterator[PossibleCause]:
             supposed = replace(trial.supposed, loads=(*trial.supposed.loads, link))
             elsewhere = 0.0 if link == model.frame().link else float(np.log(_OTHER_LINK_PRICE * len(links)))
             says = f"{model.link_names[link]} carries a body that the masses of the arm lack"
-            yield PossibleCause(supposed, trial.log(supposed) - elsewhere, says)
-
-
-_OTHER_LINK_PRICE = 3.0  # log of it times the number of links, for a load that is not on the tip's link
-_LOG_GAINS = np.array([-2.4, -1.2, -0.6, -0.2, 0.0, 0.2, 0.6, 1.2, 2.4])
+            yield trial.cause(supposed, says, price=elsewhere)
 
 
 def _gain(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        of = trial.supposed.gains[i]
+    for name, only in zip(trial.names, np.eye(trial.n), strict=True):
 
-        def put(u: float, i: int = i, of: float = of) -> Supposed:
-            return trial.supposed.with_one("gains", i, of * float(np.exp(u)))
+        def put(u: float, only: Floats = only) -> Supposed:
+            return trial.scaled(np.exp(u * only))
 
         u, value, std = _integrated(lambda u: trial.log(put(u)), _LOG_GAINS, _either(_normal(0.15), _normal(1.2)))
         factor = float(np.exp(u))
         says = f"torques of {name} are {factor:.3g} (standard deviation {factor * std:.2g}) times the arm's"
-        yield PossibleCause(put(u), value, says, (i,), f"--scale tau:{name}={1.0 / factor:.4g}", std)
+        yield PossibleCause(put(u), value, says, (int(np.argmax(only)),), _scales(trial, np.exp(u * only)), std)
 
 
-def _sign(trial: Trial) -> Iterator[PossibleCause]:
+_FLIPS = {  # what has the other sign: told as, and mended by
+    ("gains",): ("torques of {0} have the other sign", "--sign tau:{0}"),
+    ("signs",): ("positions of {0} count the other way", "--sign q_nominal:{0}{{rates:--sign qd:{0}}}"),
+    ("signs", "gains"): (
+        "{0} counts the other way, positions and torques",
+        "--sign q_nominal:{0}{{rates:--sign qd:{0}}} --sign tau:{0}",
+    ),
+}
+
+
+def _flipped(trial: Trial, *fields: str) -> Iterator[PossibleCause]:
+    says, remedy = _FLIPS[fields]
     for i, name in enumerate(trial.names):
-        supposed = trial.supposed.with_one("gains", i, -trial.supposed.gains[i])
-        yield PossibleCause(
-            supposed, trial.log(supposed), f"torques of {name} have the other sign", (i,), f"--sign tau:{name}"
-        )
-
-
-def _position_sign(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        if trial.moves[i]:
-            supposed = trial.supposed.with_one("signs", i, -trial.supposed.signs[i])
-            says = f"positions of {name} count the other way"
-            yield PossibleCause(
-                supposed, trial.log(supposed), says, (i,), f"--sign q_nominal:{name}{{rates:--sign qd:{name}}}"
-            )
-
-
-def _backwards(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        if trial.moves[i]:
-            supposed = trial.supposed.with_one("signs", i, -trial.supposed.signs[i])
-            supposed = supposed.with_one("gains", i, -supposed.gains[i])
-            says = f"{name} counts the other way, positions and torques"
-            remedy = f"--sign q_nominal:{name}{{rates:--sign qd:{name}}} --sign tau:{name}"
-            yield PossibleCause(supposed, trial.log(supposed), says, (i,), remedy)
+        if trial.moves[i] or "signs" not in fields:
+            supposed = trial.supposed
+            for field in fields:
+                supposed = supposed.with_one(field, i, -getattr(supposed, field)[i])
+            yield trial.cause(supposed, says.format(name), (i,), remedy.format(name))
 
 
 _ZEROS = np.arange(-7, 9) * np.pi / 8
@@ -287,77 +289,62 @@ def _taken_up(trial: Trial) -> Iterator[PossibleCause]:
 
 
 def _all_signs(trial: Trial) -> Iterator[PossibleCause]:
-    supposed = replace(trial.supposed, gains=tuple(-g for g in trial.supposed.gains))
     remedy = " ".join(f"--sign tau:{name}" for name in trial.names)
-    yield PossibleCause(supposed, trial.log(supposed), "all torques have the other sign", tuple(range(trial.n)), remedy)
+    flipped = trial.scaled(-np.ones(trial.n))
+    yield trial.cause(flipped, "all torques have the other sign", tuple(range(trial.n)), remedy)
 
 
 _UNITS = {"mNm": 1e3, "kgf m": 1.0 / STANDARD_GRAVITY, "Nm times 57.3": 57.29578, "Nm times 9.81": STANDARD_GRAVITY}
 _UNIT_PRICE = 2.0  # nats
+_COMMON_GAINS = np.linspace(-8.0, 8.0, 17)  # logarithms
 _FROM_CURRENTS = (
     "--currents with a known --load, or --scale tau:JOINT=FACTOR of every joint, from the drives' data sheets"
 )
 
 
-def _all_times(trial: Trial, factors: Floats) -> Supposed:
-    return replace(trial.supposed, gains=tuple(np.array(trial.supposed.gains) * factors))
+def _in_unit(trial: Trial, unit: str, factors: Floats) -> PossibleCause:
+    says, every = f"torques are in {unit}", tuple(range(trial.n))
+    return trial.cause(trial.scaled(factors), says, every, _scales(trial, factors), _UNIT_PRICE)
 
 
 def _common_gain(trial: Trial) -> Iterator[PossibleCause]:
-    every = tuple(range(trial.n))
-    prior = _either(_normal(0.1), _normal(3.0))
-    grid = np.linspace(-8.0, 8.0, 17)
-    u, value, std = _integrated(lambda u: trial.log(_all_times(trial, np.full(trial.n, np.exp(u)))), grid, prior)
+    one, prior = np.ones(trial.n), _either(_normal(0.1), _normal(3.0))
+    u, value, std = _integrated(lambda u: trial.log(trial.scaled(np.exp(u * one))), _COMMON_GAINS, prior)
     g = float(np.exp(u))
     says = f"all torques are {g:.3g} (standard deviation {g * std:.2g}) times the arm's"
-    factors = np.full(trial.n, g)
-    sure = std < UNSURE
-    remedy = _scales(trial, 1.0 / factors) if sure else _FROM_CURRENTS
-    yield PossibleCause(_all_times(trial, factors), value, says, every, remedy, std if sure else 0.0)
-    for unit, g in _UNITS.items():
-        factors = np.full(trial.n, g)
-        supposed = _all_times(trial, factors)
-        yield PossibleCause(
-            supposed, trial.log(supposed) - _UNIT_PRICE, f"torques are in {unit}", every, _scales(trial, 1.0 / factors)
-        )
+    remedy, error = (_scales(trial, g * one), std) if std < UNSURE else (_FROM_CURRENTS, 0.0)
+    yield PossibleCause(trial.scaled(g * one), value, says, tuple(range(trial.n)), remedy, error)
+    yield from (_in_unit(trial, unit, g * one) for unit, g in _UNITS.items())
 
 
 _CURRENT_SWEEPS, _PERCENT = 3, 100.0
 
 
 def _currents(trial: Trial) -> Iterator[PossibleCause]:
-    every, n = tuple(range(trial.n)), trial.n
-    centre = _integrated(
-        lambda u: trial.log(_all_times(trial, np.full(n, np.exp(u)))), np.linspace(-8.0, 8.0, 17), _normal(3.0)
-    )[0]
-    logs, value = np.full(n, centre), _normal(3.0)(centre)
+    one, only = np.ones(trial.n), np.eye(trial.n, dtype=bool)
+    centre = _integrated(lambda u: trial.log(trial.scaled(np.exp(u * one))), _COMMON_GAINS, _normal(3.0))[0]
+    logs, price = centre * one, -_normal(3.0)(centre)
     for sweep in range(_CURRENT_SWEEPS):
-        for i in range(n):
+        for i in range(trial.n):
 
             def put(u: float, i: int = i) -> float:
-                return trial.log(_all_times(trial, np.exp(np.where(np.arange(n) == i, u, logs))))
+                return trial.log(trial.scaled(np.exp(np.where(only[i], u, logs))))
 
-            width = 1.0 / (1.0 + 2.0 * sweep)
-            grid = logs[i] + width * np.array([-1.5, -0.5, 0.0, 0.5, 1.5])
+            grid = logs[i] + np.array([-1.5, -0.5, 0.0, 0.5, 1.5]) / (1.0 + 2.0 * sweep)
             logs[i], _, std = _integrated(put, grid, _normal(1.0, centre))
             if sweep == _CURRENT_SWEEPS - 1:
-                value += float(np.log(std * np.sqrt(2.0 * np.pi))) + _normal(1.0, centre)(logs[i])
-    supposed = _all_times(trial, np.exp(logs))
+                price -= float(np.log(std * np.sqrt(2.0 * np.pi))) + _normal(1.0, centre)(logs[i])
     told = ", ".join(f"{name} {g:.3g}" for name, g in zip(trial.names, np.exp(-logs), strict=True))
     says = f"torques are motor currents, or in a unit for each joint; factors to Nm are about {told}"
-    remedy = _FROM_CURRENTS
-    yield PossibleCause(supposed, trial.log(supposed) + value, says, every, remedy)
+    yield trial.cause(trial.scaled(np.exp(logs)), says, tuple(range(trial.n)), _FROM_CURRENTS, price)
     limits = trial.evidence.model.effort_limit
     if (limits > 0.0).all() and np.isfinite(limits).all():
-        factors = _PERCENT / limits
-        supposed = _all_times(trial, factors)
-        says = "torques are in percent of the joints' effort limits"
-        yield PossibleCause(supposed, trial.log(supposed) - _UNIT_PRICE, says, every, _scales(trial, 1.0 / factors))
+        yield _in_unit(trial, "percent of the joints' effort limits", _PERCENT / limits)
 
 
 def _no_gravity(trial: Trial) -> Iterator[PossibleCause]:
     supposed = replace(trial.supposed, gravity=(0.0, 0.0, 0.0))
-    yield PossibleCause(supposed, trial.log(supposed), "gravity was taken out of the torques", (), "--gravity 0,0,0")
+    yield trial.cause(supposed, "gravity was taken out of the torques", remedy="--gravity 0,0,0")
 
 
 _WALLS = {
@@ -432,7 +419,7 @@ def _swapped(trial: Trial) -> Iterator[PossibleCause]:
             supposed = trial.supposed.with_swapped(fields, i, j)
             moved = f"--swap q_nominal:{a},{b}{{rates:--swap qd:{a},{b}}} " if positions else ""
             says = f"{a} and {b} look swapped, {words}"
-            yield PossibleCause(supposed, trial.log(supposed), says, (i, j), f"{moved}--swap tau:{a},{b}")
+            yield trial.cause(supposed, says, (i, j), f"{moved}--swap tau:{a},{b}")
 
 
 def _shared_drive(trial: Trial) -> Iterator[PossibleCause]:
@@ -442,7 +429,7 @@ def _shared_drive(trial: Trial) -> Iterator[PossibleCause]:
                 supposed = replace(trial.supposed, shared=(*trial.supposed.shared, (i, i + 1, sign)))
                 along = f"{trial.names[i]} {'+' if sign > 0.0 else '-'} {trial.names[i + 1]}"
                 says = f"a drive moves {along}, with friction and a rotor of its own"
-                yield PossibleCause(supposed, trial.log(supposed), says, (i, i + 1))
+                yield trial.cause(supposed, says, (i, i + 1))
 
 
 _DELAYS_S = np.array([-160, -80, -40, -20, -10, -5, 0, 5, 10, 20, 40, 80, 160]) / 1e3
@@ -476,9 +463,9 @@ def _of_joint(n: int) -> float:
 _ALL = (
     Hypothesis("load", "arm", lambda n: 1.0, _load, of_arm=True, by_masses=True),
     Hypothesis("gain", "torques", _of_joint, _gain, by_masses=True),
-    Hypothesis("sign", "sign", lambda n: _of_joint(n) + 0.7, _sign),
-    Hypothesis("position sign", "sign", lambda n: _of_joint(n) + 2.0, _position_sign),
-    Hypothesis("backwards", "sign", _of_joint, _backwards),
+    Hypothesis("sign", "sign", lambda n: _of_joint(n) + 0.7, lambda t: _flipped(t, "gains")),
+    Hypothesis("position sign", "sign", lambda n: _of_joint(n) + 2.0, lambda t: _flipped(t, "signs")),
+    Hypothesis("backwards", "sign", _of_joint, lambda t: _flipped(t, "signs", "gains")),
     Hypothesis("zero", "offset", _of_joint, _zero),
     Hypothesis("torque zero", "offset", _of_joint, _torque_zero, by_identification=True, mended=False),
     Hypothesis("friction", "friction", _of_joint, _friction, by_identification=True, mended=False),
