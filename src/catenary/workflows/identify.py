@@ -7,7 +7,7 @@ Of a longer arm some joints may be identified alone: the others are held where r
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -411,19 +411,51 @@ def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path]
     return replace(found, notes=(*notes, *found.notes))
 
 
+class ArmChange(NamedTuple):
+    """What a recording shows that differs from an arm as it was identified."""
+
+    recording: str
+    finding: str  # of FINDINGS
+    joints: tuple[str, ...]
+    says: str
+
+
+def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[list[ArmChange], list[str]]:
+    """Return how an identified arm has changed by recordings of it, zeros, gains, loads and friction, and notes.
+
+    Arguments as `payload_of_files`. Nothing is refused that the arm itself may have become.
+    """
+    result, samples, notes, read = _read(model, logs, **how)
+    found = [(part.name, each) for part in samples for each in findings_against(result, part)]
+    for log in () if found else read:
+        check_positions(log, result.model)
+    return [ArmChange(name, each.name, each.joints, each.says) for name, each in found], notes
+
+
 def _read_for(
+    model: Path, paths: Sequence[Path], *, accept: Sequence[str] = (), of_arm: bool = True, **how: Any
+) -> tuple[Identification, list[Samples], list[str]]:
+    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first.
+
+    What the arm carries beside its own is among the notes if `of_arm`.
+    """
+    result, samples, notes, read = _read(model, paths, accept=accept, **how)
+    found = [(s.name, each) for s in samples for each in findings_against(result, s)]
+    notes += judge([each for each in found if of_arm or each[1].name != "arm"], accept, done="weighed")
+    for log in read:  # behind what may explain them
+        check_positions(log, result.model)
+    return result, samples, notes
+
+
+def _read(
     model: Path,
     paths: Sequence[Path],
     *,
     cutoff_hz: float | None = None,
     reading: Reading | None = None,
     accept: Sequence[str] = (),
-    of_arm: bool = True,
-) -> tuple[Identification, list[Samples], list[str]]:
-    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first.
-
-    What the arm carries beside its own is among the notes if `of_arm`.
-    """
+) -> tuple[Identification, list[Samples], list[str], list[MotionLog]]:
+    """Return identified parameters, recordings filtered as they were, notes on these, and them as they were read."""
     result, card = load_identification(model)
     # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
     mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
@@ -439,11 +471,7 @@ def _read_for(
     notes += [note for log in read for note in log.named_notes]
     samples = [prepare(log, result.model, options, within_limits=False) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
-    found = [(s.name, each) for s in samples for each in findings_against(result, s)]
-    notes += judge([each for each in found if of_arm or each[1].name != "arm"], accept, done="weighed")
-    for log in read:
-        check_positions(log, result.model)
-    return result, samples, notes
+    return result, samples, notes, read
 
 
 SENSED = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes
