@@ -101,9 +101,11 @@ class Rows:
 
     def torques(self, supposed: Supposed) -> Floats:
         """Return recorded torques (N, n) in the joints' order, where they lie behind from later rows."""
-        late = round(supposed.late_s / self.step) if supposed.late_s else 0
-        at = np.clip(self.at + late, 0, len(self.measured) - 1)
-        torque = self.measured[at][:, list(supposed.torque_order)]
+        late = np.zeros(self.model.n, dtype=np.int64)
+        if any(supposed.late_s):
+            late = np.rint(np.array(supposed.late_s) / self.step).astype(np.int64)
+        at = np.clip(self.at[:, None] + late, 0, len(self.measured) - 1)
+        torque = self.measured[at, list(supposed.torque_order)]
         for joint, after in supposed.turned:
             torque[self.samples.time[self.at] > after, joint] *= -1.0
         return torque

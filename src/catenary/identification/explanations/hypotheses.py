@@ -342,9 +342,22 @@ def _currents(trial: Trial) -> Iterator[PossibleCause]:
         yield _in_unit(trial, "percent of the joints' effort limits", _PERCENT / limits)
 
 
+_GRAVITY_SHARES = np.linspace(-0.2, 1.8, 6)  # of gravity, that torques hold
+
+
 def _no_gravity(trial: Trial) -> Iterator[PossibleCause]:
     supposed = replace(trial.supposed, gravity=(0.0, 0.0, 0.0))
     yield trial.cause(supposed, "gravity was taken out of the torques", remedy="--gravity 0,0,0")
+    stated = trial.evidence.rows.samples.gravity
+    if stated.ndim == 1 and stated.any() and trial.supposed.gravity is None:
+
+        def put(share: float) -> Supposed:
+            return replace(trial.supposed, gravity=tuple(share * stated))
+
+        share, value, std = _integrated(lambda u: trial.log(put(u)), _GRAVITY_SHARES, _normal(0.4, 0.5))
+        says = f"torques hold {share:.2g} (standard deviation {std:.1g}) of gravity"
+        remedy = f"--gravity {','.join(f'{v:.4g}' for v in share * stated + 0.0)}"
+        yield PossibleCause(put(share), value, says, (), remedy, std / max(abs(1.0 - share), 1e-9))
 
 
 _WALLS = {
@@ -433,27 +446,36 @@ def _shared_drive(trial: Trial) -> Iterator[PossibleCause]:
 
 
 _DELAYS_S = np.array([-160, -80, -40, -20, -10, -5, 0, 5, 10, 20, 40, 80, 160]) / 1e3
+_DELAYS_OF_JOINT_S = np.array([-40, -20, 20, 40]) / 1e3
 _DELAY_STD_S = 0.03
 _LEAST_DELAY_S = 0.012  # of real arms' delays intervals contain zero, and are about 10 ms wide at best
 
 
 def _delay(trial: Trial) -> Iterator[PossibleCause]:
     step = trial.evidence.rows.step
-
-    def log(u: float) -> float:
-        return trial.log(replace(trial.supposed, late_s=trial.supposed.late_s + u)) + _normal(_DELAY_STD_S)(u)
-
     grid = _DELAYS_S[(np.abs(_DELAYS_S) >= step) | (_DELAYS_S == 0.0)]
-    best = grid[int(np.argmax([log(u) for u in grid]))]
-    fine = best + np.linspace(-0.5, 0.5, 9) * max(abs(best), 4.0 * step)
-    values = np.array([log(u) for u in fine])
-    u = round(float(fine[int(np.argmax(values))]) / step) * step
-    if abs(u) < _LEAST_DELAY_S:
-        return
-    late = "late" if u > 0.0 else "early"
-    says = f"torques come {abs(u) * 1e3:.0f} ms too {late} for the motion: what is printed is off"
-    value = float(np.logaddexp.reduce(values) + np.log(fine[1] - fine[0]))
-    yield PossibleCause(replace(trial.supposed, late_s=trial.supposed.late_s + u), value, says)
+
+    def put(u: float, whose: Floats) -> Supposed:
+        return replace(trial.supposed, late_s=tuple(np.array(trial.supposed.late_s) + u * whose))
+
+    def log(u: float, whose: Floats) -> float:
+        return trial.log(put(u, whose)) + _normal(_DELAY_STD_S)(u)
+
+    every = np.ones(trial.n)
+    of_joints = [(log(u, only), u, only) for only in np.eye(trial.n) for u in _DELAYS_OF_JOINT_S]
+    of_all = max((log(u, every), u) for u in grid)
+    _, u, only = max(of_joints, key=lambda each: each[0])
+    for best, whose, less in ((of_all[1], every, 0.0), (u, only, float(np.log(2.0 * trial.n)))):
+        fine = best + np.linspace(-0.5, 0.5, 9) * max(abs(best), 4.0 * step)
+        values = np.array([log(u, whose) for u in fine])
+        u = round(float(fine[int(np.argmax(values))]) / step) * step
+        if abs(u) >= _LEAST_DELAY_S:
+            joints = () if less == 0.0 else (int(np.argmax(whose)),)
+            whose_text = f"torques of {trial.names[joints[0]]}" if joints else "torques"
+            late = "late" if u > 0.0 else "early"
+            says = f"{whose_text} come {abs(u) * 1e3:.0f} ms too {late} for the motion: what is printed is off"
+            value = float(np.logaddexp.reduce(values) + np.log(fine[1] - fine[0])) - less
+            yield PossibleCause(put(u, whose), value, says, joints)
 
 
 def _of_joint(n: int) -> float:

@@ -23,8 +23,8 @@ class Supposed:
     position_order: tuple[int, ...]  # column of the recording that holds each joint's position
     torque_order: tuple[int, ...]  # the same of its torque
     gains: tuple[float, ...]  # (n,) of recorded torques to true ones
+    late_s: tuple[float, ...]  # (n,) [s] that torques lie behind positions
     gravity: tuple[float, ...] | None = None  # (3,) [m/s2] in base axes; None: as stated or recorded
-    late_s: float = 0.0  # [s] that torques lie behind positions
     loads: tuple[int, ...] = ()  # links that carry a body which the prior of masses lacks
     shared: tuple[tuple[int, int, float], ...] = ()  # joints on one drive, and the sign of the second
     added: tuple[Added, ...] = ()
@@ -54,4 +54,4 @@ class Supposed:
 def nothing_supposed(n: int) -> Supposed:
     """Return that a recording of n joints is as it says."""
     order = tuple(range(n))
-    return Supposed((1.0,) * n, (0.0,) * n, order, order, (1.0,) * n)
+    return Supposed((1.0,) * n, (0.0,) * n, order, order, (1.0,) * n, (0.0,) * n)
