@@ -106,7 +106,7 @@ def test_a_payload_is_not_weighed_by_torques_of_another_sign_or_unit(
     joint = load_robot("raven2").joint_names[1]
     for factor, name, mend in (
         (-1.0, "sign", ("--sign", f"tau:{joint}")),
-        (0.05, "torques", ("--scale", f"tau:{joint}=20")),
+        (0.02, "torques", ("--scale", f"tau:{joint}=50")),
     ):
         tau = content["tau"].copy()
         tau[:, 1] *= factor

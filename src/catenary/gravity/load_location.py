@@ -200,7 +200,7 @@ def telling_joint(
         poses = np.tile(q, (len(steps), 1))
         poses[:, joint] = np.clip(q[joint] + steps, model.lower[joint], model.upper[joint])
         torque = regressor.Z(poses, gravity) @ difference
-        differ = float(np.abs((torque - torque[0]) / noise).max())
+        differ = float(np.abs((torque[1:] - (0.0 if others else torque[0])) / noise).max())
         if differ > 1.05 * most:  # of joints that tell as much, the first
             most, found = differ, name
     return found
