@@ -60,6 +60,11 @@ class Fit:
     implausible: float  # squared Mahalanobis distance of the links' parameters from the file's, per parameter
 
 
+def _key(supposed: Supposed) -> tuple[object, ...]:
+    """Return what decides on the columns."""
+    return *supposed.motion, supposed.added, supposed.torque_order
+
+
 class _Gram(NamedTuple):
     XX: Floats  # (n, p, p)
     beside: Beside
@@ -85,6 +90,7 @@ class Evidence:
         self.model, self.rows = model, Rows(model, samples, rows, identified=self.belief.identified)
         self.plain = nothing_supposed(model.n)
         self._grams: dict[object, _Gram] = {}
+        self._brakes: dict[object, float] = {}
         self._columns: dict[object, Floats] = {}
         self._priors: dict[object, tuple[Floats, Floats, Floats, float]] = {}
         self._links: dict[object, Floats] = {}
@@ -96,7 +102,7 @@ class Evidence:
     def believing(self, belief: Belief) -> "Evidence":
         """Return the same recording for another belief of the same arm."""
         other = copy(self)
-        other.belief, other._priors = belief, {}
+        other.belief, other._priors, other._brakes = belief, {}, {}
         return other
 
     def log(self, supposed: Supposed, which: int, extra: Sequence[Extra] = ()) -> float:
@@ -141,7 +147,7 @@ class Evidence:
 
     def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
         """Return the columns' products with each other, with torques (n, p), and of torques (n,)."""
-        key = (*supposed.motion, supposed.added, supposed.torque_order)
+        key = _key(supposed)
         if key not in self._grams or key not in self._columns or extra:
             X, beside, own = self.columns(supposed)
             if extra:
@@ -263,9 +269,12 @@ class Evidence:
             w = counted / N / variance
             A, right = K + np.tensordot(w, XX, 1), KM + w @ Xy
             d = 1.0 / np.sqrt(np.diag(A))
-            L = lapack.dpotrf(A * d[:, None] * d + 1e-12 * np.eye(p), lower=1, clean=0)[0]
+            A *= d[:, None] * d
+            A.flat[:: p + 1] += 1e-12
+            L = lapack.dpotrf(A, lower=1, clean=1)[0]
             lower = lapack.dpotri(L, lower=1)[0]
-            C = (np.tril(lower) + np.tril(lower, -1).T) * d[:, None] * d
+            C = (lower + lower.T) * d[:, None] * d
+            C.flat[:: p + 1] *= 0.5
             beta = C @ right
             XXb = XX @ beta
             rss = yy - 2.0 * Xy @ beta + XXb @ beta
@@ -276,7 +285,9 @@ class Evidence:
         value = -0.5 * np.sum(counted * np.log(2.0 * np.pi * variance)) - 0.5 * w @ yy + 0.5 * right @ beta
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
-        value += self._braking(gram.beside, beta, C) - self._braking(gram.beside, M, np.diag(variances))
+        if (key := (*_key(supposed), which)) not in self._brakes:  # that no gain changes
+            self._brakes[key] = self._braking(gram.beside, M, np.diag(variances))
+        value += self._braking(gram.beside, beta, C) - self._brakes[key]
         if self.noise is None:
             value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
         return float(value), beta, C, rss, size, w
@@ -309,5 +320,6 @@ class Evidence:
             times.append(1.0 + 2.0 * float(share[1 : ends[0] if len(ends) else None].sum()))
         self.rows.carried = X[:, :, : self.shown] @ fit.beta[: self.shown]
         self._grams.clear()
+        self._brakes.clear()
         coarse = np.array(times) * (1.0 + (fit.relative / _COARSE) ** 2)
         return np.clip(coarse, 1.0, max(1.0, len(left) / _LEAST_INDEPENDENT))
