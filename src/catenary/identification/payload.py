@@ -6,6 +6,7 @@ explain the torques as well: then they share the probability, and none is named 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,18 +54,23 @@ class PayloadEstimate:
         return location_text(self.likely or (self.link,), self.telling_joint)
 
 
-def estimate_payload(
+def estimate_payload(result: Identification, loaded: Sequence[Samples], **how: Any) -> PayloadEstimate:
+    """Return the likeliest of `payload_candidates`, whose arguments these are."""
+    return payload_candidates(result, loaded, **how)[0]
+
+
+def payload_candidates(
     result: Identification,
     loaded: Sequence[Samples],
     *,
     at: tuple[str, ArrayLike] | None = None,
     unloaded: Sequence[Samples] = (),
-) -> PayloadEstimate:
-    """Find a payload in recordings of a robot whose dynamics were identified without it.
+) -> tuple[PayloadEstimate, ...]:
+    """Estimate the payload of an arm that was identified without it on every link, the likeliest first.
 
-    At a known place it is a point mass. Otherwise mass, place and inertia are free on every link, and the likeliest
-    link is taken; `likely` and `location` say which others the recordings cannot tell from it. The parameters' own
-    errors, as the identification has them, and what else may differ (see the file) are in the deviations.
+    At a known place it is a point mass. Otherwise mass, place and inertia are free on every link; `likely` and
+    `location` say which others the recordings cannot tell from it. The parameters' own errors, as the identification
+    has them, and what else may differ (see the file) are in the deviations.
 
     Args:
         result: The identified dynamics.
@@ -77,15 +83,33 @@ def estimate_payload(
     """
     if not loaded:
         raise InputError("payload: expected at least one recording")
-    places = None if at is None else [place_of(result, at)]
-    return _candidates(result, loaded, unloaded, places)[0]
+    model, belief, others = result.model, belief_of(result), tuple(differences(result.model.joint_names))
+    of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
+    loads = weigh_loads(
+        of_loaded,
+        [(link, None) for link in belief.links] if at is None else [place_of(result, at)],
+        others,
+        unloaded=of_unloaded,
+    )
+    found = [_estimate(model, each, loads.sure, at is None) for each in loads.each]
+    best, links = loads.each[0], [each.link for each in found]
+    names, detected, rival = likely(links, loads.shares), found[0].detected, int(np.argmax(best.without))
 
+    def telling(count: int) -> str | None:
+        pair = [(link, each.mean[:4]) for link, each in zip(links[:count], loads.each, strict=False)]
+        return telling_joint(compact_regressor(model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9)
 
-def payload_candidates(
-    result: Identification, loaded: Sequence[Samples], *, unloaded: Sequence[Samples] = ()
-) -> tuple[PayloadEstimate, ...]:
-    """Estimate the payload on every link, with the probability that it is there; the likeliest link first."""
-    return _candidates(result, loaded, unloaded, None)
+    told = ""
+    if rival > 0 and not detected and min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN:
+        name = telling(1)
+        how = f"move {name}" if name else "no joint would tell, moved by itself"
+        told = f"{others[rival].says}: {how}"
+    beside = others[int(np.argmax(best.logs if detected else best.without))].says
+    joint = telling(2) if len(names) > 1 else None
+    return tuple(
+        replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=told)
+        for each, share in zip(found, loads.shares, strict=True)
+    )
 
 
 def locate_load(
@@ -150,37 +174,6 @@ def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Fl
     if frame.link < 0:
         raise InputError(f'payload: frame "{at[0]}" does not move: what hangs there loads no joint')
     return frame.link, frame.pose.rotation @ position + frame.pose.position
-
-
-def _candidates(
-    result: Identification,
-    loaded: Sequence[Samples],
-    unloaded: Sequence[Samples],
-    places: Sequence[tuple[int, Floats | None]] | None,
-) -> tuple[PayloadEstimate, ...]:
-    """Return what each link may carry, likeliest first; a point mass at its place where places are given."""
-    model, belief, others = result.model, belief_of(result), tuple(differences(result.model.joint_names))
-    of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
-    loads = weigh_loads(of_loaded, places or [(link, None) for link in belief.links], others, unloaded=of_unloaded)
-    found = [_estimate(model, each, loads.sure, places is None) for each in loads.each]
-    best, links = loads.each[0], [each.link for each in found]
-    names, detected, rival = likely(links, loads.shares), found[0].detected, int(np.argmax(best.without))
-
-    def telling(count: int) -> str | None:
-        pair = [(link, each.mean[:4]) for link, each in zip(links[:count], loads.each, strict=False)]
-        return telling_joint(compact_regressor(model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9)
-
-    told = ""
-    if rival > 0 and not detected and min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN:
-        name = telling(1)
-        how = f"move {name}" if name else "no joint would tell, moved by itself"
-        told = f"{others[rival].says}: {how}"
-    beside = others[int(np.argmax(best.logs if detected else best.without))].says
-    joint = telling(2) if len(names) > 1 else None
-    return tuple(
-        replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=told)
-        for each, share in zip(found, loads.shares, strict=True)
-    )
 
 
 def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> PayloadEstimate:

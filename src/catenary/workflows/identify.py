@@ -343,9 +343,8 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     yield from (f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons)
     for residual in (*result.training, *result.tests):
         left = zip(result.model.joint_names, residual.relative_rms, strict=True)
-        if poor := {name: f"{share:.2f}" for name, share in left if share > POOR}:
-            told = f"little of the torque of {', '.join(poor)} is explained ({', '.join(poor.values())} of it is left)"
-            yield f"{residual.log}: {told}"
+        if poor := [f"{name} ({share:.2f} of it is left)" for name, share in left if share > POOR]:
+            yield f"{residual.log}: little of the torque is explained of {', '.join(poor)}"
     yield from mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     by_kind: dict[str, list[str]] = {}
     for part in result.friction:
@@ -393,10 +392,7 @@ def payload_of_files(
     """
     result, samples, notes = _read_for(model, (*logs, *unloaded), of_arm=False, **how)  # of a load the estimate tells
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
-    if at is not None:
-        best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
-    else:
-        best, *candidates = payload_candidates(result, loaded, unloaded=empty)
+    best, *candidates = payload_candidates(result, loaded, at=at, unloaded=empty)
     if best.rival:
         notes.append(f"a load on {best.link} cannot be told from {best.rival}")
     if best.mass is None:
