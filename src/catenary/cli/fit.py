@@ -11,12 +11,12 @@ import catenary
 from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.options import REPORT, REQUIRED, Names, Numbers, argument, group, numbers, option, values_of, words
-from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PARAMETERS
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
-from catenary.reports.page import Block, Heading, picture
+from catenary.reports.page import Block, Heading, Table, picture
 from catenary.side_by_side import on_workers
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def fit(
 class HeldModel(ModelRecordingOptions):
     """A model, and recordings that it is held against."""
 
-    model: Path = argument("MODEL", "A model that catenary fit or refresh wrote.")
+    model: Path = argument("MODEL", "A model that catenary fit or refresh wrote; for drift also of identify.")
     data: Sequence[Path] = RECORDINGS
     max_error: Numbers | None = MAX_ERROR
     accept: Sequence[str] = ACCEPT
@@ -211,8 +211,13 @@ def drift(
     .card.json: errors, delays and zeros by date. The exit code is 1 if a joint's errors at the end are beyond what the
     model promises, or if a recording has a fault other than drift.
 
+    Of parameters that catenary identify wrote it prints zeros, gains, loads and friction that differ in recordings.
+
     Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """
+    if held.model.is_file() and PARAMETERS.is_one(held.model):
+        _arm_drift(held)
+        return
     from catenary.calibration.model_drift import since_in_words
     from catenary.reports.drift import drift_tables, write_drift_report
     from catenary.workflows.calibration_model import card_history, drift_summary
@@ -230,6 +235,19 @@ def drift(
         write_drift_report(held.report, found, model=held.model.name, notes=notes)
         print_page(held.report)
     if any(first is not None for first in found.since):
+        raise typer.Exit(FAULT_FOUND)
+
+
+def _arm_drift(held: HeldModel) -> None:
+    from catenary.workflows.identify import changes_of_files
+
+    if held.report is not None or held.max_error is not None:
+        raise InputError("drift: --report and --max-error do not go with an arm's parameters")
+    changes, notes = changes_of_files(held.model, held.data, reading=held.reading(), accept=held.accept)
+    table = Table(["recording", "finding", ("joints", lambda one: ", ".join(one.joints)), "says"], changes, "Changes")
+    content = {"changes": [one._asdict() for one in changes], "notes": notes}
+    print_result(content, table if changes else "nothing differs from what was identified", notes=notes)
+    if changes:
         raise typer.Exit(FAULT_FOUND)
 
 

@@ -25,7 +25,6 @@ from catenary.errors import CatenaryError, ExcitationError, FileFormatError, Inp
 from catenary.file_formats import endings, format_named, format_of
 from catenary.files import card_path, card_text
 from catenary.gravity.mass_doubts import mass_doubts
-from catenary.identification.course import course_findings
 from catenary.identification.explanations.findings import torque_findings
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
@@ -461,7 +460,6 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
         still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < _STILL_SPEED and terms == "full"]
         remarks += [*samples.notes, *[f"stands still: {', '.join(still)}"] * bool(still)]
         result = identify_samples([samples], model, options)
-        found = (*found, *course_findings(result, samples))
     except (InputError, ExcitationError) as error:
         faults = [str(error)]
     faults = [*(f"{each.name}: {each}" for each in found if each.refuses), *faults]
