@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from catenary.calibration.intervals import Intervals
+from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_file import load_model, save_model
-from catenary.cards import stored
+from catenary.cards import stored, write_with_card
 from catenary.errors import FileFormatError
 from catenary.files import card_path
 from recordings import fitted, recording
@@ -200,13 +202,41 @@ def test_loading_a_model_for_a_loop_imports_nothing_that_fits_one() -> None:
     assert outcome.stdout.strip() == b"set()"
 
 
-def test_a_file_of_another_format_is_refused_and_says_to_fit_again(path: Path) -> None:
-    with pytest.raises(FileFormatError, match="another version wrote it; `catenary fit` makes a model again"):
-        load_model(altered(path, restructured(format="catenary.calibration.5")))
+@pytest.mark.parametrize(("kind", "preset"), [("hysteretic", None), ("auto", None), ("neural", "best")])
+def test_a_file_of_a_kind_that_is_no_longer_fitted_loads_and_says_to_fit_again(
+    path: Path, kind: str, preset: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    save_model(replace(MODEL, kind=kind, preset=preset), CARD, path)
+    model, _ = load_model(path)
+    assert "fit again" in caplog.text
+    assert model.calibrate(LOG).tobytes() == MODEL.calibrate(LOG).tobytes()
 
 
-@pytest.mark.parametrize("kind", ["hysteretic", "auto"])
-def test_a_file_of_a_kind_that_is_no_longer_fitted_is_refused(path: Path, kind: str) -> None:
-    save_model(replace(MODEL, kind=kind), CARD, path)
-    with pytest.raises(FileFormatError, match="expected one of offset, linear"):
-        load_model(path)
+def of_the_format_before(model: CalibrationModel, path: Path, **features: Any) -> Path:
+    """A file as versions before wrote it: a linear function by its own name, intervals with a margin."""
+    save_model(model, CARD, path)
+    with np.load(path) as content:
+        arrays = dict(content)
+    structure = json.loads(str(arrays.pop("structure")))
+    structure["format"] = "catenary.calibration.5"
+    structure["features"] |= features
+    for group in structure["groups"]:
+        group["predictor"] = {"kind": "linear", **{key: group["predictor"][key] for key in ("weights", "bias")}}
+    if structure["intervals"]:
+        structure["intervals"]["margin"] = "intervals.inside"
+    del arrays["card"], structure["adjustment"]
+    write_with_card(path, arrays | {"structure": np.array(json.dumps(structure))}, CARD)
+    return path
+
+
+def test_a_file_with_midlines_is_refused_and_says_to_fit_again(path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"midlines of torques.* which are gone: fit again"):
+        load_model(of_the_format_before(MODEL, path, midlines=[["tau:J1", "q:J1", 0.1, 1.0]]))
+
+
+def test_a_file_of_the_format_before_loads(path: Path) -> None:
+    widths = Intervals(0.9, np.full(3, 0.01), np.full(3, 0.03))
+    model, _ = load_model(of_the_format_before(replace(MODEL, intervals=widths), path))
+    assert model.calibrate(LOG).tobytes() == MODEL.calibrate(LOG).tobytes()
+    assert model.intervals is not None
+    np.testing.assert_array_equal(model.intervals.outside, widths.outside)

@@ -4,6 +4,7 @@ A model is its own schema: the archive holds its plain data as JSON (`structure`
 """
 
 import json
+import logging
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -14,15 +15,18 @@ from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_kinds import kind_of
+from catenary.calibration.model_kinds import RETIRED, kind_of
+from catenary.calibration.predictors import Expansion, Leverage, linear
+from catenary.calibration.terms import Terms
 from catenary.cards import card_of, stored, write_with_card
 from catenary.config import parse_settings
 from catenary.documents import cut, json_table, shortened
-from catenary.errors import CatenaryError, FileFormatError
+from catenary.errors import CatenaryError, FileFormatError, InputError
 from catenary.files import damage
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
-_FORMAT = "catenary.calibration.6"
+_log = logging.getLogger(__name__)
+_FORMAT, _BEFORE = "catenary.calibration.6", "catenary.calibration.5"
 _FIELD_NAMES = tuple(each.name for each in fields(CalibrationModel))
 
 
@@ -55,12 +59,17 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             if values.dtype.kind == "f" and not np.isfinite(values).all():
                 raise ValueError(f"{key} holds NaN or infinity")
         found = json_table(str(arrays["structure"]), "structure")
-        if (version := found.pop("format", None)) != _FORMAT:
+        if (version := found.pop("format", None)) not in (_FORMAT, _BEFORE):
             raise FileFormatError(
                 f"{path}: model format {shortened(version)}, expected {_FORMAT!r}: another version wrote it; {remedy}"
             )
-        model = parse_settings(found, CalibrationModel, "structure", arrays)
-        kind_of(model.kind, model.preset)  # refuses unknown ones
+        renewed = arrays if version == _FORMAT else _renew(found, arrays)
+        model = parse_settings(found, CalibrationModel, "structure", renewed)
+        if model.kind in RETIRED or model.preset == "best":
+            name = f"{model.kind} {model.preset or ''}".strip()
+            _log.warning("%s: models of kind %s are no longer fitted, and err more: fit again", path, name)
+        else:
+            kind_of(model.kind, model.preset)  # refuses unknown ones
         check_names("joint", model.joint_names)
         check_different("joint", model.joint_names)
         check_within("offset", model.offset, FARTHEST, "rad or m")
@@ -75,3 +84,31 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         raise FileFormatError(
             damage(path, f"is no calibration model, or of another version: {cut(why)}", remedy)
         ) from error
+
+
+def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Bring the structure of a file of the format before up to date; return its arrays, with those that it now has."""
+    arrays, (features, intervals) = dict(arrays), (found.get("features") or {}, found.get("intervals") or {})
+    intervals.pop("margin", None)
+    skipping = [g for g in found["groups"] if g["predictor"].pop("skip", None)]
+    if features.pop("midlines", None) or skipping:
+        raise InputError("it takes midlines of torques, or a line beside a network, which are gone: fit again")
+    for k, group in enumerate(found["groups"]):
+        old = {key: arrays.get(value, value) for key, value in group["predictor"].items()}
+        match old.pop("kind"):
+            case "constant":
+                new = linear(np.zeros((len(arrays[group["columns"]]), len(old["value"]))), old["value"])
+            case "linear":
+                new = linear(**old)
+            case "quadratic":
+                terms = Terms.plain(old["mean"], old["scale"], np.column_stack(np.triu_indices(len(old["mean"]))))
+                new = Expansion(terms, np.vstack([old["linear"], old["quadratic"]]), old["bias"])
+            case "expansion":
+                names = {"constants": "sketch_bias"}
+                leverage = {n.name: group["predictor"].pop(names.get(n.name, n.name)) for n in fields(Leverage)}
+                group["predictor"]["leverage"] = leverage
+                continue
+            case _:
+                continue
+        group["predictor"] = stored(new, arrays, f"groups.{k}.predictor")
+    return arrays

@@ -97,12 +97,14 @@ _KINDS = (
 )
 MODEL_KINDS: Mapping[str, ModelKind] = {kind.name: kind for kind in _KINDS}
 LEARNED = "learned"  # what is fitted unless another kind is asked for
+RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, which are no longer fitted
 
 
 def kind_of(name: str, preset: str | None = None) -> ModelKind:
     """Return the record of a kind, which may be named by its preset too."""
     if name not in MODEL_KINDS:
-        raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}')
+        why = "; it is no longer fitted" if name in RETIRED else ""
+        raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}{why}')
     kind = MODEL_KINDS[name]
     if preset not in (None, kind.preset):
         presets = [f"{each.preset} of {each.name}" for each in _KINDS if each.preset is not None]
