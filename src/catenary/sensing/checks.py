@@ -206,7 +206,8 @@ class GravityCheck:
         outwards = 0.0 if rate is None else self._lever * (float(rate @ rate) + swing)
         self._outwards = max(outwards, self._outwards * math.exp(-dt / self._base.mean_time))
         fault = self._length_fault(length, expected)
-        if abs(self._lengths[0] - self._leapt_from) < 0.5 * limit or stamp - self._leapt_at > _TRUST_AGAIN_S:
+        is_back = abs(self._lengths[0] - self._leapt_from) < 0.5 * limit + self._base.slow_acceleration
+        if is_back or stamp - self._leapt_at > _TRUST_AGAIN_S:
             self._leapt_at = math.inf
         if fault is Fault.NONE and self._leapt_at < math.inf:
             fault = Fault.MAGNITUDE
