@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from catenary.sensing.checks import Fault
-from catenary.sensing.turning import Motion, TurningWatch, compare, integral
+from catenary.sensing.turning import SensedTurn, TurningWatch, compare, integral
 
 HZ, SPAN = 100, 4.0
 NOWHERE = np.zeros(3)
@@ -43,7 +43,7 @@ def rocking(rng, *, amplitude, hz, axis, lever=(0.0, 0.0, 0.0), late=0.0, second
 
 
 def compared(t, gravity, rates):
-    return compare([Motion(t, integral(t, gravity), t, integral(t, rates))], NOWHERE, noise=(0.04, 9e-4))
+    return compare([SensedTurn(t, integral(t, gravity), t, integral(t, rates))], NOWHERE, noise=(0.04, 9e-4))
 
 
 MOTIONS = {

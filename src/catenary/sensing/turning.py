@@ -45,7 +45,7 @@ class Way(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
+class RateExplanation:
     """What may be wrong with a gyroscope, how it may be read then, what it costs to say so, and what mends it."""
 
     fault: Fault
@@ -76,14 +76,14 @@ _SIGN_PRICE = 0.3  # [nats] of each sign that is turned
 _USUAL = [np.diag([1.0, -1.0, -1.0]), -np.eye(3), np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])]
 _SCALES = np.r_[np.geomspace(0.1, 0.8, 7), np.geomspace(1.25, 10.0, 7), -1.0]
 EXPLANATIONS = (
-    Explanation(Fault.NONE, [_ORDERS[0]], 0.0, lambda way: ""),
-    Explanation(Fault.RATE_CONTRADICTS, [Way(np.zeros((3, 3)))], 2.0, lambda way: ""),
-    Explanation(Fault.RATE_SIGN, _ORDERS[1:8], 3.7, _order_of),
-    Explanation(Fault.RATE_AXES, _ORDERS[8:], 5.0, _order_of),
-    Explanation(Fault.RATE_UNIT, [Way(np.radians(np.eye(3)))], 3.0, lambda way: "it seems to be in deg/s"),
-    Explanation(Fault.RATE_UNIT, [Way(np.degrees(np.eye(3)))], 3.0, lambda way: "it seems to be divided by 57.3"),
-    Explanation(Fault.RATE_SCALE, [Way(s * np.eye(3)) for s in _SCALES[:-1].tolist()], 5.0, _scale_of),
-    Explanation(
+    RateExplanation(Fault.NONE, [_ORDERS[0]], 0.0, lambda way: ""),
+    RateExplanation(Fault.RATE_CONTRADICTS, [Way(np.zeros((3, 3)))], 2.0, lambda way: ""),
+    RateExplanation(Fault.RATE_SIGN, _ORDERS[1:8], 3.7, _order_of),
+    RateExplanation(Fault.RATE_AXES, _ORDERS[8:], 5.0, _order_of),
+    RateExplanation(Fault.RATE_UNIT, [Way(np.radians(np.eye(3)))], 3.0, lambda way: "it seems to be in deg/s"),
+    RateExplanation(Fault.RATE_UNIT, [Way(np.degrees(np.eye(3)))], 3.0, lambda way: "it seems to be divided by 57.3"),
+    RateExplanation(Fault.RATE_SCALE, [Way(s * np.eye(3)) for s in _SCALES[:-1].tolist()], 5.0, _scale_of),
+    RateExplanation(
         Fault.RATE_DELAY, [Way(np.eye(3), s) for s in (-0.2, -0.15, -0.1, -0.06, -0.03, 0.03, 0.06, 0.1, 0.15, 0.2)],
         5.0, _lateness_of,
     ),
@@ -110,7 +110,7 @@ class Found(NamedTuple):
     bias: Floats | None = None  # (3,) [rad/s] of the gyroscope as it is
 
 
-class Motion(NamedTuple):
+class SensedTurn(NamedTuple):
     """Sums since a begin: times (N,) [s], integrals of gravity (N, 3), and the same of rates, in the sensor's axes."""
 
     times: Floats
@@ -141,7 +141,7 @@ def integral(times: Floats, values: Floats) -> Floats:
 
 
 def compare(
-    pieces: Sequence[Motion],
+    pieces: Sequence[SensedTurn],
     place: Floats,
     *,
     drift: float = 0.0,
@@ -185,12 +185,12 @@ def compare(
     return Found(is_right=bool(is_right), bias=biases[0] if is_right else None)
 
 
-def _parts(pieces: Sequence[Motion], place: Floats, matrices: Floats, late: Floats) -> list[_Part]:
+def _parts(pieces: Sequence[SensedTurn], place: Floats, matrices: Floats, late: Floats) -> list[_Part]:
     found = [_left(piece, place, matrices, late) for piece in pieces]
     return [part for part in found if part is not None]
 
 
-def _left(piece: Motion, place: Floats, matrices: Floats, late: Floats) -> _Part | None:
+def _left(piece: SensedTurn, place: Floats, matrices: Floats, late: Floats) -> _Part | None:
     """Return what is left of a piece by each way; None of one that is too short."""
     begin, end = max(piece.times[0], piece.rate_times[0]), min(piece.times[-1], piece.rate_times[-1])
     gap = float(np.median(np.diff(piece.times)))
@@ -314,7 +314,7 @@ class TurningWatch:
             if min(len(late), len(turned)) < _FEWEST:
                 continue
             drifted = 0.0 if self.bias is None else turned[:, :1] * self.bias
-            motion = Motion(late[:, 0], late[:, 1:], turned[:, 0], turned[:, 1:] - drifted)
+            motion = SensedTurn(late[:, 0], late[:, 1:], turned[:, 0], turned[:, 1:] - drifted)
             found = compare(
                 [motion], self._place, drift=self._drift, noise=noise, rested=self.bias is not None, before=self.found
             )

@@ -26,7 +26,7 @@ from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting, TumbleSection
 from catenary.sensing.tumble import SensorFit, align, fit_orientations, fit_tumble, level_and_tilts
-from catenary.sensing.turning import Motion, compare, integral
+from catenary.sensing.turning import SensedTurn, compare, integral
 from catenary.sensing.vector import (
     GravityReading,
     Kind,
@@ -423,7 +423,7 @@ def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
         good &= np.diff(time, prepend=-np.inf) > 0.0
         time, rate = time[good], rate[good]
         if len(time) > 2 and np.diff(time).max() < BLOCK:
-            pieces.append(Motion(time, integral(time, -recording.force[part][good]), time, integral(time, rate)))
+            pieces.append(SensedTurn(time, integral(time, -recording.force[part][good]), time, integral(time, rate)))
     found = compare(pieces, np.zeros(3), drift=SHAKEN)
     if found.fault is not Fault.NONE:
         return [f"{found.fault.message}; {found.remedy}".rstrip("; ")], False
